@@ -4,9 +4,9 @@ Names are imported when they are first used, so that ``import mesa_swarm`` is qu
 """
 
 import sys
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from mesa_swarm.lazy import lazy_names
 from mesa_swarm.moved import MovedFinder
 
 __version__ = "0.1.0"
@@ -61,7 +61,6 @@ _MODULES = {
     "world.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
-_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
     "AGENT3",
@@ -107,16 +106,4 @@ __all__ = [
     "warm_up",
 ]
 
-
-def __getattr__(name: str) -> object:
-    """Import a public name from where it lives."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    """List the public names."""
-    return sorted([*globals(), *__all__])
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -20,11 +20,11 @@ from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.arena import Agents, Arena, as_numbers
+from mesa_swarm.world.arena import Agents, Arena
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_resistance, placed
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, poses_of_agents
-from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
 
 # The least radius as a share of the largest coordinate: overlap differs from touch by 1e-7 of a radius, which

@@ -31,6 +31,7 @@ from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
+from mesa_swarm.physics.threads import checked_threads
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
@@ -75,6 +76,7 @@ class EngineModel(OpenModel):
         map: str | os.PathLike | Map = "openspace",
         rng: Seed = None,
         engine: str = "compiled",
+        threads: int | None = None,
         turn_angle_degrees: float = 60.0,
         collect_every: int | Trigger = 1,
         communication: Radio | None = None,
@@ -83,6 +85,7 @@ class EngineModel(OpenModel):
     ) -> None:
         self._turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
+        self.threads = checked_threads(threads)
         super().__init__(map=map, rng=rng)
         self.observers = ()
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
@@ -112,6 +115,25 @@ class EngineModel(OpenModel):
     @observers.setter
     def observers(self, observers: Iterable[Any]) -> None:
         self.__dict__["observers"] = Observers(observers)
+
+    @property
+    def threads(self) -> int:
+        """How many threads share each step of the compiled engine; may be changed between steps.
+
+        The state has the same bits for any number. Worlds of fewer than some ten thousand robots are not shared: they
+        would not be faster. See `mesa_swarm.physics.threads`.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(rng=1, threads=2).threads
+        2
+        """
+        return self._engine.threads
+
+    @threads.setter
+    def threads(self, threads: int) -> None:
+        self._engine.threads = checked_threads(threads)
 
     @property
     def collect_every(self) -> int:

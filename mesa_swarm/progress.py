@@ -3,6 +3,7 @@
 from datetime import datetime, timedelta
 
 from tqdm import tqdm
+from tqdm.std import TqdmDefaultWriteLock
 
 LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {remaining} left, {finishing}"
 
@@ -35,6 +36,8 @@ class Progress(tqdm):
         return shown
 
 
+# tqdm's own lock is one between processes as well, for which Python starts another process.
+Progress.set_lock(TqdmDefaultWriteLock.th_lock)
 # The bars that are shown now, the innermost last.
 _SHOWN: list[Progress] = []
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import mesa_swarm
-from mesa_swarm import environments
+from mesa_swarm import control, environments, fire
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "mesa_swarm"
@@ -77,12 +77,12 @@ def test_where_mypy_does_not_ask_for_types_there_are_compiled_functions():
         assert any("@compiled" in path.read_text() for path in files_of(pattern)), pattern
 
 
-@pytest.mark.parametrize("package", [mesa_swarm, environments], ids=lambda package: package.__name__)
+@pytest.mark.parametrize("package", [mesa_swarm, control, environments, fire], ids=lambda package: package.__name__)
 def test_type_checkers_find_every_name_that_is_imported_when_it_is_used(package):
     tree = ast.parse(Path(package.__file__).read_text())
     block = next(n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
     found = {alias.name: line.module for line in block.body for alias in line.names}
-    assert found == {name: f"{package.__name__}.{home}" for name, home in package._HOME.items()}
+    assert found == {name: f"mesa_swarm.{home}" for home, names in package._MODULES.items() for name in names.split()}
 
 
 @pytest.mark.slow

@@ -6,12 +6,11 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
 
-from mesa_swarm.cli import check, compare, draw, learn, page, run
+from mesa_swarm.cli import check, compare, draw, learn, listing, page, run
 from mesa_swarm.errors import SwarmError, in_words
 
 INTERRUPTED = 130
@@ -23,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (run, compare, draw, learn, check, page):
+for group in (listing, run, compare, draw, learn, check, page):
     app.add_typer(group.commands)
 app.add_typer(draw.map_commands, name="map")
 
@@ -89,6 +88,8 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 def _print_version(requested: bool) -> None:
     if requested:
+        from importlib.metadata import version
+
         print(f"mesa-swarm {version('mesa-swarm')}")
         raise typer.Exit
 

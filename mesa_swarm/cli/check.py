@@ -16,6 +16,7 @@ from mesa_swarm.cli.options import (
     Seed,
     Settings,
     built_model,
+    prepare,
     print_pairs,
     resumable,
 )
@@ -42,6 +43,7 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """Run a model; print where robots made no progress: oscillated, blocked each other, were stuck."""
+    prepare()
     from mesa_swarm.experiments.diagnosis import NEEDED, check_wheels, pathologies_of
 
     built = built_model(model, setting, rng)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mesa_swarm.cli.options import FAILED, Jobs, Model, Quiet, Settings, StepsOfRuns, known_model, resumable
+from mesa_swarm.cli.options import FAILED, Jobs, Model, Quiet, Settings, StepsOfRuns, known_model, prepare, resumable
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import find_model, loaded_models, short_name
@@ -31,6 +31,7 @@ def sweep(
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; continue an interrupted sweep. Exit status 1 if some runs failed."""
+    prepare()
     from mesa_swarm.experiments.jobs import read_job
     from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.experiments.sweep import done_before, run_experiment
@@ -87,6 +88,7 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Compare values of a parameter over the same seeds; continue an interrupted comparison."""
+    prepare()
     from mesa_swarm.experiments.compare import LEDGER, run_plan
     from mesa_swarm.experiments.plan import checked_plan
     from mesa_swarm.experiments.pool import checked_jobs
@@ -144,6 +146,7 @@ def reality_gap(
     quiet: Quiet = False,
 ) -> None:
     """Turn a dial from ideal to imperfect robots and draw the model's score; continue an interrupted call."""
+    prepare()
     from mesa_swarm.experiments import reality_gap as gaps
     from mesa_swarm.parameters import parsed_settings
     from mesa_swarm.viewing.pictures import png

@@ -15,6 +15,7 @@ from mesa_swarm.cli.options import (
     Seed,
     Settings,
     built_model,
+    prepare,
 )
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.files import checked_file, write_whole
@@ -49,14 +50,14 @@ def picture(
     quiet: Quiet = False,
 ) -> None:
     """Draw a run: its stages, the robots' paths, or the layer that drove each robot."""
-    from mesa_swarm.viewing.pictures import png
-
     check_choice("kind", kind, DEFAULT_STEPS)
     if robots is not None and kind == "stages":
         raise InvalidValueError(f"robots is {robots}; stages show all of them; leave it out, or ask for another kind")
     chosen = parsed_steps(DEFAULT_STEPS[kind] if steps is None else steps, several=kind == "stages")
     path = checked_file(out or Path("results", f"{short_name(model)}_{kind}.png"), ".png")
     figure = drawn(built_model(model, setting, rng), kind, chosen, robots, not quiet)
+    from mesa_swarm.viewing.pictures import png
+
     print(write_whole(path, png(figure)))
 
 
@@ -106,6 +107,7 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write a recording as pictures, a film, a page or a table, by the ending of OUT."""
+    prepare()
     from mesa_swarm.viewing.export import export as write
     from mesa_swarm.viewing.pictures import parsed_size
 

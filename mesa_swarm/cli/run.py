@@ -1,4 +1,4 @@
-"""One run, or the runs of a job one after the other: list, run, verify; and what they wait for once: warm-up."""
+"""One run, or the runs of a job one after the other: run, verify; and what they wait for once: warm-up."""
 
 import sys
 from collections.abc import Callable
@@ -19,39 +19,16 @@ from mesa_swarm.cli.options import (
     SeedOrNone,
     Settings,
     built_model,
-    in_brief,
     known_model,
+    prepare,
     print_pairs,
 )
 from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.gallery import check_model, description, find_model, loaded_models, short_name
+from mesa_swarm.gallery import check_model, find_model, short_name
 
 JOB = ".toml"
 
 commands = typer.Typer()
-
-
-@commands.command("list")
-def list_models(
-    model: Annotated[
-        str | None, typer.Argument(callback=known_model, metavar="[MODEL]", help="All models by default.")
-    ] = None,
-) -> None:
-    """List the models, those of installed packages too, their parameters and the defaults."""
-    found, faults = loaded_models() if model is None else ({model: find_model(model)}, {})
-    for name in sorted({*found, *faults}):
-        print("\n".join([name, *(listed(found[name]) if name in found else [f"    not loaded: {faults[name]}"])]))
-
-
-def listed(model_class: type) -> list[str]:
-    """Return what a model is and its parameters, as lines."""
-    from mesa_swarm.parameters import parameters_of
-
-    lines = [f"    {description(model_class)}"] if description(model_class) else []
-    for parameter in parameters_of(model_class).values():
-        setting = f"{parameter.name}={in_brief(parameter.default)}"
-        lines.append(f"      {setting:28} {parameter.help}".rstrip())
-    return lines
 
 
 @commands.command()
@@ -78,10 +55,8 @@ def run(
             raise typer.Exit(FAILED)
         return
     check_model(model)
-    from mesa_swarm.experiments.run_records import filled_in
-
     seed = 1 if rng is None else rng
-    file = record and Path(filled_in(str(record), short_name(model), seed))
+    file = None if record is None else recording_named(record, short_name(model), seed)
     built = built_model(model, setting, seed)
     with built.record(file, overwrite=force) if file else nullcontext():
         try:
@@ -92,6 +67,14 @@ def run(
             raise
     results = built.results() if hasattr(built, "results") else {}
     print_pairs({"steps": built.steps, **results, "state hash": built.state_hash()})
+
+
+def recording_named(path: Path, name: str, seed: int) -> Path:
+    """Return where a run is recorded."""
+    prepare()
+    from mesa_swarm.experiments.run_records import filled_in
+
+    return Path(filled_in(str(path), name, seed))
 
 
 @commands.command()
@@ -109,6 +92,7 @@ def verify(
     A damaged recording counts as different, even if the rows before the damage agree. A file never causes an import:
     the model is imported only if it is named here, or is part of mesa_swarm.
     """
+    prepare()
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.recording.resume import class_of, shipped_class_of
     from mesa_swarm.recording.verify import verify as run_again
@@ -133,6 +117,7 @@ def compile_all(*, jobs: Jobs = -1, quiet: Quiet = False) -> None:
 
 def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:
     """Run a job file, recorded to `record` or as it defines; print each run's results; return whether all succeeded."""
+    prepare()
     from mesa_swarm.experiments.jobs import read_job, recorded_to
     from mesa_swarm.experiments.ledger import Outcome
     from mesa_swarm.experiments.run_records import recorded

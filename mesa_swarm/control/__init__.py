@@ -1,19 +1,41 @@
-"""Arbiters, layers and custom rules."""
+"""Arbiters, layers and custom rules. Layers are imported when they are first used."""
 
-from mesa_swarm.control.arbiter import Arbiter, Subsumption, VectorSum
-from mesa_swarm.control.avoid import Avoid
-from mesa_swarm.control.behaviour import PASS, behaviour
-from mesa_swarm.control.explore import Explore
-from mesa_swarm.control.flocking import Align, Cohere, Cruise, MatchVelocity, Separate
-from mesa_swarm.control.follow import Follow
-from mesa_swarm.control.gather import Gather
-from mesa_swarm.control.head_on import HeadOn
-from mesa_swarm.control.layer import Layer, Senses
-from mesa_swarm.control.perimeter import Perimeter
-from mesa_swarm.control.push import Push
-from mesa_swarm.control.respond import Respond
-from mesa_swarm.control.team import Team
-from mesa_swarm.robots.reasons import Moment, Reason
+from typing import TYPE_CHECKING
+
+from mesa_swarm.control.behaviour import PASS, behaviour  # named like its module, which would else replace it
+from mesa_swarm.lazy import lazy_names
+
+if TYPE_CHECKING:  # a type checker does not call __getattr__
+    from mesa_swarm.control.arbiter import Arbiter, Subsumption, VectorSum
+    from mesa_swarm.control.avoid import Avoid
+    from mesa_swarm.control.explore import Explore
+    from mesa_swarm.control.flocking import Align, Cohere, Cruise, MatchVelocity, Separate
+    from mesa_swarm.control.follow import Follow
+    from mesa_swarm.control.gather import Gather
+    from mesa_swarm.control.head_on import HeadOn
+    from mesa_swarm.control.layer import Layer, Senses
+    from mesa_swarm.control.perimeter import Perimeter
+    from mesa_swarm.control.push import Push
+    from mesa_swarm.control.respond import Respond
+    from mesa_swarm.control.team import Team
+    from mesa_swarm.robots.reasons import Moment, Reason
+
+# Module: the public names that live in it.
+_MODULES = {
+    "control.arbiter": "Arbiter Subsumption VectorSum",
+    "control.avoid": "Avoid",
+    "control.explore": "Explore",
+    "control.flocking": "Align Cohere Cruise MatchVelocity Separate",
+    "control.follow": "Follow",
+    "control.gather": "Gather",
+    "control.head_on": "HeadOn",
+    "control.layer": "Layer Senses",
+    "control.perimeter": "Perimeter",
+    "control.push": "Push",
+    "control.respond": "Respond",
+    "control.team": "Team",
+    "robots.reasons": "Moment Reason",
+}
 
 __all__ = [
     "PASS",
@@ -40,3 +62,5 @@ __all__ = [
     "VectorSum",
     "behaviour",
 ]
+
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -168,7 +168,7 @@ def run(columns, values, at, command, layer, index):
     return -1
 """
 
-Me = namedtuple("Me", FIELDS)
+Me = namedtuple("Me", FIELDS)  # type: ignore[misc]
 reserve(Me._fields)
 
 
@@ -411,9 +411,9 @@ def _loop(
     text = LOOP.replace("PARTS", ", ".join(parts.values()))
     names = (*COLUMNS, *(f"array_{k}" for k in range(_count_of_arrays(form))))
     places = tuple(k for k, name in enumerate(names) if re.search(rf"\b{name}\b", text))
-    space = {
+    space: dict[str, Any] = {
         "__name__": __name__,
-        "Me": namedtuple("Me", parts),
+        "Me": namedtuple("Me", list(parts)),
         "Heard": namedtuple("Heard", form.heard),
         "rule": rule,
         **used,

@@ -192,10 +192,10 @@ class Team(Arbiter, Mapping):
 
 def robots_of(swarm: Swarm) -> Iterator[tuple[RobotDesign, str]]:
     """Yield each design with each group of which there are robots, in the order of their indices."""
-    groups = (*swarm.groups, "")
-    pairs = np.unique(np.column_stack([swarm.columns["design"], swarm.columns["group"]]), axis=0)
-    for design, group in pairs.tolist():
-        yield swarm.designs[design], groups[group]
+    groups = ("", *swarm.groups)  # index -1 comes first
+    pairs = np.bincount(swarm.columns["design"] * len(groups) + swarm.columns["group"] + 1)
+    for pair in np.flatnonzero(pairs).tolist():
+        yield swarm.designs[pair // len(groups)], groups[pair % len(groups)]
 
 
 def label_of(key: object) -> str:

@@ -4,11 +4,11 @@ Where Gymnasium is installed, importing this makes ``gymnasium.make("MesaSwarm/C
 imported when they are first used: `VectorSwarmEnv` needs neither Gymnasium nor PettingZoo.
 """
 
-from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from mesa_swarm.environments.registration import register
+from mesa_swarm.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.environments.parallel import ParallelSwarmEnv
@@ -17,16 +17,13 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.environments.tasks import CollisionAvoidance, ExtinguishFires, FindFires, Task
     from mesa_swarm.environments.vector import VectorSwarmEnv
 
-_HOME = {
-    "CollisionAvoidance": "tasks",
-    "Commanded": "task_world",
-    "ExtinguishFires": "tasks",
-    "FindFires": "tasks",
-    "ParallelSwarmEnv": "parallel",
-    "RobotEnv": "robot_env",
-    "RobotVectorEnv": "robot_env",
-    "Task": "tasks",
-    "VectorSwarmEnv": "vector",
+# Module: the public names that live in it.
+_MODULES = {
+    "environments.parallel": "ParallelSwarmEnv",
+    "environments.robot_env": "RobotEnv RobotVectorEnv",
+    "environments.task_world": "Commanded",
+    "environments.tasks": "CollisionAvoidance ExtinguishFires FindFires Task",
+    "environments.vector": "VectorSwarmEnv",
 }
 
 __all__ = [
@@ -42,20 +39,7 @@ __all__ = [
     "register",
 ]
 
-
-def __getattr__(name: str) -> object:
-    """Import a public name from where it lives."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    """List the public names."""
-    return sorted([*globals(), *__all__])
-
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)
 
 if find_spec("gymnasium") is not None:
     register()

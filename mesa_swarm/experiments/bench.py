@@ -106,7 +106,7 @@ PEERS = {
 }
 # Steps before the measurement, until the number of meetings no longer grows.
 WARM_UP = 100
-MOST_BYTES = 2000
+MOST_BYTES = 1000
 STEEPEST = 1.05
 FEW, MANY = 200, 10_000
 # In the thesis's order: dense, sparse, open.

@@ -1,8 +1,26 @@
-"""Fires: constants, thermodynamics, and the strategies of the robots that fight them."""
+"""Fires: constants, thermodynamics, and the strategies of the robots that fight them.
 
-from mesa_swarm.fire.burning import Burning
-from mesa_swarm.fire.constants import FireConstants, design_constants, robots_needed
-from mesa_swarm.fire.fires import Fire, Fires
-from mesa_swarm.fire.strategy import FightFire
+Names are imported when they are first used: `design_constants` needs neither Mesa nor Numba.
+"""
+
+from typing import TYPE_CHECKING
+
+from mesa_swarm.lazy import lazy_names
+
+if TYPE_CHECKING:  # a type checker does not call __getattr__
+    from mesa_swarm.fire.burning import Burning
+    from mesa_swarm.fire.constants import FireConstants, design_constants, robots_needed
+    from mesa_swarm.fire.fires import Fire, Fires
+    from mesa_swarm.fire.strategy import FightFire
+
+# Module: the public names that live in it.
+_MODULES = {
+    "fire.burning": "Burning",
+    "fire.constants": "FireConstants design_constants robots_needed",
+    "fire.fires": "Fire Fires",
+    "fire.strategy": "FightFire",
+}
 
 __all__ = ["Burning", "FightFire", "Fire", "FireConstants", "Fires", "design_constants", "robots_needed"]
+
+__getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -52,6 +52,33 @@ def _is_apart(x, y, radius, others, other_radius, column, row, columns, rows, he
     return True
 
 
+@compiled
+def link_by_cell(position, grid, head, following):
+    """Add discs to the linked lists of their cells, whatever they overlap.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n, 2)
+    grid : tuple
+        `Grid.numbers`.
+    head, following : int64 ndarrays, shapes (cells,), (k,), written
+        As of `take_apart`; k is at least n.
+
+    Examples
+    --------
+    >>> head, following = np.full(2, -1), np.full(2, -1)
+    >>> link_by_cell(np.array([[0.5, 0.5], [0.7, 0.5]]), (0.0, 0.0, 1.0, 2, 1), head, following)
+    >>> head.tolist(), following.tolist()
+    ([1, -1], [-1, 0])
+    """
+    x0, y0, per_unit, columns, rows = grid
+    for k in range(position.shape[0]):
+        column = cell_index(position[k, 0], x0, per_unit, columns)
+        cell = column + columns * cell_index(position[k, 1], y0, per_unit, rows)
+        following[k] = head[cell]
+        head[cell] = k
+
+
 def hexagonal_lattice(bounds: tuple[float, float, float, float], spacing: float) -> np.ndarray:
     """Return the points of a triangular lattice, the densest there is, that lie within bounds.
 

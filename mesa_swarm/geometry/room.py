@@ -8,6 +8,8 @@ import numpy as np
 import shapely
 
 from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.grid import Grid, cell_index, list_boxes_by_cell
 
 Bounds = tuple[float, float, float, float]
 # With more solids, or more pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
@@ -22,6 +24,13 @@ MOST_NEAR = 100
 SMOOTHED = 0.01
 # Points are tried against this number of the largest solids before all.
 STAGES = (30, 500, None)
+POINT = 0  # Shapely's number of this type
+# Discs are listed by cell if they are at most this many cells wide: larger ones would be in very many lists.
+CELLS_PER_DISC = 4
+WIDEST_DISC = 3.0
+# Corners of a grown disc are rounded: nearer to its rim than this share of its radius, the polygon itself decides.
+RIM = 1e-4
+USUALLY_NEAR = 1000
 
 
 def outside(quarter_segments: int) -> float:
@@ -79,6 +88,8 @@ class Crowded:
         The bounds, shrunk by the disc's radius.
     trees : tuple of shapely.STRtree
         Over the solids, grown by the disc's radius: over the largest, over more, and over all.
+    discs : SmallDiscs, optional
+        Solids that are in none of the trees.
 
     Examples
     --------
@@ -89,14 +100,133 @@ class Crowded:
 
     inner: shapely.Polygon
     trees: tuple[shapely.STRtree, ...]
+    discs: "SmallDiscs | None" = None
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         """Return for each point, shape (n, 2), whether it is free."""
-        free = shapely.contains_xy(self.inner, points)
+        x_min, y_min, x_max, y_max = self.inner.bounds
+        x, y = points.T
+        free = (x > x_min) & (x < x_max) & (y > y_min) & (y < y_max)
+        if self.discs is not None:
+            self.discs.exclude(points, free)
         for tree in self.trees:  # the first, which is quick, excludes most points
             among = np.flatnonzero(free)
             free[among[tree.query(shapely.points(points[among]), predicate="intersects")[0]]] = False
         return free
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SmallDiscs:
+    """Very many small discs, each grown to a polygon: which points they leave free, without making the polygons.
+
+    A point within a circle is within the polygon around it, and one beyond the polygon's corners is not. Only for
+    points between the two the polygon is made, so that the answer is that of the polygons, to the last bit.
+
+    Parameters
+    ----------
+    centres, reach : ndarrays, shapes (k, 2), (k,)
+        Of the circles that the polygons are drawn around.
+    quarter_segments : int
+        Corners of a quarter circle.
+    grid : Grid
+        Over what the points are in.
+    start, items : int64 ndarrays
+        The discs by cell, see `list_boxes_by_cell`.
+    """
+
+    centres: np.ndarray
+    reach: np.ndarray
+    quarter_segments: int
+    grid: Grid
+    start: np.ndarray
+    items: np.ndarray
+
+    @classmethod
+    def of(cls, centres: np.ndarray, reach: np.ndarray, quarter_segments: int, grid: Grid) -> "SmallDiscs":
+        """Return the discs listed by the cells of a grid.
+
+        Examples
+        --------
+        >>> grid = Grid.over((0.0, 0.0, 20.0, 10.0), 10.0, 9)
+        >>> discs = SmallDiscs.of(np.array([[5.0, 5.0]]), np.array([3.0]), 16, grid)
+        >>> free = np.ones(2, bool)
+        >>> discs.exclude(np.array([[7.0, 5.0], [9.0, 5.0]]), free)
+        >>> free
+        array([False,  True])
+        """
+        far = (reach * outside(quarter_segments) * (1 + RIM) + _rounding(centres, reach))[:, None]
+        boxes = np.column_stack([centres - far, centres + far])
+        start, items = list_boxes_by_cell(boxes, 0.0, grid.numbers)
+        return cls(centres, reach, quarter_segments, grid, start, items)
+
+    def exclude(self, points: np.ndarray, free: np.ndarray) -> None:
+        """Set `free` to False for the points, shape (n, 2), that are in or on a polygon."""
+        low = self.reach * (1 - RIM) - _rounding(self.centres, self.reach)
+        high = self.reach * outside(self.quarter_segments) * (1 + RIM) + _rounding(self.centres, self.reach)
+        given = points, self.centres, low, high, self.start, self.items, self.grid.numbers, free
+        near = np.empty((USUALLY_NEAR, 2), np.int64)
+        count = exclude_by_circles(*given, near)
+        if count > len(near):
+            near = np.empty((count, 2), np.int64)
+            exclude_by_circles(*given, near)
+        point, disc = near[:count].T
+        chosen, place = np.unique(disc, return_inverse=True)
+        grown = _grown(shapely.points(self.centres[chosen]), self.reach[chosen], self.quarter_segments)
+        free[point[shapely.intersects(grown[place], shapely.points(points[point]))]] = False
+
+
+def _rounding(centres: np.ndarray, reach: np.ndarray) -> float:
+    """Return a bound of the rounding of coordinates of the corners of discs, with a margin."""
+    return 1e-14 * float(np.abs(centres).max(initial=0.0) + reach.max(initial=0.0))
+
+
+@compiled
+def exclude_by_circles(points, centres, low, high, start, items, grid, free, near):
+    """Set `free` to False for points in circles, and return how many pairs of a free point and a circle are near.
+
+    Parameters
+    ----------
+    points, centres : ndarrays, shapes (n, 2), (k, 2)
+    low, high : ndarrays, shape (k,)
+        Below `low` from a centre a point is within that circle, and up to `high` it is near it.
+    start, items : int64 ndarrays
+        The circles by cell, see `list_boxes_by_cell`.
+    grid : tuple
+        `Grid.numbers`.
+    free : bool ndarray, shape (n,), written
+        Only points with True are looked at.
+    near : int64 ndarray, shape (m, 2), written
+        The first m pairs: point, circle.
+
+    Examples
+    --------
+    >>> free, near, one = np.ones(2, bool), np.zeros((1, 2), np.int64), np.array([1.0])
+    >>> lists = np.array([0, 1]), np.array([0])
+    >>> grid = 0.0, 0.0, 1.0, 1, 1
+    >>> points = np.array([[0.5, 0.0], [0.0, 1.5]])
+    >>> exclude_by_circles(points, np.zeros((1, 2)), one, 2 * one, *lists, grid, free, near)
+    1
+    >>> free.tolist(), near.tolist()
+    ([False, True], [[1, 0]])
+    """
+    x0, y0, per_unit, columns, rows = grid
+    count = 0
+    for i in range(points.shape[0]):
+        if not free[i]:
+            continue
+        x, y, before = points[i, 0], points[i, 1], count
+        cell = cell_index(x, x0, per_unit, columns) + columns * cell_index(y, y0, per_unit, rows)
+        for k in range(start[cell], start[cell + 1]):
+            disc = items[k]
+            far = math.sqrt((x - centres[disc, 0]) ** 2 + (y - centres[disc, 1]) ** 2)
+            if far < low[disc]:
+                free[i], count = False, before
+                break
+            if far <= high[disc]:
+                if count < near.shape[0]:
+                    near[count, 0], near[count, 1] = i, disc
+                count += 1
+    return count
 
 
 def room_to_try(
@@ -120,9 +250,14 @@ def room_to_try(
         return inner.difference(shapely.union_all(_grown(pieces, reach, quarter_segments)))
     alike = {(content, far): i for i, (content, far) in enumerate(zip(shapely.to_wkb(pieces), reach, strict=True))}
     chosen = list(alike.values())
-    grown = _grown(pieces[chosen], reach[chosen], quarter_segments)
+    pieces, reach = pieces[chosen], reach[chosen]
+    grid = Grid.over(inner.bounds, 0.0, CELLS_PER_DISC * len(pieces))
+    small = (shapely.get_type_id(pieces) == POINT) & (reach > 0) & (2 * reach <= WIDEST_DISC * grid.cell)
+    grown = _grown(pieces[~small], reach[~small], quarter_segments)
     largest_first = grown[np.argsort(-shapely.area(grown), kind="stable")]
-    return Crowded(inner, tuple(shapely.STRtree(largest_first[:n]) for n in STAGES))
+    trees = tuple(shapely.STRtree(largest_first[:n]) for n in STAGES) if len(grown) else ()
+    discs = SmallDiscs.of(shapely.get_coordinates(pieces[small]), reach[small], quarter_segments, grid)
+    return Crowded(inner, trees, discs if small.any() else None)
 
 
 def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
@@ -135,12 +270,17 @@ def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
 
 def _pieces(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what is to be grown, and by how much: the solids, but of intricate ones each edge."""
+    geometries = np.array([geometry for geometry, _ in solids], object)
+    whole = np.array([own for _, own in solids], float) + radius
+    large = np.flatnonzero(shapely.get_num_coordinates(geometries) > SIMPLE)
+    if not len(large):
+        return geometries, whole
     pieces: list[shapely.Geometry] = []
     reach: list[float] = []
-    for geometry, own in solids:
-        edges = _edges_if_intricate(geometry, own + radius)
+    for geometry, far in zip(geometries.tolist(), whole.tolist(), strict=True):
+        edges = _edges_if_intricate(geometry, far)
         pieces += [geometry, *edges]
-        reach += [0.0, *[(1 + SMOOTHED) * (own + radius)] * len(edges)] if len(edges) else [own + radius]
+        reach += [0.0, *[(1 + SMOOTHED) * far] * len(edges)] if len(edges) else [far]
     return np.array(pieces), np.array(reach)
 
 

@@ -5,25 +5,33 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import Grid, sort_into_cells
-from mesa_swarm.physics.contact import MARGIN, travel
+from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.physics.crowd import Crowd
 from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, slip_of
 from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
+from mesa_swarm.physics.threads import ROW_THREADS, Share
+from mesa_swarm.physics.travel import travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.statics import Statics
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4
+# Fewer robots are not shared among threads: to wake these takes longer than they would save.
+FEWEST_ROWS = 10_000
 CONTACT_COLUMNS = ("contact_kind", "contact_index", "contact_normal", "contact_depth")
 Rows = list[tuple[Drive, Any]]
 
 
 class Engine(Protocol):
     """Computes sensing and contact: `CompiledEngine` or the Shapely twin."""
+
+    threads: int
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
@@ -42,8 +50,12 @@ class CompiledEngine:
     """Sensing and contact by compiled functions on a uniform grid."""
 
     def __init__(self) -> None:
+        self.threads = 1
         self._version = -1
         self._surroundings: Surroundings | None = None
+        self._listed = False  # whether pairs are those of the present places
+        self._motion, self._extra_turn = np.zeros((0, 3)), np.zeros(0)
+        self._drives: Rows = []
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
@@ -65,14 +77,18 @@ class CompiledEngine:
     def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
         """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
         self._prepare(swarm, surroundings)
-        columns = swarm.columns
-        position, heading, radius, number = (columns[name] for name in ("position", "heading", "radius", "number"))
-        fixed = turn_angle, self._cells, self._statics
-        written = columns["collided"], *(columns[name] for name in CONTACT_COLUMNS), self._extra_turn
+        columns, crowd = swarm.columns, self._crowd
+        if not self._listed:
+            crowd.sort(columns["position"], columns["radius"], columns["number"])
+            crowd.list_pairs(self._margin)
+        self._listed = False  # from here on they are elsewhere
 
         def go() -> np.ndarray:
             begin_way(surroundings)
-            travel(position, heading, self._motion, radius, number, *fixed, *written)
+            if self._parts(len(self._extra_turn)) == 1:
+                travel(crowd.pairs, turn_angle, *self._travelling)
+            else:
+                travel_together(self._share, crowd.pairs, turn_angle, *self._travelling)
             return self._extra_turn
 
         return move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
@@ -82,25 +98,36 @@ class CompiledEngine:
         self._prepare(swarm, surroundings)
         columns = swarm.columns
         bodies = columns["position"], columns["radius"], columns["number"]
-        settle(*bodies, self._cells, self._statics, surroundings.statics.rings)
+        settle(*bodies, self._crowd.cells, self._statics, surroundings.statics.rings)
 
     def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        columns, table, statics = swarm.columns, swarm.table, surroundings.statics
-        position, heading, design = columns["position"], columns["heading"], columns["design"]
-        distance, kind = columns["distance"], columns["kind"]
-        sort_into_cells(position, self._cells, self._start, self._order, self._cell_of)
-        sensors, items = (table.proximity, table.counts), (statics.seen_start, statics.seen_items)
+        columns, table, statics, crowd = swarm.columns, swarm.table, surroundings.statics, self._crowd
+        crowd.sort(columns["position"], columns["radius"], columns["number"])
         moving = None if surroundings.moving is None else surroundings.moving.seen
-        sense_proximity(
-            position, heading, columns["radius"], self._largest_radius, design, *sensors, table.reach,
-            self._cells, self._start, self._order, statics.edges, statics.discs, statics.kind,
-            self._static_cells, *items, moving, distance, kind,
-        )  # fmt: skip
+
+        def rows(first: int, last: int) -> np.ndarray:
+            return crowd.pairs_from(first, last, sense_proximity, moving, *self._sensing)
+
+        if self._parts(len(crowd.order)) == 1:
+            crowd.pairs = rows(0, len(crowd.order))
+        else:
+            crowd.pairs = np.concatenate(self._share(len(crowd.order), rows))
+        self._listed = True
+        distance, kind = columns["distance"], columns["kind"]
         if table.exposed or swarm.disturbed:
-            solids = statics.edges, statics.kind, statics.rings, statics.bounds
-            sense_inside(position, heading, design, *sensors, *solids, distance, kind)
+            walls = statics.edges, statics.kind, statics.rings, statics.bounds
+            robots = columns["position"], columns["heading"], columns["design"], table.proximity, table.counts
+            sense_inside(*robots, *walls, distance, kind)
         if draws is not None:
-            err(distance, design, table.proximity, table.noise, draws, step, columns["error"])
+            err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
+
+    def _parts(self, n: int) -> int:
+        """Return into how many ranges n rows are cut."""
+        return self.threads if n >= FEWEST_ROWS else 1
+
+    def _share(self, n: int, rows: Share) -> list[Any]:
+        """Call ``rows(first, last)`` for the ranges of n rows, in as many threads, and return the results."""
+        return ROW_THREADS.share(n, self._parts(n), rows)
 
     def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the grids and the scratch arrays anew when robots, designs or obstacles have changed."""
@@ -109,19 +136,34 @@ class CompiledEngine:
         n = len(swarm)
         radius = swarm.radius
         self._largest_radius = float(radius.max(initial=0.0))
-        margin = MARGIN * float(radius.min(initial=self._largest_radius))
-        cell = max(2 * self._largest_radius + margin, 1e-9)
+        self._margin = MARGIN * float(radius.min(initial=self._largest_radius))
+        cell = max(2 * self._largest_radius + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._cells, self._static_cells = grid.numbers, surroundings.statics.grid.numbers
-        self._start = np.zeros(grid.cells + 1, np.int64)
-        self._order, self._cell_of = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._crowd, self._listed = Crowd(grid.numbers, grid.cells, n), False
         self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
         statics = surroundings.statics
-        touched = self._static_cells, statics.touched_start, statics.touched_items
+        touched = statics.grid.numbers, statics.touched_start, statics.touched_items
         movers = None if surroundings.moving is None else surroundings.moving.numbers
         self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched, movers
         self._drives = drives_by_rows(swarm)
         self._version, self._surroundings = swarm.version, surroundings
+        self._collect_arguments(swarm, statics)
+
+    def _collect_arguments(self, swarm: Swarm, statics: Statics) -> None:
+        """Collect what `sense_proximity` and `travel` take of arrays that stay the same until robots change."""
+        columns, table, crowd = swarm.columns, swarm.table, self._crowd
+        self._sensing: tuple[Any, ...] = (
+            *(crowd.order, crowd.listed, crowd.radii, self._largest_radius, self._margin, crowd.cells, crowd.start),
+            *(columns["heading"], columns["design"], table.proximity, table.counts, table.reach),
+            *(statics.edges, statics.discs, statics.kind, statics.grid.numbers),
+            *(statics.seen_start, statics.seen_items, columns["distance"], columns["kind"]),
+        )
+        self._travelling: tuple[Any, ...] = (
+            *(crowd.arrays, crowd.listed, crowd.cells, columns["position"], columns["heading"], self._motion),
+            *(columns["radius"], self._statics, columns["collided"]),
+            *(columns[name] for name in CONTACT_COLUMNS),
+            self._extra_turn,
+        )
 
 
 def begin_way(surroundings: Surroundings) -> None:

@@ -17,13 +17,30 @@ def copy_places(source, target):
 
 
 @compiled
+def least_of(radius):
+    """Return the least radius, 0 without any: for ``radius.min()`` Numba would compile ``take`` and its errors."""
+    least = radius[0] if len(radius) else 0.0
+    for r in radius:
+        least = min(least, r)
+    return least
+
+
+@compiled
+def largest_of(radius):
+    """Return the largest radius, 0 without any."""
+    largest = 0.0
+    for r in radius:
+        largest = max(largest, r)
+    return largest
+
+
+@compiled
 def count_pieces(motion, radius):
     """Return the number of pieces of the step such that no robot moves more than half the least radius in one."""
-    longest, least = 0.0, math.inf
+    square = 0.0
     for i in range(motion.shape[0]):
-        longest = max(longest, math.hypot(motion[i, 0], motion[i, 1]))
-        least = min(least, radius[i])
-    return max(1, math.ceil(longest / (LONGEST_PIECE * least) - 1e-9)) if longest > 0.0 else 1
+        square = max(square, motion[i, 0] * motion[i, 0] + motion[i, 1] * motion[i, 1])
+    return max(1, math.ceil(math.sqrt(square) / (LONGEST_PIECE * least_of(radius)) - 1e-9)) if square > 0.0 else 1
 
 
 @compiled
@@ -35,20 +52,26 @@ def sinc(half_turn: float) -> float:
 
 
 @compiled
-def advance(position, heading, motion, pieces):
-    """Move every robot along one of `pieces` equal parts of its arc; positions and headings are written.
+def moved_by(heading, ahead, left, turn, pieces):
+    """Return by how much a robot moves in one of `pieces` equal parts of its arc, dx and dy, and its next heading.
 
-    The body moves with constant (forward, sideways, turn): its chord is sinc(turn / 2) times the arc and points
-    along the heading half-way.
+    The body moves with constant (ahead, left, turn): its chord is sinc(turn / 2) times the arc and points along the
+    heading half-way.
     """
+    turn = turn / pieces
+    half_way = heading + turn / 2.0
+    chord = sinc(turn / 2.0) / pieces
+    cosine, sine = math.cos(half_way), math.sin(half_way)
+    return chord * (cosine * ahead - sine * left), chord * (sine * ahead + cosine * left), wrapped(heading + turn)
+
+
+@compiled
+def advance(position, heading, motion, pieces):
+    """Move every robot along one of `pieces` equal parts of its arc; positions and headings are written."""
     for i in range(position.shape[0]):
-        turn = motion[i, 2] / pieces
-        half_way = heading[i] + turn / 2.0
-        chord = sinc(turn / 2.0) / pieces
-        cosine, sine = math.cos(half_way), math.sin(half_way)
-        position[i, 0] += chord * (cosine * motion[i, 0] - sine * motion[i, 1])
-        position[i, 1] += chord * (sine * motion[i, 0] + cosine * motion[i, 1])
-        heading[i] = wrapped(heading[i] + turn)
+        dx, dy, heading[i] = moved_by(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
+        position[i, 0] += dx
+        position[i, 1] += dy
 
 
 @compiled

@@ -14,7 +14,7 @@ import numpy as np
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.physics.motion import copy_places
+from mesa_swarm.physics.motion import copy_places, least_of
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import Statics, edges_of
@@ -193,7 +193,7 @@ def count_body_pieces(pieces, radius, movers):
     if movers is None:
         return pieces
     poses, scratch = movers[0], movers[1]
-    longest = LONGEST_STEP * radius.min()
+    longest = LONGEST_STEP * least_of(radius)
     for b in range(poses[0].shape[0]):
         needed = math.ceil(way_of(b, poses, scratch) / longest - 1e-9)
         if needed <= MOST_PIECES:
@@ -214,7 +214,7 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
     start, start_heading, before, before_heading, jumps = scratch
     copy_places(position, before)
     jumps[:] = False
-    longest, moved = LONGEST_STEP * radius.min(), False
+    longest, moved = LONGEST_STEP * least_of(radius), False
     for b in range(position.shape[0]):
         before_heading[b] = heading[b]
         way = way_of(b, poses, scratch)

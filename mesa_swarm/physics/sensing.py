@@ -28,130 +28,191 @@ from mesa_swarm.world.statics import NOTHING, OBSTACLE, ROBOT
 TOUCH = 1e-6
 # How near to its face, in shares of that, a sensor is on it.
 ROUNDING = 1e-3
+# Robots whose readings are made together: few enough to stay in the nearest cache.
+CHUNK = 128
+# Discs near these robots that are noted before sensors look at them.
+MOST_FOUND = 2048
+# A NumPy number: Numba would compile a function once more for a literal one that is passed to it.
+NONE = np.int64(0)
 
 
-@compiled
+@compiled(nogil=True)
 def sense_proximity(
-    position, heading, radius, largest_radius, design, sensors, counts, reach, grid, start, order,
-    edges, discs, static_kind, static_grid, seen_start, seen_items, moving, distance, kind,
+    first, last, pairs, moving, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors,
+    counts, reach, edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
 ):  # fmt: skip
-    """Write the readings of all proximity sensors, without error; -1 where no body is seen.
+    """Write the readings of robots p in [first, last), without error, -1 where no body is seen; return how many pairs.
 
-    `start` and `order` are the robots sorted by cell, see `sort_into_cells`; for `edges` and so on see `Statics`;
-    `moving` is `Moving.seen`, or None.
+    Robots are in the order of cells, see `Crowd`: robot p is in row ``order[p]`` of the columns, at ``places[p]``, and
+    cell c holds those from ``start[c]`` on. For `edges` and so on see `Statics`; `moving` is `Moving.seen`, or None.
+
+    In the same search the pairs of robots that come within `margin` of each other are written into `pairs`, each from
+    the first of the two; where there are more than it has room for, only their number is right.
     """
-    axes = np.empty((position.shape[0], 2))
-    for i in range(position.shape[0]):
-        axes[i, 0], axes[i, 1] = math.cos(heading[i]), math.sin(heading[i])
-        for s in range(distance.shape[1]):
-            distance[i, s] = sensors[design[i], s, RANGE] if s < counts[design[i]] else -1.0
-            kind[i, s] = NOTHING
-    _see_statics(
-        position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, static_grid,
-        seen_start, seen_items, distance, kind,
-    )  # fmt: skip
-    _see_moving(
-        position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, moving, distance, kind
-    )
-    _see_robots(
-        position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
-    )
-    for i in range(position.shape[0]):
-        for s in range(distance.shape[1]):
-            if kind[i, s] == NOTHING:
-                distance[i, s] = -1.0
+    near, what = np.empty((CHUNK, distance.shape[1])), np.empty((CHUNK, distance.shape[1]), np.int8)
+    axes, designs = np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64)
+    found, count = np.empty((MOST_FOUND, 2), np.int64), NONE
+    for begin in range(first, last, CHUNK):
+        end = min(begin + CHUNK, last)
+        _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, what)
+        chunk = begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, what
+        m = _find_statics(chunk, reach, edges, static_kind, static_grid, seen_start, seen_items, found, NONE)
+        if moving is not None:
+            moving_grid, moving_start, moving_items = moving
+            m = _find_statics(chunk, reach, edges, static_kind, moving_grid, moving_start, moving_items, found, m)
+        m, count = _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, found, m)
+        _see_discs(chunk, found, m)
+        _write_chunk(begin, end, order, near, what, distance, kind)
+    return count
 
 
 @compiled
-def _see_moving(
-    position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, moving, distance, kind
-):
-    """Update the readings of every robot by the driven bodies."""
-    if moving is not None:
-        grid, start, items = moving
-        _see_statics(
-            position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
-            distance, kind,
-        )  # fmt: skip
+def _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, what):
+    """Begin the readings of some robots with the range of each sensor: nothing farther is seen."""
+    for k in range(end - begin):
+        i = order[begin + k]
+        designs[k] = design[i]
+        axes[k, 0], axes[k, 1] = math.cos(heading[i]), math.sin(heading[i])
+        for s in range(near.shape[1]):
+            near[k, s] = sensors[designs[k], s, RANGE]
+            what[k, s] = NOTHING
+
+
+@compiled
+def _write_chunk(begin, end, order, near, what, distance, kind):
+    """Write the readings of some robots into their rows."""
+    for k in range(end - begin):
+        i = order[begin + k]
+        for s in range(near.shape[1]):
+            distance[i, s] = near[k, s] if what[k, s] != NOTHING else -1.0
+            kind[i, s] = what[k, s]
 
 
 # Arrays are not passed on inside the loops below: each costs as much as evaluating a sensor.
 
 
 @compiled
-def _see_statics(
-    position, axes, radius, design, sensors, counts, reach, edges, discs, static_kind, grid, start, items,
-    distance, kind,
-):  # fmt: skip
-    """Update the readings of every robot by the edges and discs that its cell lists."""
+def _find_statics(chunk, reach, edges, static_kind, grid, start, items, found, m):
+    """Update readings by the edges that the cells of some robots list, and note the discs; return how many."""
+    begin, end, places, radii, axes, designs, sensors, counts, discs, _, near, what = chunk
     left, below, per_unit, columns, rows = grid
-    for i in range(position.shape[0]):
-        x, y, d = position[i, 0], position[i, 1], design[i]
+    for k in range(end - begin):
+        x, y, d = places[begin + k, 0], places[begin + k, 1], designs[k]
         cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
-        for k in range(start[cell], start[cell + 1]):
-            item = items[k]
-            what = static_kind[item]
-            if item < edges.shape[0]:
-                ax, ay = edges[item, 0] - x, edges[item, 1] - y
-                bx, by = edges[item, 2] - x, edges[item, 3] - y
-                if not segment_within(ax, ay, bx, by, reach[d]):
-                    continue
-                ax, ay = into_frame(ax, ay, axes[i, 0], axes[i, 1])
-                bx, by = into_frame(bx, by, axes[i, 0], axes[i, 1])
-                for s in range(counts[d]):
-                    seen = look_at_segment(
-                        ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
-                        bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
-                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
-                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
-                        TOUCH * radius[i],
-                    )  # fmt: skip
-                    if is_nearer(seen, what, distance[i, s], kind[i, s]):
-                        distance[i, s], kind[i, s] = seen, what
-            else:
+        for place in range(start[cell], start[cell + 1]):
+            item = items[place]
+            if item >= edges.shape[0]:
                 disc = item - edges.shape[0]
                 dx, dy = discs[disc, 0] - x, discs[disc, 1] - y
-                dx, dy = into_frame(dx, dy, axes[i, 0], axes[i, 1])
-                for s in range(counts[d]):
-                    seen = look_at_disc(
-                        dx - sensors[d, s, MOUNT_X], dy - sensors[d, s, MOUNT_Y], discs[disc, 2],
-                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
-                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
-                    )  # fmt: skip
-                    if is_nearer(seen, what, distance[i, s], kind[i, s]):
-                        distance[i, s], kind[i, s] = seen, what
+                if m == MOST_FOUND:
+                    _see_discs(chunk, found, m)
+                    m = NONE
+                found[m, 0], found[m, 1] = k, -1 - disc
+                m += dx * dx + dy * dy <= (reach[d] + discs[disc, 2]) ** 2
+                continue
+            ax, ay = edges[item, 0] - x, edges[item, 1] - y
+            bx, by = edges[item, 2] - x, edges[item, 3] - y
+            if not segment_within(ax, ay, bx, by, reach[d]):
+                continue
+            kind = static_kind[item]
+            ax, ay = into_frame(ax, ay, axes[k, 0], axes[k, 1])
+            bx, by = into_frame(bx, by, axes[k, 0], axes[k, 1])
+            for s in range(counts[d]):
+                seen = look_at_segment(
+                    ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
+                    bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
+                    sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
+                    sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, s],
+                    TOUCH * radii[begin + k],
+                )  # fmt: skip
+                if is_nearer(seen, kind, near[k, s], what[k, s]):
+                    near[k, s], what[k, s] = seen, kind
+    return m
 
 
 @compiled
-def _see_robots(
-    position, axes, radius, largest_radius, design, sensors, counts, reach, grid, start, order, distance, kind
-):
-    """Update the readings of every robot by the other robots near it."""
+def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, found, m):
+    """Note the robots near each of some robots, and list pairs; return the numbers of both."""
+    begin, end, places, radii, _, designs, _, _, _, _, _, _ = chunk
     left, below, per_unit, columns, rows = grid
-    for i in range(position.shape[0]):
-        x, y, d = position[i, 0], position[i, 1], design[i]
-        if counts[d] == 0:
-            continue
-        far = reach[d] + largest_radius
+    room = pairs.shape[0] - 1
+    for k in range(end - begin):
+        p, sight = begin + k, reach[designs[k]]
+        x, y, r = places[p, 0], places[p, 1], radii[p]
+        far = max(sight, r + margin) + largest_radius
         first = cell_index(x - far, left, per_unit, columns)
         last = cell_index(x + far, left, per_unit, columns)
         lowest = cell_index(y - far, below, per_unit, rows)
         highest = cell_index(y + far, below, per_unit, rows)
         for row in range(lowest, highest + 1):
-            for k in range(start[first + columns * row], start[last + columns * row + 1]):
-                j = order[k]
-                dx, dy = position[j, 0] - x, position[j, 1] - y
-                if j == i or dx * dx + dy * dy > (reach[d] + radius[j]) ** 2:
-                    continue
-                dx, dy = into_frame(dx, dy, axes[i, 0], axes[i, 1])
-                for s in range(counts[d]):
-                    seen = look_at_disc(
-                        dx - sensors[d, s, MOUNT_X], dy - sensors[d, s, MOUNT_Y], radius[j],
-                        sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
-                        sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], distance[i, s],
-                    )  # fmt: skip
-                    if is_nearer(seen, ROBOT, distance[i, s], kind[i, s]):
-                        distance[i, s], kind[i, s] = seen, ROBOT
+            one, other = start[first + columns * row], start[last + columns * row + 1]
+            while one < other:
+                stop = min(other, one + MOST_FOUND)
+                if m + stop - one > MOST_FOUND:
+                    _see_discs(chunk, found, m)
+                    m = NONE
+                for q in range(one, stop):
+                    dx, dy = places[q, 0] - x, places[q, 1] - y
+                    square, near_by = dx * dx + dy * dy, r + radii[q] + margin
+                    # Without branches, which no processor could foresee: what does not count is written over.
+                    found[m, 0], found[m, 1] = k, q
+                    m += (square <= (sight + radii[q]) ** 2) & (q != p)
+                    here = min(count, room)
+                    pairs[here, 0], pairs[here, 1] = p, q
+                    count += (square < near_by * near_by) & (q > p)
+                one = stop
+    return m, count
+
+
+@compiled
+def _see_discs(chunk, found, m):
+    """Update the readings of some robots by the m discs that were found near them: robots, or -1 - k for disc k.
+
+    Sensor by sensor, first the discs that are beside its sector or beyond its range are sorted out, in a loop without
+    branches: most are.
+    """
+    begin, _, places, radii, axes, designs, sensors, counts, discs, disc_kind, near, what = chunk
+    owner, kind, hits = np.empty(m, np.int64), np.empty(m, np.int8), np.empty(m, np.int64)
+    ahead, aside, radius = np.empty(m), np.empty(m), np.empty(m)
+    x, y, beside = np.empty(m), np.empty(m), np.empty(m)
+    for d in range(counts.shape[0]):
+        n = 0
+        for f in range(m):
+            k, q = found[f, 0], found[f, 1]
+            px, py = places[begin + k, 0], places[begin + k, 1]
+            if q >= 0:
+                dx, dy, radius[n], kind[n] = places[q, 0] - px, places[q, 1] - py, radii[q], ROBOT
+            else:
+                q = -1 - q
+                dx, dy, radius[n], kind[n] = discs[q, 0] - px, discs[q, 1] - py, discs[q, 2], disc_kind[q]
+            owner[n] = k
+            ahead[n], aside[n] = into_frame(dx, dy, axes[k, 0], axes[k, 1])
+            n += designs[k] == d
+        for s in range(counts[d]):
+            mount_x, mount_y, ux, uy = (
+                sensors[d, s, MOUNT_X], sensors[d, s, MOUNT_Y], sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y],
+            )  # fmt: skip
+            cos_half, sin_half, far = sensors[d, s, COS_HALF], sensors[d, s, SIN_HALF], sensors[d, s, RANGE]
+            half, rays = sensors[d, s, HALF], int(sensors[d, s, RAYS])
+            # A sector of more than half a circle has no side that could be sorted out.
+            wide = math.inf if cos_half < 0.0 else 0.0
+            for f in range(n):
+                x[f], y[f] = into_frame(ahead[f] - mount_x, aside[f] - mount_y, ux, uy)
+                side = max(abs(y[f]) * cos_half - x[f] * sin_half, -x[f]) - (radius[f] + wide)
+                beyond = x[f] * x[f] + y[f] * y[f] - (far + radius[f]) ** 2
+                beside[f] = max(side, beyond)
+            count = 0
+            for f in range(n):
+                hits[count] = f
+                count += beside[f] <= 0.0
+            for f in hits[:count]:
+                k = owner[f]
+                if rays > 0:
+                    seen = rays_to_disc(x[f], y[f], radius[f], half, rays, near[k, s])
+                else:
+                    seen = sector_to_disc(x[f], y[f], radius[f], cos_half, sin_half, near[k, s])
+                if is_nearer(seen, kind[f], near[k, s], what[k, s]):
+                    near[k, s], what[k, s] = seen, kind[f]
 
 
 @compiled
@@ -164,15 +225,6 @@ def into_frame(x, y, axis_x, axis_y):
 def segment_within(ax, ay, bx, by, far):
     """Return whether the box around a segment meets a square of half side `far` about the origin."""
     return min(ax, bx) <= far and max(ax, bx) >= -far and min(ay, by) <= far and max(ay, by) >= -far
-
-
-@compiled
-def look_at_disc(x, y, radius, axis_x, axis_y, cos_half, sin_half, half, rays, limit):
-    """Return the distance of a disc, relative to the sensor's mount, within its sector, `inf` if outside."""
-    x, y = into_frame(x, y, axis_x, axis_y)
-    if rays > 0.0:
-        return rays_to_disc(x, y, radius, half, int(rays), limit)
-    return sector_to_disc(x, y, radius, cos_half, sin_half, limit)
 
 
 @compiled

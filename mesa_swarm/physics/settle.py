@@ -7,9 +7,10 @@ import numpy as np
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import in_polygon
-from mesa_swarm.physics.contact import SLOP, deepest_static, separate
+from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
+from mesa_swarm.physics.separation import MARGIN, near_pairs, separate
 
-SWEEPS = 400
+SWEEPS = np.int64(400)
 # The search for free room goes round in rings this share of a radius apart.
 RING = 0.125
 
@@ -27,7 +28,10 @@ def settle(
     n = len(position)
     normal, face = np.zeros((n, 2)), np.zeros((n, 3))
     contacts = (np.zeros(n, np.int64), np.zeros(n, np.int64), normal, np.zeros(n), face)
-    settled, _, _ = separate(position, radius, number, grid, statics, contacts, np.empty(n, np.bool_), SWEEPS)
+    free = np.empty(n, np.bool_)
+    push_all_from_statics(np.arange(n), position, radius, statics, contacts, free)
+    listed, pairs = position.copy(), near_pairs(position, radius, MARGIN * radius.min(), grid)
+    settled, _ = separate(position, radius, number, grid, statics, contacts, free, SWEEPS, listed, pairs)
     if not settled:
         lost = leave_each_other(position, radius, statics, rings)
         if lost >= 0:

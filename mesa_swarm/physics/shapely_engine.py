@@ -18,14 +18,16 @@ from shapely import Point, Polygon, STRtree
 from shapely.geometry.polygon import orient
 
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.physics.contact import MOST_PUSHES, MOST_SWEEPS, ON_FACE, SLOP, coincident_direction, turn_along_faces
+from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
 from mesa_swarm.physics.engine import CONTACT_COLUMNS, begin_way, drives_by_rows, hold_readings, move_by_commands
 from mesa_swarm.physics.motion import advance, count_pieces
 from mesa_swarm.physics.moving import LONGEST_STEP, MOST_PIECES
 from mesa_swarm.physics.sensing import err
+from mesa_swarm.physics.separation import MOST_SWEEPS
 from mesa_swarm.physics.settle import RING, SWEEPS, no_room
 from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.surroundings import Surroundings
+from mesa_swarm.physics.travel import turn_along_faces
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.statics import ROBOT
@@ -161,7 +163,7 @@ def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float
         advance(position, heading, motion, pieces)
         if not separate(position, radius, bodies.solids, contacts, int(MOST_SWEEPS)):
             put_back(position, before, radius, bodies.solids, contacts, bodies)
-        turn_along_faces(heading, motion, contacts.face, turn_angle, extra_turn)
+        turn_along_faces(np.arange(len(heading)), heading, motion, contacts.face, turn_angle, extra_turn)
     columns["collided"][:] = contacts.depth > 0.0
     return extra_turn
 
@@ -306,7 +308,7 @@ def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: So
         if not is_free(position[i : i + 1], radius[i], solids)[0]:
             find_room(i, position, radius, bounds, solids, apart=False)
     contacts = Touches({name: column.copy() for name, column in columns.items()})
-    if not separate(position, radius, solids, contacts, SWEEPS):
+    if not separate(position, radius, solids, contacts, int(SWEEPS)):
         leave_each_other(position, radius, bounds, solids)
 
 
@@ -369,6 +371,7 @@ class ShapelyEngine:
     """Sensing and contact by Shapely: the readable twin of `CompiledEngine`."""
 
     def __init__(self) -> None:
+        self.threads = 1  # one does all
         self._surroundings: Surroundings | None = None
         self._solids: Solids | None = None
 

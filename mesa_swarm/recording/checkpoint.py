@@ -47,6 +47,7 @@ from mesa_swarm.recording.parts import (
 )
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.design import LARGEST_RADIUS
+from mesa_swarm.robots.robot import Robot
 from mesa_swarm.state import Checkpointed, attributes_of, declared
 
 LARGEST_NUMBER = 1e15
@@ -407,6 +408,8 @@ def _agent_attributes(model: FireModel, packed: ModelPacked) -> list:
     """Return the attributes that users have added to robots and other agents, and all of agents of their own."""
     extra = []
     for agent in model.agents:
+        if isinstance(agent, Robot) and not agent.__dict__:  # as most of them, and there may be very many
+            continue
         own = own_attributes_of_agent(agent)
         if own:
             what = f"{type(agent).__name__} {agent.unique_id}'s "

@@ -2,9 +2,10 @@
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from functools import partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.parts import RobotPart
 from mesa_swarm.robots.radio import Radio
-from mesa_swarm.robots.robot import Robot
+from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
@@ -252,18 +253,21 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     model._kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
     _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
     designs = _designs(model, stored["designs"])
-    makers: dict[int, Callable] = {}
-    for unique_id, design in zip(stored["robots"], stored["designs_of_robots"], strict=True):
+    robots = dict(zip(stored["robots"], stored["designs_of_robots"], strict=True))
+    for unique_id, design in robots.items():
         if not 0 <= _id(design) < len(designs):
             raise RecordingError(f"robot {unique_id} has design {design}; expected one of {len(designs)}")
-        makers[unique_id] = partial(_make_robot, model, designs[design])
-    makers |= {unique_id: partial(_make_obstacle, model, body) for unique_id, body in obstacles.items()}
+    makers: dict[int, Callable]
+    makers = {unique_id: partial(_make_obstacle, model, body) for unique_id, body in obstacles.items()}
     makers |= {unique_id: partial(_make_fire, model) for unique_id in stored["fires"]}
     makers |= {unique_id: partial(_make_other, model, *kind) for unique_id, (*kind, _) in others.items()}
     present = {agent.unique_id for agent in model.agents}
-    for unique_id in sorted(makers.keys() - present):
-        _set_next_id(model, unique_id)
-        makers[unique_id]()
+    for ids in _runs_of_alike(sorted((makers.keys() | robots.keys()) - present), robots):
+        _set_next_id(model, ids[0])
+        if ids[0] in robots:
+            _make_robots(model, designs[robots[ids[0]]], len(ids))
+        else:
+            makers[ids[0]]()
     _set_next_id(model, _id(stored["next_id"]))
     _check_same(model, stored, obstacles)
     model.swarm.table = DesignTable.of(designs)
@@ -280,6 +284,17 @@ def restore_objects(model: FireModel, stored: dict) -> None:
         _restore_driven(body, one, model.map.bounds)
     model.movers.list_followers()
     model.obstacles_changed()
+
+
+def _runs_of_alike(ids: Sequence[int], designs: dict[int, int]) -> Iterator[list[int]]:
+    """Iterate over runs of consecutive unique_ids of robots of the same design; all others come one by one."""
+
+    def kind(pair: tuple[int, int]) -> tuple:
+        place, unique_id = pair
+        return (unique_id - place, designs[unique_id]) if unique_id in designs else (unique_id,)
+
+    for _, run in groupby(enumerate(ids), kind):
+        yield [unique_id for _, unique_id in run]
 
 
 def other_agents(model: FireModel) -> list[Agent]:
@@ -426,10 +441,10 @@ def _designs(model: FireModel, stored: list) -> list[RobotDesign]:
     return parts
 
 
-def _make_robot(model: FireModel, design: RobotDesign) -> None:
-    x_min, y_min, *_ = model.map.bounds
-    row = int(model.swarm.add(design, np.array([[x_min, y_min]]), np.zeros(1), np.ones(1))[0])
-    model.swarm.agents.append(Robot(model.space, model, model.swarm, row))
+def _make_robots(model: FireModel, design: RobotDesign, number: int) -> None:
+    corner = np.tile(model.map.bounds[:2], (number, 1))
+    model.swarm.add(design, corner, np.zeros(number), np.ones(number))
+    add_handles(model.space, model, model.swarm)
 
 
 def _make_obstacle(model: FireModel, body: dict) -> None:

@@ -206,6 +206,8 @@ class Recorder(Observer):
     writer : SealedWriter
     checkpoint_every : int
         Most steps from one checkpoint to the next; 0 for none.
+    why_no_checkpoint : str
+        Why the present state cannot be stored, if that was found out.
 
     Attributes
     ----------
@@ -222,6 +224,7 @@ class Recorder(Observer):
         layout: Layout,
         writer: SealedWriter,
         checkpoint_every: int = 0,
+        why_no_checkpoint: str = "",
     ) -> None:
         self.path = path
         self.every = trigger.every
@@ -229,7 +232,9 @@ class Recorder(Observer):
         self._buffer = RowBuffer(layout, writer, model, self.every)
         self._checkpoints = _Checkpoints(self._buffer, checkpoint_every, model)
         try:
-            if checkpoint_every:
+            if checkpoint_every and why_no_checkpoint:
+                self._checkpoints.postpone(model, why_no_checkpoint)
+            elif checkpoint_every:
                 self._checkpoints.put(model)
         except BaseException:
             writer.abandon()
@@ -372,6 +377,10 @@ class _Checkpoints:
     def put(self, model: FireModel) -> None:
         """Store the present state of the model, unless it cannot be stored."""
         self._attach(model, self._content(model, model.steps))
+
+    def postpone(self, model: FireModel, why_not: str) -> None:
+        """Do without a checkpoint of the present state, which cannot be stored."""
+        self.due, self.why_not = model.completed + self._every, why_not
 
     def put_intervention(self, model: FireModel, what: list[str]) -> None:
         """Store what was changed before the step that Mesa has just counted, and the state after the change."""
@@ -516,7 +525,7 @@ def record(
         text = f"{type(model).__name__} is recorded without checkpoints, so that resume runs it again from its start: "
         warnings.warn(without_middle(text + facts["why_no_checkpoint"]), UnstoredStateWarning, stacklevel=3)
     writer = SealedWriter(target, schema, overwrite)
-    return Recorder(model, target, trigger, layout, writer, most_steps)
+    return Recorder(model, target, trigger, layout, writer, most_steps, facts["why_no_checkpoint"])
 
 
 def _check_readable(schema: pa.Schema) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, cast
 
 import numpy as np
-from mesa import Model
+from mesa import Agent, Model
 from numpy.typing import NDArray
 
 from mesa_swarm.errors import RemovedRobotError, check_choice, check_name, check_number
@@ -12,7 +12,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.parts import reserve
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.arena import Arena, ArenaAgent
+from mesa_swarm.world.arena import Arena, ArenaAgent, register_together, registers_together, uncollected
 
 SIDES = {"left": 1.0, "right": -1.0}
 
@@ -24,7 +24,7 @@ class Robot(ArenaAgent):
     gives copies; setting is checked first. A robot that was removed raises `RemovedRobotError`.
     """
 
-    __slots__ = ("row", "swarm")
+    __slots__ = ("model", "row", "swarm", "unique_id")  # the first and the last in the place of a dict for each robot
     _stored_apart: ClassVar[tuple[str, ...]] = ("swarm", "row")
 
     def __init__(self, space: Arena, model: Model, swarm: Swarm, row: int) -> None:
@@ -199,9 +199,20 @@ class Robot(ArenaAgent):
         self.swarm.columns[name][row] = value
         self.swarm.disturbed = True
 
-    def leave(self) -> None:
-        """Leave Mesa's registers; `remove_together` drops the rows."""
-        super().remove()
+
+def add_handles(space: Arena, model: Model, swarm: Swarm) -> list[Robot]:
+    """Make the handles of the rows that have none yet, as `Robot` does one by one, and return them."""
+    rows = range(len(swarm.agents), len(swarm.columns["position"]))
+    if not rows or not registers_together(model):
+        robots = [Robot(space, model, swarm, row) for row in rows]
+    else:
+        with uncollected():
+            robots = [object.__new__(Robot) for _ in rows]
+            for robot in robots:
+                robot.swarm = swarm
+            register_together(model, space, robots, rows)
+    swarm.agents = [*swarm.agents, *robots]
+    return robots
 
 
 def remove_together(robots: Sequence[Robot]) -> None:
@@ -213,12 +224,16 @@ def remove_together(robots: Sequence[Robot]) -> None:
         If one of them is gone already, before anything is changed.
     """
     rows = {robot.alive(): robot for robot in robots}
-    # From the last to the first: the registers of those behind need not move up.
+    if not rows:
+        return
+    space, swarm, model = robots[0].space, robots[0].swarm, cast(Any, robots[0].model)
     for row in sorted(rows, reverse=True):
-        rows[row].leave()
-    if rows:
-        robots[0].swarm.remove(sorted(rows))
-        cast(Any, robots[0].model).robots_removed()
+        Agent.remove(rows[row])
+    space.remove_together(rows.values())
+    for robot in rows.values():
+        robot.space = robot._mesa_index = None
+    swarm.remove(sorted(rows))
+    model.robots_removed()
 
 
 reserve((*dir(Robot), *Robot._stored_apart, *ArenaAgent._stored_apart))

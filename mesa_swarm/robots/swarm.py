@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from inspect import get_annotations
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, names_taken, own_function, reserve
+from mesa_swarm.world.arena import Agents
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
@@ -135,7 +137,8 @@ class Swarm:
 
     def __init__(self) -> None:
         self.table = DesignTable.of(())
-        self.agents: list = []
+        self.agents: list = []  # replaced, never changed in place
+        self.listed: WeakValueDictionary[int, Agents] = WeakValueDictionary()  # sets that refer to this list
         self.disturbed = False
         self.version = 0
         self.groups: tuple[str, ...] = ()
@@ -147,12 +150,12 @@ class Swarm:
         self._resize(np.empty(0, np.int64), 0)
 
     def __getstate__(self) -> dict:
-        """Leave out the views of columns, which would be stored as copies."""
-        return {name: value for name, value in self.__dict__.items() if name not in self.columns}
+        """Leave out the views of columns, which would be stored as copies, and what looks at the robots."""
+        return {name: value for name, value in self.__dict__.items() if name not in self.columns and name != "listed"}
 
     def __setstate__(self, state: dict) -> None:
         """Give a copied or unpickled swarm views of its own columns."""
-        self.__dict__.update(state)
+        self.__dict__.update(state, listed=WeakValueDictionary())
         for name, column in self.columns.items():
             self._publish(name, column)
 
@@ -191,7 +194,7 @@ class Swarm:
             self.table = DesignTable.of((*self.designs, design))
         old, new = len(self.columns["position"]), len(position)
         self._resize(np.arange(old), new)
-        rows = np.arange(old, old + new)
+        rows = slice(old, old + new)
         for name, values in {
             "number": np.arange(self._created, self._created + new),
             "design": self.designs.index(design),
@@ -204,7 +207,7 @@ class Swarm:
         }.items():
             self.columns[name][rows] = values
         self._created += new
-        return rows
+        return np.arange(old, old + new)
 
     def check_parts(self, design: RobotDesign) -> None:
         """Refuse a design whose sensors or actuators do not fit those of the other robots.
@@ -240,22 +243,28 @@ class Swarm:
 
     def remove(self, rows: Sequence[int]) -> None:
         """Drop rows; the handles of the other robots get their new rows."""
-        others = np.delete(np.arange(len(self.agents)), rows)
-        gone = set(map(int, rows))
-        for row in sorted(gone, reverse=True):
-            self.forget_contact(ROBOT, row)
-        for row in gone:
+        gone = np.unique(np.array(rows, np.int64))
+        others = np.delete(np.arange(len(self.agents)), gone)
+        self._forget_contacts(ROBOT, gone)
+        for found in list(self.listed.values()):
+            found.settle()
+        for row in gone.tolist():
             self.agents[row].row = -1
-        self.agents = [agent for row, agent in enumerate(self.agents) if row not in gone]
+        self.agents = [self.agents[row] for row in others.tolist()]
         for row, agent in enumerate(self.agents):
             agent.row = row
         self._resize(others, 0)
 
     def forget_contact(self, kind: int, index: int) -> None:
         """Adapt the indices of what robots met in the last step: a robot, obstacle or fire was removed."""
-        kinds, met = self.columns["contact_kind"], self.columns["contact_index"]
-        met[(kinds == kind) & (met == index)] = BORDER
-        met[(kinds == kind) & (met > index)] -= 1
+        self._forget_contacts(kind, np.array([index]))
+
+    def _forget_contacts(self, kind: int, gone: np.ndarray) -> None:
+        """Do the same for several at once, their indices in ascending order."""
+        met = self.columns["contact_index"]
+        rows = np.flatnonzero((self.columns["contact_kind"] == kind) & (met >= gone[0]))
+        before = met[rows]
+        met[rows] = np.where(np.isin(before, gone), BORDER, before - np.searchsorted(gone, before))
 
     def set_group(self, row: int, group: str) -> None:
         """Move a robot to a group, "" for none."""
@@ -314,7 +323,10 @@ class Swarm:
         self.clear_messages()
 
     def _resize(self, rows: np.ndarray, new: int) -> None:
-        """Make every column again: these rows in order, then `new` rows of initial values."""
+        """Make columns again: these rows, all or some of them in order, then `new` rows of initial values.
+
+        Columns that would be the same are left as they are.
+        """
         widths = {
             "proximity": self.table.proximity.shape[1],
             "radiation": self.table.radiation.shape[1],
@@ -326,15 +338,18 @@ class Swarm:
         if any(name.startswith(LASTING) for name in self._memory):
             # Imperfect robots remember their last fresh readings.
             declared |= {f"{LAST_READ}{name}": ((name,), np.float64, math.nan) for name in self.table.readings}
+        moved = len(rows) != len(self.columns.get("position", rows))
         for name in [name for name in self.columns if name not in declared]:
             del self.columns[name], self.__dict__[name]
         for name, (shape, dtype, initial) in declared.items():
             full = (len(rows) + new, *(widths.get(w, w) for w in shape))
-            column = np.full(full, initial, dtype)
             old = self.columns.get(name)
+            if old is not None and old.shape == full and old.dtype == dtype and not (new or moved):
+                continue
+            column = _filled(full, initial, dtype)
             if old is not None and len(rows):
                 shared = tuple(slice(0, w) for w in old.shape[1:])
-                column[(slice(0, len(rows)), *shared)] = old[rows]
+                column[(slice(0, len(rows)), *shared)] = old[rows] if moved else old
             self._publish(name, column)
         self.version += 1
 
@@ -343,6 +358,13 @@ class Swarm:
         view = column.view()
         view.flags.writeable = False
         self.__dict__[name] = view
+
+
+def _filled(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:
+    """Return a new column; one of zeros takes no memory until it is written to."""
+    if isinstance(initial, int | float) and initial == 0:
+        return np.zeros(shape, dtype)
+    return np.full(shape, initial, dtype)
 
 
 COLUMNS: dict[str, tuple[tuple, type, object]] = {name: vars(Swarm)[name] for name in get_annotations(Swarm)}

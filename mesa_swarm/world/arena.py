@@ -1,11 +1,14 @@
 """The arena: Mesa's experimental ContinuousSpace, made safe, and fed from the swarm's columns."""
 
+import gc
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import count
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from itertools import count, islice
 from random import Random
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, overload
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 from mesa import Model
@@ -13,6 +16,7 @@ from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.world.shapes import as_numbers
 
 # Mesa grows its store by a fifth, which is 0 below three rows.
 SMALLEST_STORE = 16
@@ -76,6 +80,9 @@ class Arena(ContinuousSpace):
     `SwarmModel` do not wrap around.
     """
 
+    _n_agents: int
+    _agent_positions: np.ndarray
+
     def __init__(
         self, dimensions: Sequence[Point], torus: bool = False, random: Random | None = None, n_agents: int = 100
     ) -> None:
@@ -132,30 +139,83 @@ class Arena(ContinuousSpace):
         nearest = np.argsort(distances, kind="stable")[: _checked_k(k)]
         return [agents[i] for i in nearest], distances[nearest]
 
+    @property
+    def _agent_to_index(self) -> "Indices":
+        """The index of every agent, which the agents have themselves: Mesa's table would take 40 bytes of each."""
+        return Indices(self)
+
+    @_agent_to_index.setter
+    def _agent_to_index(self, value: dict) -> None:
+        """Ignore the empty table of Mesa's constructor."""
+
+    @property
+    def _index_to_agent(self) -> dict[int, Agent]:
+        return dict(enumerate(self.active_agents))
+
+    @_index_to_agent.setter
+    def _index_to_agent(self, value: dict) -> None:
+        """Ignore the empty table of Mesa's constructor."""
+
     def _add_agent(self, agent: Agent) -> int:
-        self._rows = None
-        index = super()._add_agent(agent)
-        self._agent_positions[index] = self.center
+        index = self._n_agents
+        self.add_together([agent])
         agent._mesa_index = index
         return index
 
-    def _remove_agent(self, agent: Agent) -> None:
+    def add_together(self, agents: Sequence[Agent]) -> None:
+        """Append agents, which are given their indices by the caller."""
         self._rows = None
-        first, last = self._agent_to_index[agent], self._n_agents - 1
-        super()._remove_agent(agent)
-        self._index_to_agent.pop(last, None)
-        for index in range(first, last):
-            self._index_to_agent[index] = moved = self.active_agents[index]
-            moved._mesa_index = index
+        begin, self._n_agents = self._n_agents, self._n_agents + len(agents)
+        if self._n_agents > len(self._agent_positions):
+            more = self._n_agents // 5 if len(agents) == 1 else 0  # others are to come, one by one
+            grown = np.empty((self._n_agents + more, self.ndims))
+            grown[:begin] = self._agent_positions[:begin]
+            self._agent_positions = grown
+        self._agent_positions[begin : self._n_agents] = self.center
+        self.active_agents += agents
+
+    def _remove_agent(self, agent: Agent) -> None:
+        self.remove_together([agent])
+
+    def remove_together(self, agents: Iterable[Agent]) -> None:
+        """Take agents out of the arena, which costs as much as to take out one; those behind them move up."""
+        gone = sorted(self._agent_to_index[agent] for agent in agents)
+        self._rows = None
+        first = gone[0] if gone else self._n_agents
+        others = np.delete(np.arange(first, self._n_agents), np.array(gone, int) - first)
+        staying = [self.active_agents[index] for index in others.tolist()]
+        self._n_agents = first + len(staying)
+        self._agent_positions[first : self._n_agents] = self._agent_positions[others]
+        self.active_agents[first:] = staying
+        for index, agent in enumerate(staying, first):
+            agent._mesa_index = index
 
     def _refresh(self) -> None:
         """Copy the positions in columns elsewhere into the store that Mesa's methods read."""
         if self._rows is None:
-            index = self._agent_to_index
-            self._rows = [[index[agent] for agent in bodies.agents] for bodies in self._bodies]
+            self._rows = [[agent._mesa_index for agent in bodies.agents] for bodies in self._bodies]
         for rows, bodies in zip(self._rows, self._bodies, strict=True):
             if rows:
                 self._agent_positions[rows] = bodies.position
+
+
+class Indices(Mapping):
+    """The index of each agent of an arena, by the agent."""
+
+    def __init__(self, arena: Arena) -> None:
+        self._arena = arena
+
+    def __getitem__(self, agent: Agent) -> int:
+        index = getattr(agent, "_mesa_index", None)
+        if index is None or agent.space is not self._arena:
+            raise KeyError(agent)
+        return index
+
+    def __iter__(self) -> Iterator[Agent]:
+        return iter(self._arena.active_agents)
+
+    def __len__(self) -> int:
+        return len(self._arena.active_agents)
 
 
 class Agents(AgentSet, Generic[Kind]):
@@ -167,6 +227,33 @@ class Agents(AgentSet, Generic[Kind]):
     def __init__(self, agents: Iterable[Kind], random: Random | None = None) -> None:
         super().__init__(agents, random)
         self._model = getattr(next(iter(agents), None), "model", None)
+
+    @classmethod
+    def listed(cls, agents: list[Kind], random: Random) -> "Agents[Kind]":
+        """Return the agents of a list, of which a set is made when it is needed: not for their number or one of them.
+
+        Before an agent is removed, call `settle`; the list may not change before.
+        """
+        found = cls((), random)
+        del found._agents
+        found._list, found._model = agents, agents[0].model if agents else None
+        return found
+
+    def settle(self) -> None:
+        """Make the set, if it has not been made."""
+        if "_agents" not in self.__dict__:
+            self._update(self._list)
+            del self._list
+
+    def __getattr__(self, name: str) -> Any:
+        if name != "_agents" or "_list" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        self.settle()
+        return self._agents
+
+    def __len__(self) -> int:
+        """How many agents there are."""
+        return len(self.__dict__.get("_list", self.__dict__.get("_agents", ())))
 
     if TYPE_CHECKING:  # Mesa has no types
 
@@ -180,7 +267,98 @@ class Agents(AgentSet, Generic[Kind]):
 
     def __getitem__(self, item: int | slice) -> Kind | list[Kind]:
         """Return one agent, or a list of them for a slice."""
-        return list(self)[item]
+        known = self.__dict__.get("_list")
+        return (list(self) if known is None else known)[item]
+
+
+class _Held(dict):
+    """Agents as keys: a dict with what Mesa's set asks of its weak ones."""
+
+    def keyrefs(self) -> list[ref]:
+        """Return weak references to the agents: one that is removed while Mesa goes through them may vanish."""
+        return list(map(ref, self))
+
+
+class Registered(AgentSet):
+    """The agents of a model: Mesa's set, but it holds them itself, as from Mesa 3.5 on, with a third of the memory.
+
+    Sets that are derived from it are Mesa's own.
+    """
+
+    def __init__(self, agents: Iterable[Agent], random: Random | None = None) -> None:
+        members = list(agents)
+        super().__init__(members if random is None else (), random)
+        self._update(members)
+
+    def __iter__(self) -> Iterator[Agent]:
+        return iter(self._agents)
+
+    def __copy__(self) -> AgentSet:
+        return AgentSet(self, self.random)
+
+    @classmethod
+    def _from_iterable(cls, agents: Iterable[Agent]) -> AgentSet:
+        return AgentSet(agents)
+
+    def shuffle(self, inplace: bool = False) -> AgentSet:
+        """Return the agents in random order, or put these here in random order."""
+        shuffled = super().shuffle()
+        return self._update(shuffled) if inplace else shuffled
+
+    def _update(self, agents: Iterable[Agent]) -> "Registered":
+        self._agents = _Held.fromkeys(agents)
+        return self
+
+
+def hold_agents(model: Model) -> None:
+    """Let the set of all agents of a new model hold them itself; that of Mesa 3.5 does so already."""
+    if type(model._all_agents) is AgentSet:
+        model._all_agents = Registered((), random=model.random)
+
+
+def registers_together(model: Model) -> bool:
+    """Return whether `register_together` may take the place of the model's own way to register agents."""
+    return type(model).register_agent is Model.register_agent and isinstance(model._all_agents, Registered)
+
+
+def register_together(model: Model, space: Arena, agents: Sequence["ArenaAgent"], rows: range) -> None:
+    """Give new agents of one class all that Mesa's constructors would give them one after the other, and their rows.
+
+    The model is one that `registers_together`.
+    """
+    first, counter = space._n_agents, Agent._ids[model]
+    unique_id = next(counter)
+    deque(islice(counter, len(agents) - 1), maxlen=0)
+    numbers = _numbers((unique_id, first, rows.start), len(agents))
+    for agent, own_id, index, row in zip(agents, *numbers, strict=True):
+        agent.model, agent.space = model, space
+        agent.unique_id, agent._mesa_index, agent.row = own_id, index, row  # type: ignore[attr-defined]
+    space.add_together(agents)
+    alike = model._agents_by_type.setdefault(type(agents[0]), Registered((), random=model.random))
+    members = dict.fromkeys(agents)
+    for registered in (model._agents, model._all_agents._agents, alike._agents):
+        registered.update(members)
+
+
+def _numbers(begins: Sequence[int], count: int) -> list[list[int]]:
+    """Return consecutive numbers from each of these on; where they overlap, they are the same objects."""
+    low, high = min(begins), max(begins)
+    if high - low > count:
+        return [list(range(begin, begin + count)) for begin in begins]
+    numbers = list(range(low, high + count))
+    return [numbers[begin - low : begin - low + count] for begin in begins]
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Let no garbage be collected while very many objects are made that stay: all would be visited, repeatedly."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 class ArenaAgent(ContinuousSpaceAgent):
@@ -226,17 +404,6 @@ class ArenaAgent(ContinuousSpaceAgent):
         distances, agents = self.space.calculate_distances(here)
         mine = self.space._agent_to_index[self]
         return np.delete(distances, mine), [agent for agent in agents if agent is not self]
-
-
-def as_numbers(value: object) -> np.ndarray:
-    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone."""
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind in "iufO":
-            return array.astype(float)
-    except Exception:
-        pass
-    return np.empty(0)
 
 
 def _checked_k(k: object) -> int:

@@ -236,8 +236,7 @@ class Obstacle(Body):
     def __init__(self, space: Arena, model: Model, shape: Shape, kind: str = KINDS[OBSTACLE]) -> None:
         self.shape = shape
         super().__init__(space, model, kind)
-        index = space._agent_to_index[self]
-        space._agent_positions[index] = shape.position
+        space._agent_positions[self._mesa_index] = shape.position
 
     @property
     def position(self) -> np.ndarray:
@@ -305,7 +304,7 @@ class Load(Obstacle):
         x, y, heading = pose
         self.pose: Pose = (x, y, float(wrapped(heading)))
         self.shape = self.form.shape_at(self.pose)
-        self.space._agent_positions[self.space._agent_to_index[self]] = x, y
+        self.space._agent_positions[self._mesa_index] = x, y
 
     def lay(self, pose: Pose) -> None:
         """Move it to (x, y, heading); deprecated, see `move_to`."""

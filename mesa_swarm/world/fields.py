@@ -40,8 +40,7 @@ from mesa_swarm.geometry.diffusion import (
     spread,
     withdraw,
 )
-from mesa_swarm.world.arena import as_numbers
-from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.shapes import Shape, as_numbers
 
 MOST_CELLS = 50_000_000
 MOST_SUB_STEPS = 1000

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -30,7 +29,6 @@ from mesa_swarm.world.map_parts import (
     refusal,
     text_of,
 )
-from mesa_swarm.world.map_svg import read_svg
 from mesa_swarm.world.map_toml import number_text, read_toml, toml_text
 from mesa_swarm.world.shapes import Shape, disc, rectangle
 
@@ -175,6 +173,8 @@ class Map:
         >>> Map.from_svg(drawing).obstacles[0].position
         array([40., 40.])
         """
+        from mesa_swarm.world.map_svg import read_svg  # noqa: PLC0415 - slow to load
+
         with naming(source), np.errstate(all="ignore"):  # overflows are refused as shapes
             return cls(**read_svg(bytes_of(content, source), source))
 
@@ -410,6 +410,8 @@ def svg_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Itera
     map's own coordinates in it: turning each shape instead would round (600 - (600 - 0.1) is not 0.1), and the map
     would not read back equal.
     """
+    from xml.sax.saxutils import escape  # noqa: PLC0415 - slow to load
+
     width, height = number_text(bounds[2] - bounds[0]), number_text(bounds[3] - bounds[1])
     moved = bounds[:2] != (0.0, 0.0)
     where = f' data-bounds="{" ".join(map(number_text, bounds))}"' if moved else ""

@@ -10,9 +10,9 @@ from mesa import Agent, Model
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.world.arena import Arena, as_numbers
+from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.bodies import Body, Form, Pose
-from mesa_swarm.world.shapes import Coordinates, Shape
+from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers
 
 LARGEST_HEADING = 1e9
 

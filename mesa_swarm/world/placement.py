@@ -8,7 +8,7 @@ import shapely
 
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.grid import Grid
-from mesa_swarm.geometry.packing import hexagonal_lattice, take_apart
+from mesa_swarm.geometry.packing import hexagonal_lattice, link_by_cell, take_apart
 from mesa_swarm.geometry.room import Crowded, outside, room_for_disc, room_to_try
 from mesa_swarm.world.shapes import Shape
 
@@ -124,12 +124,7 @@ class _Placed:
 
     def _link(self, others: np.ndarray) -> None:
         """List the discs that are there already, whatever they overlap."""
-        x0, y0, per_unit, columns, rows = self._grid.numbers
-        column = np.clip(((others[:, 0] - x0) * per_unit).astype(int), 0, columns - 1)
-        row = np.clip(((others[:, 1] - y0) * per_unit).astype(int), 0, rows - 1)
-        for k, cell in enumerate(column + columns * row):
-            self._following[k] = self._head[cell]
-            self._head[cell] = k
+        link_by_cell(others, self._grid.numbers, self._head, self._following)
         self._taken = len(others)
 
     @property
@@ -158,7 +153,9 @@ def _points_of(space: shapely.Geometry | Crowded) -> Callable[[int, np.random.Ge
         return _points_of_triangles(shapely.constrained_delaunay_triangles(space))
 
     def draw(n: int, rng: np.random.Generator) -> np.ndarray:
-        points = rng.random((n, 2)) * (x_max - x_min, y_max - y_min) + (x_min, y_min)
+        points = rng.random((n, 2))  # there may be millions
+        points *= (x_max - x_min, y_max - y_min)
+        points += (x_min, y_min)
         return points[space.holds(points) if isinstance(space, Crowded) else shapely.contains_xy(space, points)]
 
     return draw

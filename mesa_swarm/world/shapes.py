@@ -248,3 +248,14 @@ def _pair(name: str, point: Coordinates) -> tuple[float, float]:
     except (TypeError, ValueError, OverflowError):
         pass
     raise InvalidValueError(f"{name} has the point {shortened(point)}; expected two numbers (x, y)")
+
+
+def as_numbers(value: object) -> np.ndarray:
+    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "iufO":
+            return array.astype(float)
+    except Exception:
+        pass
+    return np.empty(0)

@@ -18,6 +18,8 @@ MOST_KINDS = 127
 BORDER = -1
 FEWEST_CELLS = 4096
 CELLS_PER_ITEM = 4
+# Few items are worth small cells: most robots then stand in cells that list nothing.
+CELLS_PER_FEW_ITEMS, MOST_SMALL_CELLS = 40, 1_000_000
 # Many long edges in a grid of many cells would be listed billions of times.
 MOST_LISTED = 3_000_000
 
@@ -157,7 +159,8 @@ class Marks:
 
 def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sight: float, touch: float) -> Grid:
     """Return a grid whose cell count suits the number of items, smaller if they would be listed too often."""
-    most = FEWEST_CELLS + CELLS_PER_ITEM * len(boxes)
+    small = min(CELLS_PER_FEW_ITEMS * len(boxes), MOST_SMALL_CELLS)
+    most = FEWEST_CELLS + max(CELLS_PER_ITEM * len(boxes), small)
     low, high = np.array(bounds[:2]), np.array(bounds[2:])
     while True:
         grid = Grid.over(bounds, touch, most)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm import cli
-from mesa_swarm.cli import run
+from mesa_swarm.cli import listing
 from mesa_swarm.cli.options import print_pairs
 from mesa_swarm.gallery import model_names
 from mesa_swarm.progress import finishing_time, progress_bar
@@ -132,7 +132,7 @@ def test_an_unexpected_error_is_one_line_too(typed, monkeypatch):
     def break_down():
         raise ZeroDivisionError("division\nby zero")
 
-    monkeypatch.setattr(run, "loaded_models", break_down)
+    monkeypatch.setattr(listing, "model_names", break_down)
     status, _, err = typed("list")
     assert (status, err.count("\n")) == (2, 1)
     assert err.startswith("mesa-swarm: ZeroDivisionError: division by zero")
@@ -142,7 +142,7 @@ def test_an_error_of_the_system_names_the_file(typed, monkeypatch):
     def full():
         raise OSError(28, "No space left on device", "results/runs.csv")
 
-    monkeypatch.setattr(run, "loaded_models", full)
+    monkeypatch.setattr(listing, "model_names", full)
     assert typed("list")[::2] == (2, "mesa-swarm: results/runs.csv: No space left on device\n")
 
 
@@ -159,9 +159,9 @@ def test_warnings_are_one_line(typed, monkeypatch):
     def warn():
         cli.warnings.simplefilter("always")
         cli.warnings.warn("this\nis odd", UserWarning, stacklevel=1)
-        return {}, {}
+        return []
 
-    monkeypatch.setattr(run, "loaded_models", warn)
+    monkeypatch.setattr(listing, "model_names", warn)
     assert typed("list") == (0, "", "mesa-swarm: warning: this is odd\n")
 
 
@@ -169,7 +169,7 @@ def test_ctrl_c_is_one_line_and_status_130(typed, monkeypatch):
     def interrupt():
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(run, "loaded_models", interrupt)
+    monkeypatch.setattr(listing, "model_names", interrupt)
     assert typed("list") == (130, "", "mesa-swarm: interrupted; nothing more was written\n")
 
 

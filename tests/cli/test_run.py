@@ -1,19 +1,14 @@
-"""list and run: one model, or the runs of a job."""
+"""run: one model, or the runs of a job."""
 
+import gc
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording, verify
-
-
-def test_list_names_every_model_with_its_parameters_and_defaults(typed):
-    status, out, _ = typed("list")
-    assert status == 0
-    assert [line for line in out.splitlines() if not line.startswith(" ")] == model_names()
-    assert "strategy=B" in out
-    assert max(map(len, out.splitlines())) <= 100
 
 
 def test_run_prints_the_model_s_results_and_state_hash(typed):
@@ -22,6 +17,24 @@ def test_run_prints_the_model_s_results_and_state_hash(typed):
     assert (status, err) == (0, "")
     assert out.splitlines()[-1].split() == ["state", "hash", model.state_hash()]
     assert ["fires", "out", "0"] in [line.split() for line in out.splitlines()]
+
+
+def test_a_run_is_not_delayed_by_garbage_collection_pictures_recordings_or_another_process():
+    code = (
+        "import gc, sys\nfrom mesa_swarm.cli import main\n"
+        "try:\n    main(['run', 'boids', '--steps', '1', '--quiet'])\n"
+        "finally:\n"
+        "    slow = {'matplotlib', 'pyarrow.dataset', 'multiprocessing.resource_tracker', 'svgelements'}\n"
+        "    print(sorted(slow & set(sys.modules)), gc.isenabled(), gc.get_freeze_count() > 100_000)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[] True True"
+
+
+def test_within_another_program_garbage_collection_stays_as_it_is(typed):
+    before = gc.get_freeze_count()
+    assert typed("run boids --steps 1 --quiet")[0] == 0
+    assert (gc.get_freeze_count(), gc.isenabled()) == (before, True)
 
 
 def test_a_map_may_be_a_file(typed):

@@ -3,6 +3,8 @@ import math
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from shapely.geometry import Point
 
 from mesa_swarm.errors import InvalidValueError
@@ -144,3 +146,33 @@ def test_a_long_jagged_outline_is_grown_whole_and_so_exactly():
     room = room_for_disc((0, -50, 1500, 100), [(coast, 0.0)], 5.0, 16)
     inner = shapely.box(5, -45, 1495, 95)
     assert room.equals(inner.difference(coast.buffer(5.0 * outside(16), quad_segs=16)))
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e6]), st.booleans())
+@settings(max_examples=12, deadline=None)
+def test_among_very_many_discs_a_place_is_free_exactly_where_it_is_on_none_of_their_polygons(seed, scale, mixed):
+    rng = np.random.default_rng(seed)
+    centres, radii = (
+        scale * rng.uniform(500, 1500, (2100, 2)),
+        scale * rng.choice([1.0, 2.5, 40.0], 2100, p=(0.6, 0.39, 0.01)),
+    )
+    solids = list(zip(map(Point, centres), radii, strict=True))
+    solids += [(shapely.box(*centre, *(centre + 9 * scale)), 0.0) for centre in centres[:30] * mixed]
+    reach = 2.0 * scale
+    room = room_to_try((400 * scale, 400 * scale, 1600 * scale, 1600 * scale), solids, reach, 16)
+    assert isinstance(room, Crowded)
+    # On the rims of discs, and between circle and polygon: there all depends on rounding.
+    of, azimuth, factor = (
+        rng.integers(0, 2100, 4000),
+        rng.integers(0, 256, 4000) * math.tau / 256,
+        rng.integers(-2, 3, 4000),
+    )
+    far = (radii[of] + reach) * rng.choice([1.0, 1.0006, outside(16)], 4000) * (1 + factor * 2e-16)
+    rims = centres[of] + far[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    points = np.concatenate([scale * rng.uniform(400, 1600, (2000, 2)), rims])
+    grown = [shape.buffer((own + reach) * outside(16), quad_segs=16) for shape, own in solids]
+    met = shapely.STRtree(grown).query(shapely.points(points), predicate="intersects")[0]
+    free = shapely.contains_xy(room.inner, points)
+    free[met] = False
+    assert room.holds(points).tolist() == free.tolist()
+    assert 0.1 < free.mean() < 0.9

@@ -8,7 +8,8 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mesa_swarm.physics.contact import coincident_direction, disc_overlap, edge_overlap, turn_along_faces
+from mesa_swarm.physics.contact import coincident_direction, disc_overlap, edge_overlap
+from mesa_swarm.physics.travel import turn_along_faces
 
 numbers = st.floats(-20, 20)
 # The solid side is on the left: below this edge.
@@ -75,13 +76,14 @@ def test_coincident_robots_part_in_opposite_directions_along_a_unit_vector(a, b)
 def test_only_a_robot_that_meets_a_face_at_a_grazing_incidence_is_turned_along_it(heading, turn):
     # The face's normal is +y; a robot is turned if it travels more than 0.3 rad from the normal's opposite.
     headings, extra = np.array([heading]), np.zeros(1)
-    turn_along_faces(headings, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.5]]), 0.3, extra)
+    turn_along_faces(np.zeros(1, int), headings, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.5]]), 0.3, extra)
     assert extra[0] == pytest.approx(turn, abs=1e-12)
     assert math.cos(headings[0] - heading - turn) == pytest.approx(1.0)
 
 
 def test_a_robot_that_stands_or_met_no_face_is_not_turned():
     headings, extra = np.array([-0.5, -0.5]), np.zeros(2)
-    turn_along_faces(headings, np.array([[0.0, 0, 1], [1, 0, 0]]), np.array([[0.0, 1, 0.5], [0, 0, 0]]), 0.3, extra)
+    motion, face = np.array([[0.0, 0, 1], [1, 0, 0]]), np.array([[0.0, 1, 0.5], [0, 0, 0]])
+    turn_along_faces(np.arange(2), headings, motion, face, 0.3, extra)
     assert headings.tolist() == [-0.5, -0.5]
     assert extra.tolist() == [0.0, 0.0]

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from mesa_swarm import Map, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.errors import PlacementError
-from mesa_swarm.physics import contact, settle, shapely_engine
-from mesa_swarm.physics.contact import MOST_SWEEPS, SLOP, Contacts, coincident_direction
+from mesa_swarm.physics import contact, separation, settle, shapely_engine
+from mesa_swarm.physics.contact import SLOP, Contacts, coincident_direction
+from mesa_swarm.physics.separation import MOST_SWEEPS
 from mesa_swarm.physics.shapely_engine import is_apart
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE, ROBOT
 from support.scenes import PROMISED
@@ -135,9 +136,9 @@ def test_robots_that_overlap_push_each_other_by_half_of_it_and_note_each_other(s
     position, radius = crowd(seed, 8)
     awake = np.random.default_rng(seed).random(8) < 0.4 if sleepy else np.ones(8, np.bool_)
     pairs = np.array([(i, j) for i in range(8) for j in range(i)])
-    push, met = np.zeros((8, 2)), np.full(len(pairs), -1)
-    ours, _ = contacts_of(8)
-    count = contact.push_pairs(position, radius, np.arange(8), pairs, awake, push, ours, met)
+    push, (ours, _) = np.zeros((8, 2)), contacts_of(8)
+    met = np.flatnonzero(awake[pairs].any(axis=1))
+    count = separation.push_pairs(position, radius, np.arange(8), pairs, met, push, ours)
     expected, deepest, found = np.zeros((8, 2)), [(0.0, -1)] * 8, []
     for k, (i, j) in enumerate(pairs):
         apart = position[i] - position[j]
@@ -163,9 +164,10 @@ def test_robots_that_overlap_push_each_other_by_half_of_it_and_note_each_other(s
 def test_overlaps_of_robots_up_to_rounding_of_the_smaller_one_are_left(share):
     radius, deep = np.array([3.0, 5.0]), share > 1
     position = np.array([[30.0, 10.0], [30.0 + 8.0 - share * SLOP * 3.0, 10.0]])
-    pairs, push, met = np.array([[0, 1]]), np.zeros((2, 2)), np.empty(1, np.int64)
+    pairs, push = np.array([[0, 1]]), np.zeros((2, 2))
     ours, _ = contacts_of(2)
-    count = contact.push_pairs(position, radius, np.arange(2), pairs, np.ones(2, np.bool_), push, ours, met)
+    assert len(separation.overlapping(position, radius, pairs)) == deep
+    count = separation.push_pairs(position, radius, np.arange(2), pairs, np.zeros(1, np.int64), push, ours)
     assert count == deep
     assert len(shapely_engine.overlapping_pairs(position, radius)) == deep
     assert settle.overlaps_any(0, *position[0], position, radius) == deep
@@ -174,9 +176,8 @@ def test_overlaps_of_robots_up_to_rounding_of_the_smaller_one_are_left(share):
 
 def test_coincident_robots_push_each_other_apart_by_half_of_both_radii():
     position, radius, number = np.full((2, 2), 30.0), np.array([3.0, 5.0]), np.array([7, 4])
-    push, met = np.zeros((2, 2)), np.empty(1, np.int64)
-    ours, _ = contacts_of(2)
-    contact.push_pairs(position, radius, number, np.array([[0, 1]]), np.ones(2, np.bool_), push, ours, met)
+    push, (ours, _) = np.zeros((2, 2)), contacts_of(2)
+    separation.push_pairs(position, radius, number, np.array([[0, 1]]), np.zeros(1, np.int64), push, ours)
     assert push[0] == pytest.approx(4.0 * np.array(coincident_direction(7, 4)))
     assert push[1] == pytest.approx(-push[0])
 
@@ -197,8 +198,8 @@ def test_a_push_moves_a_robot_once_and_by_at_most_a_quarter_of_its_radius(seed):
     pairs = np.array([[0, 1], [2, 3], [4, 1], [5, 0]])
     rows = [0, 1, 4]  # of the pairs 0 and 2
     before, asked_for = position.copy(), push.copy()
-    awake, moved = np.ones(6, np.bool_), np.full(6, -1)
-    count = contact.apply_pushes(position, push, radius, pairs, np.array([0, 2]), awake, moved)
+    awake, moved = np.zeros(6, np.bool_), np.full(6, -1)
+    count = separation.apply_pushes(position, push, radius, pairs, np.array([0, 2]), awake, moved)
     went = [i for i in rows if asked_for[i].any()]
     assert sorted(moved[:count].tolist()) == went == np.flatnonzero(awake).tolist()
     for i in range(6):
@@ -214,17 +215,17 @@ def test_a_push_along_one_axis_moves_a_robot_too():
         push[0, axis] = 0.5
         awake, moved = np.zeros(2, np.bool_), np.empty(2, np.int64)
         args = np.array([4.0, 4.0]), np.array([[0, 1]]), np.zeros(1, np.int64), awake, moved
-        assert contact.apply_pushes(position, push, *args) == 1
+        assert separation.apply_pushes(position, push, *args) == 1
         assert position[0, axis] == 0.5
 
 
 def test_the_farthest_of_the_rows_that_moved_counts():
     listed = np.full((4, 2), [7.0, -3.0])
     position = listed + np.array([[3.0, 4.0], [0.0, 2.0], [9.0, 9.0], [-1.0, 0.0]])
-    assert contact.farthest_from(listed, position, np.array([0, 1, 3])) == 5.0
-    assert contact.farthest_from(listed, position, np.array([1, 3])) == 2.0
-    assert contact.farthest_from(position, listed, np.array([3])) == 1.0
-    assert contact.farthest_from(listed, position, np.empty(0, np.int64)) == 0.0
+    assert separation.farthest_from(listed, position, np.array([0, 1, 3])) == 5.0
+    assert separation.farthest_from(listed, position, np.array([1, 3])) == 2.0
+    assert separation.farthest_from(position, listed, np.array([3])) == 1.0
+    assert separation.farthest_from(listed, position, np.empty(0, np.int64)) == 0.0
 
 
 @few
@@ -234,8 +235,10 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     assume((WORLD.solids.gaps(position) > 0.2 * radius).all())
     (ours, twin), place, other = contacts_of(n), position.copy(), position.copy()
     free = np.zeros(n, np.bool_)
-    settled, listed, pairs = contact.separate(
-        place, radius, np.arange(n), WORLD.grid, WORLD.statics, ours, free, MOST_SWEEPS
+    contact.push_all_from_statics(np.arange(n), place, radius, WORLD.statics, ours, free)
+    listed, near = position.copy(), separation.near_pairs(position, radius, radius.min(), WORLD.grid)
+    settled, pairs = separation.separate(
+        place, radius, np.arange(n), WORLD.grid, WORLD.statics, ours, free, MOST_SWEEPS, listed, near
     )
     twice = shapely_engine.separate(other, radius, WORLD.solids, twin, MOST_SWEEPS)
     assume(settled)
@@ -245,7 +248,7 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     assert ours[3] == pytest.approx(twin.depth, abs=1e-6)
     assert len(shapely_engine.overlapping_pairs(place, radius)) == 0
     assert 2 * np.hypot(*(listed - place).T).max() <= radius.min() + 1e-9
-    assert len(pairs) == len(contact.near_pairs(listed, radius, radius.min(), WORLD.grid))
+    assert len(pairs) == len(separation.near_pairs(listed, radius, radius.min(), WORLD.grid))
 
 
 @few
@@ -259,8 +262,8 @@ def test_robots_that_overlap_return_to_where_they_were_as_those_of_the_twin_do(s
     listed, free = place + rng.uniform(-0.5, 0.5, (n, 2)), rng.random(n) < 0.5
     for i in range(n):
         free[i] &= shapely_engine.deepest_static(place[i], radius[i], WORLD.solids) is None
-    pairs = contact.near_pairs(listed, radius, radius.min(), WORLD.grid)
-    contact.put_back(place, before, radius, WORLD.grid, WORLD.statics, ours, free, listed, pairs)
+    pairs = separation.near_pairs(listed, radius, radius.min(), WORLD.grid)
+    separation.put_back(place, before, radius, WORLD.grid, WORLD.statics, ours, free, listed, pairs)
     shapely_engine.put_back(other, before, radius, WORLD.solids, twin)
     assert (place == other).all()
     assert ours[3] == pytest.approx(twin.depth, abs=1e-9)
@@ -271,8 +274,8 @@ def test_all_that_follow_one_that_returns_return_with_it():
     before = np.array([[14.5, 12.0], [23.0, 12.0], [31.5, 12.0], [40.0, 12.0]])
     place, radius = before - [[3.0, 0.0], [3.4, 0.0], [3.8, 0.0], [4.2, 0.0]], np.full(4, 4.0)
     (ours, twin), mine, theirs = contacts_of(4), place.copy(), place.copy()
-    pairs, free = contact.near_pairs(mine, radius, 4.0, WORLD.grid), np.array([False, True, True, True])
-    contact.put_back(mine, before, radius, WORLD.grid, WORLD.statics, ours, free, place, pairs)
+    pairs, free = separation.near_pairs(mine, radius, 4.0, WORLD.grid), np.array([False, True, True, True])
+    separation.put_back(mine, before, radius, WORLD.grid, WORLD.statics, ours, free, place, pairs)
     shapely_engine.put_back(theirs, before, radius, WORLD.solids, twin)
     assert (mine == before).all()
     assert (theirs == before).all()

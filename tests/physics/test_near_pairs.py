@@ -4,16 +4,64 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.geometry.grid import Grid
-from mesa_swarm.physics.contact import near_pairs
+from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.physics.crowd import Crowd
+from mesa_swarm.physics.separation import near_pairs, pairs_by_robot, pairs_of
+
+seeds, few, margins, sizes = st.integers(0, 2**32 - 1), st.integers(0, 60), st.floats(0, 30), st.floats(20, 400)
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(0, 60), st.floats(0, 30), st.floats(20, 400))
-def test_near_pairs_are_all_pairs_within_the_margin_whatever_the_size_of_cells(seed, n, margin, size):
+def robots(seed, n, size):
+    """Return places, radii and a grid."""
     rng = np.random.default_rng(seed)
     position, radius = rng.uniform(0, size, (n, 2)), rng.uniform(0.5, 9, n)
-    grid = Grid.over((0.0, 0.0, size, size), rng.uniform(5, 60), 4 * n + 9)
-    pairs = near_pairs(position, radius, margin, grid.numbers)
+    return position, radius, Grid.over((0.0, 0.0, size, size), rng.uniform(5, 60), 4 * n + 9)
+
+
+def within(position, radius, margin):
+    """Return the pairs i < j within the margin, sorted."""
     apart = np.hypot(*(position[:, None] - position[None]).transpose(2, 0, 1))
     near = np.triu(apart < radius[:, None] + radius + margin, k=1)
-    assert sorted(map(tuple, np.sort(pairs, axis=1).tolist())) == list(map(tuple, np.argwhere(near).tolist()))
+    return list(map(tuple, np.argwhere(near).tolist()))
+
+
+def ascending(pairs):
+    """Return the same pairs as `within` has them."""
+    return sorted(map(tuple, np.sort(pairs, axis=1).tolist()))
+
+
+@given(seeds, few, margins, sizes)
+def test_near_pairs_are_all_pairs_within_the_margin_whatever_the_size_of_cells(seed, n, margin, size):
+    position, radius, grid = robots(seed, n, size)
+    assert ascending(near_pairs(position, radius, margin, grid.numbers)) == within(position, radius, margin)
+
+
+@given(seeds, few, margins, sizes)
+def test_a_crowd_is_in_the_order_of_cells_and_within_a_cell_in_that_of_rows(seed, n, margin, size):
+    position, radius, grid = robots(seed, n, size)
+    crowd, number = Crowd(grid.numbers, grid.cells, n), 3 * np.arange(n)
+    crowd.sort(position, radius, number)
+    x, y, per_unit, columns, rows = grid.numbers
+    cells = [cell_index(a, x, per_unit, columns) + columns * cell_index(b, y, per_unit, rows) for a, b in position]
+    assert crowd.order.tolist() == sorted(range(n), key=lambda i: (cells[i], i))
+    assert (crowd.listed == position[crowd.order]).all()
+    assert (crowd.radii == radius[crowd.order]).all()
+    assert (crowd.arrays[4] == number[crowd.order]).all()
+    assert all(crowd.order[crowd.start[c] : crowd.start[c + 1]].tolist() == sorted(
+        i for i in range(n) if cells[i] == c) for c in range(grid.cells))  # fmt: skip
+    crowd.list_pairs(margin)
+    assert ascending(crowd.order[crowd.pairs]) == within(position, radius, margin)
+
+
+@given(seeds, few, st.integers(0, 100))
+def test_the_pairs_of_robots_that_moved_are_found_once_each(seed, n, count):
+    rng = np.random.default_rng(seed)
+    pairs = rng.integers(0, n, (count, 2)) if n > 1 else np.empty((0, 2), np.int64)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    start, own = pairs_by_robot(pairs, n)
+    for i in range(n):
+        assert own[start[i] : start[i + 1]].tolist() == np.flatnonzero((pairs == i).any(axis=1)).tolist()
+    awake = rng.random(n) < 0.4
+    moved, chosen = rng.permutation(np.flatnonzero(awake)), np.empty(len(pairs), np.int64)
+    found = chosen[: pairs_of(moved, awake, pairs, start, own, chosen)]
+    assert sorted(found.tolist()) == np.flatnonzero(awake[pairs].any(axis=1)).tolist()

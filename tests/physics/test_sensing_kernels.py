@@ -8,16 +8,16 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign
+from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, disc
 from mesa_swarm.physics import shapely_sensing
 from mesa_swarm.physics.engine import CompiledEngine
 from mesa_swarm.physics.sensing import (
+    MOST_FOUND,
     ROUNDING,
     err,
     into_frame,
     is_just_behind,
     is_nearer,
-    look_at_disc,
     look_at_segment,
     segment_within,
     sense_inside,
@@ -28,6 +28,7 @@ from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.design import HOLD, MAGNITUDE, PROBABILITY, RANGE
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE, LOAD, NOTHING, OBSTACLE, ROBOT
+from support.sensing_robots import looker, seen
 from support.solid_worlds import SHAPES, solid_world
 
 WORLD = solid_world()
@@ -103,15 +104,39 @@ def sector(view_degrees):
     return math.cos(half), math.sin(half), half
 
 
+@few
 @given(st.floats(0.1, 15), st.floats(-3.1, 3.1), st.floats(-3.1, 3.1), st.floats(0.5, 5), st.integers(0, 1))
 def test_a_disc_straight_ahead_is_as_far_as_its_rim_whichever_way_a_sensor_looks(gap, azimuth, off, radius, rays):
+    axes = [math.remainder(math.degrees(azimuth + turn), 360) for turn in (0.0, off)]
+    eyes = [
+        ProximitySensor(bearing_degrees=axis, field_of_view_degrees=40, range=50, rays=rays, mount=(0, 0))
+        for axis in axes
+    ]
+    model, _ = looker(*eyes)
     far = gap + radius
-    x, y = far * math.cos(azimuth), far * math.sin(azimuth)
-    view = sector(40.0)
-    assert look_at_disc(x, y, radius, math.cos(azimuth), math.sin(azimuth), *view, rays, 50.0) == pytest.approx(gap)
-    if abs(off) > view[2] + math.asin(radius / far) + 1e-6:
-        axis = math.cos(azimuth + off), math.sin(azimuth + off)
-        assert look_at_disc(x, y, radius, *axis, *view, rays, 50.0) == math.inf
+    model.add_obstacle(disc((200 + far * math.cos(azimuth), 150 + far * math.sin(azimuth)), radius))
+    distance, kind = seen(model)
+    assert distance[0] == pytest.approx(gap)
+    assert kind[0] == OBSTACLE
+    if abs(off) > math.radians(20) + math.asin(radius / far) + 1e-6:
+        assert (distance[1], kind[1]) == (-1.0, NOTHING)
+
+
+@pytest.mark.parametrize("obstacles", [False, True])
+def test_a_sensor_sees_the_nearest_of_more_discs_than_are_noted_at_once(obstacles):
+    model, _ = looker(ProximitySensor(range=60, field_of_view_degrees=120))
+    places = [(210 + 0.02 * k, 150 + 20 * math.sin(k)) for k in range(MOST_FOUND + 200)]
+    if obstacles:
+        for place in places:
+            model.add_obstacle(disc(place, 0.5))
+    else:
+        model.add_robots(RobotDesign(radius=0.5), poses=[(*place, 0.0) for place in places])
+    distance, kind = seen(model)
+    front, inside = np.array([205.0, 150.0]), math.radians(60)
+    apart = np.array(places) - front
+    visible = np.abs(np.arctan2(apart[:, 1], apart[:, 0])) < inside
+    assert distance[0] == pytest.approx(np.hypot(*apart[visible].T).min() - 0.5)
+    assert kind[0] == (OBSTACLE if obstacles else ROBOT)
 
 
 @given(st.floats(0.1, 15), st.floats(-3.1, 3.1), st.integers(0, 1))

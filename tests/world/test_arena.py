@@ -1,6 +1,8 @@
 """The arena: all that Mesa's continuous space promises, without its hazards, on plain Mesa agents and on ours."""
 
+import copy
 import gc
+import pickle
 import random
 import subprocess
 import sys
@@ -9,7 +11,7 @@ import weakref
 import mesa
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
@@ -18,8 +20,9 @@ from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.world.arena import Arena
+from mesa_swarm.world.arena import Arena, Registered
 from mesa_swarm.world.bodies import Obstacle
+from support.pace import work_within
 from support.scenes import ahead, blind, empty
 
 SQUARE = [[0, 100], [0, 100]]
@@ -395,3 +398,162 @@ def test_a_mesa_model_that_was_there_before_the_package_was_imported_keeps_count
     """
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert result.stdout.split() == ["1", "2", "1"]
+
+
+class OneByOne(SwarmModel):
+    """A model with its own way to register agents, which therefore come one by one."""
+
+    def register_agent(self, agent):
+        super().register_agent(agent)
+
+
+def registers(model):
+    """Return all that Mesa knows of a model's agents, as numbers."""
+    ids = lambda agents: [agent.unique_id for agent in agents]  # noqa: E731
+    return (
+        [ids(model.agents), ids(model.space.active_agents), ids(model.robots), ids(model.space.agents)],
+        {kind.__name__: ids(agents) for kind, agents in model.agents_by_type.items()},
+        [kind.__name__ for kind in model.agent_types],
+        [(agent._mesa_index, model.space._agent_to_index[agent], agent in model.agents) for agent in model.agents],
+        [(robot.row, robot.unique_id, robot.model is model, robot.swarm is model.swarm) for robot in model.robots],
+        [tuple(map(float, agent.position)) for agent in model.agents],
+    )
+
+
+@given(st.lists(st.tuples(st.sampled_from("abod"), st.integers(1, 9)), max_size=6))
+@settings(max_examples=30)
+def test_robots_made_together_are_in_the_same_registers_as_robots_made_one_by_one(acts):
+    models = SwarmModel(rng=1), OneByOne(rng=1)
+    for model in models:
+        for act, number in acts:
+            robots = model.swarm.agents
+            if act in "ab":
+                model.add_robots(AGENT3, number, group=act)
+            elif act == "o":
+                model.add_obstacle(disc((30 * number, 20), 4))
+            else:
+                model.remove_robots(robots[::number])
+        ContinuousSpaceAgent(model.space, model)  # is given the next numbers
+    assert registers(models[0]) == registers(models[1])
+    assert models[0].state_hash() == models[1].state_hash()
+
+
+needs_mesa_3_3 = pytest.mark.skipif(
+    not hasattr(mesa.Model(rng=1), "_agents"), reason="from Mesa 3.5 on the sets of models hold their agents themselves"
+)
+
+
+def plain_agents(count=9):
+    model = mesa.Model(rng=1)
+    return [mesa.Agent(model) for _ in range(count)]
+
+
+@needs_mesa_3_3
+@pytest.mark.parametrize(
+    "question",
+    [
+        list,
+        len,
+        lambda agents: agents[3],
+        lambda agents: agents[2:5],
+        lambda agents: list(agents.select(lambda agent: agent.unique_id % 2)),
+        lambda agents: list(agents.select(at_most=4, inplace=True)) + list(agents),
+        lambda agents: list(agents.shuffle()) + list(agents),
+        lambda agents: list(agents.shuffle(inplace=True)) + list(agents),
+        lambda agents: list(agents.sort("unique_id")) + list(agents),
+        lambda agents: list(agents.sort("unique_id", inplace=True)) + list(agents),
+        lambda agents: agents.get("unique_id"),
+        lambda agents: agents.agg("unique_id", sum),
+        lambda agents: agents.map(lambda agent: agent.unique_id),
+        lambda agents: agents.groupby(lambda agent: agent.unique_id % 3).count(),
+        lambda agents: list(agents & agents[:4]),
+        lambda agents: [agents.do(agents.discard), len(agents)][1],
+        lambda agents: [agents.remove(agents[0]), list(agents)][1],
+        lambda agents: [made := [], agents.shuffle_do(made.append)][0],
+        lambda agents: [agents[0] in agents, None in agents],
+        lambda agents: [type(agents.select()).__name__, *agents.select()],
+    ],
+)
+def test_a_set_that_holds_its_agents_answers_as_that_of_mesa(question):
+    agents = plain_agents()
+    ours, mesas = Registered(agents, random.Random(3)), mesa.agent.AgentSet(agents, random.Random(3))
+    assert question(ours) == question(mesas)
+
+
+@needs_mesa_3_3
+def test_a_set_that_holds_its_agents_takes_the_random_generator_of_their_model():
+    agents = plain_agents()
+    assert Registered(agents).random is agents[0].model.random
+    assert list(pickle.loads(pickle.dumps(Registered([], random.Random(1))))) == []
+
+
+def test_many_robots_are_removed_at_once_and_the_others_keep_their_contacts():
+    rng = np.random.default_rng(5)
+    model = SwarmModel(rng=1)
+    robots = model.add_robots(AGENT3, 300)
+    columns = model.swarm.columns
+    columns["contact_kind"][:] = rng.choice([-1, 0, 1], 300)
+    columns["contact_index"][:] = rng.integers(-1, 300, 300)
+    met = {
+        robot.unique_id: robots[other].unique_id
+        for robot, kind, other in zip(robots, columns["contact_kind"], columns["contact_index"], strict=True)
+        if kind == 1 and other >= 0
+    }
+    gone = {robot.unique_id for robot in robots[::2]}
+    model.remove_robots(robots[::2])
+    for row, robot in enumerate(model.swarm.agents):
+        if robot.unique_id in met:
+            other, index = met[robot.unique_id], model.swarm.contact_index[row]
+            assert index == (-1 if other in gone else model.swarm.agents[index].row)
+            assert other in gone or model.swarm.agents[index].unique_id == other
+    assert [robot.row for robot in robots] == [-1 if k % 2 == 0 else k // 2 for k in range(300)]
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(["look", "add", "remove", "drop", "shuffle"]), st.integers(0, 9)), max_size=12)
+)
+@settings(max_examples=60)
+def test_robots_that_were_asked_for_once_are_those_of_then_without_those_removed_that_nothing_refers_to(acts):
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT3, 5)
+    pairs, held = [], []
+    for act, number in acts:
+        if act == "look":
+            pairs.append((model.robots, mesa.agent.AgentSet(model.swarm.agents, random.Random(1))))
+        elif act == "add":
+            model.add_robots(AGENT3, number)
+        elif act == "remove" and number < len(model.swarm):
+            held += [model.robots[number]] * (number % 2)  # half of them are still referred to
+            model.robots[number].remove()
+        elif act == "shuffle" and pairs:
+            model.random.seed(number)
+            pairs[-1][0].shuffle(inplace=True)
+            pairs[-1][1].random.seed(number)
+            pairs[-1][1].shuffle(inplace=True)
+        for robots, twin in pairs if act == "drop" else ():
+            assert len(robots) == len(twin)
+            assert robots[:] == list(twin)
+            assert list(robots) == list(twin)
+    for robots, twin in pairs:
+        assert (len(robots), robots[:], list(robots)) == (len(twin), list(twin), list(twin))
+        assert all(robot in robots for robot in twin)
+
+
+def test_one_of_very_many_robots_is_found_at_once():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT3, poses=[(100, 100, 0.0)] * 3000)
+    with work_within(0.5):
+        assert [model.robots[row].row for row in range(3000)] == list(range(3000))
+        assert sum(len(model.robots) for _ in range(3000)) == 3000**2
+
+
+def test_a_copied_model_has_robots_of_its_own_to_look_at():
+    model = SwarmModel(rng=1)
+    model.add_robots(AGENT3, 3)
+    robots = model.robots
+    twin = copy.deepcopy(model)
+    assert twin.robots[1] is not robots[1]
+    assert [robot.unique_id for robot in pickle.loads(pickle.dumps(robots))] == [5, 6, 7]
+    assert len(pickle.loads(pickle.dumps(model)).robots) == 3
+    with pytest.raises(AttributeError, match="'Agents' object has no attribute 'speed'"):
+        robots.speed  # noqa: B018

@@ -1,0 +1,329 @@
+"""Which robots are near each other, and how those that overlap are pushed apart, or back to where they were.
+
+Robots that overlap are pushed apart, half the overlap each, all at once, then out of static bodies. Only robots that
+were moved, and those near them, are looked at again. What still overlaps after `MOST_SWEEPS` rounds (in a narrow wedge,
+in a jam) returns to where it was before the piece, and so does what then overlaps it, until no two bodies do.
+"""
+
+import math
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.grid import cell_index, sort_into_cells
+from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.physics.contact import (
+    A_ROBOT,
+    SLOP,
+    coincident_direction,
+    deepest_static,
+    disc_overlap,
+    edge_overlap,
+    note_contact,
+    push_all_from_statics,
+)
+from mesa_swarm.physics.motion import copy_places, largest_of, least_of
+from mesa_swarm.physics.moving import return_bodies
+
+# A NumPy number: Numba would compile a function once more for each literal one that is passed to it.
+MOST_SWEEPS = np.int64(128)
+# Pairs nearer than this share of the least radius are watched while pushing.
+MARGIN = 1.0
+
+
+@compiled
+def separate(position, radius, number, grid, statics, contacts, free, most_sweeps, listed, pairs):
+    """Push until no two robots overlap, at most `most_sweeps` times, and return whether that succeeded, and the pairs.
+
+    They are out of static bodies where that is possible; which ones are clear of them is kept in `free` (n,). `pairs`
+    are those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs
+    are listed anew, and the places written.
+    """
+    margin = MARGIN * least_of(radius)
+    if 2.0 * farthest_of_all(listed, position) > margin:
+        pairs = near_pairs(position, radius, margin, grid)
+        copy_places(position, listed)
+    met = overlapping(position, radius, pairs)
+    if len(met) == 0:
+        return free.all(), pairs
+    n = len(radius)
+    push, awake, moved = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
+    start, own = pairs_by_robot(pairs, n)
+    chosen, count = np.empty(len(pairs), np.int64), len(met)
+    chosen[:count] = met
+    for _ in range(most_sweeps):
+        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
+        if overlaps == 0:
+            return free.all(), pairs
+        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
+        push_all_from_statics(moved[:moving], position, radius, statics, contacts, free)
+        if 2.0 * farthest_from(listed, position, moved[:moving]) > margin:
+            pairs = near_pairs(position, radius, margin, grid)
+            copy_places(position, listed)
+            start, own = pairs_by_robot(pairs, n)
+            chosen, count = np.arange(len(pairs)), len(pairs)
+        else:
+            count = pairs_of(moved[:moving], awake, pairs, start, own, chosen)
+        for i in moved[:moving]:
+            awake[i] = False
+    return False, pairs
+
+
+@compiled
+def farthest_of_all(listed, position):
+    """Return the largest distance of robots from where they were listed."""
+    square = 0.0
+    for i in range(position.shape[0]):
+        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        square = max(square, dx * dx + dy * dy)
+    return math.sqrt(square)
+
+
+@compiled
+def farthest_from(listed, position, moved):
+    """Return the largest distance of the robots that were moved from where they were listed."""
+    square = 0.0
+    for i in moved:
+        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        square = max(square, dx * dx + dy * dy)
+    return math.sqrt(square)
+
+
+@compiled
+def near_pairs(position, radius, margin, grid):
+    """Return the pairs (i, j) of robots that overlap or come within `margin` of it, i before j in the order of cells.
+
+    The first of a pair is the one whose cell, or within a cell whose row, comes first.
+    """
+    n = position.shape[0]
+    x, y, per_unit, columns, rows = grid
+    start = np.zeros(columns * rows + 1, np.int64)
+    order = np.empty(n, np.int64)
+    cell_of = np.empty(n, np.int64)
+    sort_into_cells(position, grid, start, order, cell_of)
+    pairs = np.empty((max(n, 16), 2), np.int64)
+    count = 0
+    largest = largest_of(radius)
+    for i in range(n):
+        far = radius[i] + largest + margin
+        column, row = cell_of[i] % columns, cell_of[i] // columns
+        first = cell_index(position[i, 0] - far, x, per_unit, columns)
+        last = cell_index(position[i, 0] + far, x, per_unit, columns)
+        highest = cell_index(position[i, 1] + far, y, per_unit, rows)
+        # Each pair is found once, from the earlier of its two cells.
+        for r in range(row, highest + 1):
+            left = column if r == row else first
+            for k in range(start[left + columns * r], start[last + columns * r + 1]):
+                j = order[k]
+                if cell_of[j] == cell_of[i] and j <= i:
+                    continue
+                near = radius[i] + radius[j] + margin
+                dx, dy = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
+                if dx * dx + dy * dy < near * near:
+                    if count == pairs.shape[0]:
+                        pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                    pairs[count, 0] = i
+                    pairs[count, 1] = j
+                    count += 1
+    return pairs[:count]
+
+
+@compiled
+def pairs_by_robot(pairs, n):
+    """Return the pairs of each robot: those of robot i are ``own[start[i]:start[i + 1]]``."""
+    start = np.zeros(n + 1, np.int64)
+    for k in range(pairs.shape[0]):
+        start[pairs[k, 0]] += 1
+        start[pairs[k, 1]] += 1
+    for i in range(n):
+        start[i + 1] += start[i]
+    own = np.empty(2 * pairs.shape[0], np.int64)
+    # From the end, so that start is the beginning of each when all are written, and its pairs ascend.
+    for k in range(pairs.shape[0] - 1, -1, -1):
+        for side in range(2):
+            i = pairs[k, side]
+            start[i] -= 1
+            own[start[i]] = k
+    return start, own
+
+
+@compiled
+def pairs_of(moved, awake, pairs, start, own, chosen):
+    """Write the pairs of robots that were moved, each once, into `chosen`, and return how many; `awake` marks them."""
+    count = 0
+    for i in moved:
+        for k in own[start[i] : start[i + 1]]:
+            other = pairs[k, 0] + pairs[k, 1] - i
+            if not awake[other] or i < other:
+                chosen[count] = k
+                count += 1
+    return count
+
+
+@compiled
+def overlapping(position, radius, pairs):
+    """Return which pairs overlap by more than rounding."""
+    met, count = np.empty(pairs.shape[0], np.int64), 0
+    for k in range(pairs.shape[0]):
+        i, j = pairs[k, 0], pairs[k, 1]
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        met[count] = k
+        count += radius[i] + radius[j] - math.sqrt(dx * dx + dy * dy) > SLOP * min(radius[i], radius[j])
+    return met[:count]
+
+
+@compiled
+def push_pairs(position, radius, number, pairs, chosen, push, contacts):
+    """Add to `push` half of each overlap of the pairs `chosen` (A.7); return how many overlap: they come first."""
+    count = 0
+    for k in chosen:
+        i, j = pairs[k, 0], pairs[k, 1]
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        distance = math.sqrt(dx * dx + dy * dy)
+        overlap = radius[i] + radius[j] - distance
+        if overlap <= SLOP * min(radius[i], radius[j]):
+            continue
+        if distance > 0.0:
+            nx, ny = dx / distance, dy / distance
+        else:
+            nx, ny = coincident_direction(number[i], number[j])
+        push[i, 0] += nx * overlap / 2.0
+        push[i, 1] += ny * overlap / 2.0
+        push[j, 0] -= nx * overlap / 2.0
+        push[j, 1] -= ny * overlap / 2.0
+        note_contact(i, A_ROBOT, j, nx, ny, overlap, contacts)
+        note_contact(j, A_ROBOT, i, -nx, -ny, overlap, contacts)
+        chosen[count] = k
+        count += 1
+    return count
+
+
+@compiled
+def apply_pushes(position, push, radius, pairs, met, awake, moved):
+    """Push all robots at once, each at most a quarter of its radius; return the count of rows ``moved[:count]``.
+
+    They are marked in `awake`.
+    """
+    count = 0
+    for k in met:
+        for side in range(2):
+            i = pairs[k, side]
+            if push[i, 0] == 0.0 and push[i, 1] == 0.0:
+                continue
+            length = math.hypot(push[i, 0], push[i, 1])
+            share = min(1.0, 0.25 * radius[i] / length)
+            position[i, 0] += share * push[i, 0]
+            position[i, 1] += share * push[i, 1]
+            push[i, 0], push[i, 1] = 0.0, 0.0
+            awake[i] = True
+            moved[count] = i
+            count += 1
+    return count
+
+
+@compiled
+def put_back(position, before, radius, grid, statics, contacts, free, listed, pairs):
+    """Return to their last free place the robots that overlap, and those that then overlap them."""
+    n = position.shape[0]
+    back = np.zeros(n, np.bool_)
+    farthest = max(farthest_of_all(listed, position), farthest_of_all(listed, before))
+    # All pairs that can overlap, at whichever of its two places each robot ends.
+    if n and 2.0 * farthest > MARGIN * least_of(radius):
+        pairs = near_pairs(listed, radius, 2.0 * farthest, grid)
+    goes = np.zeros(n, np.bool_)
+    for i in range(n):
+        if not free[i]:  # the last push may have freed it
+            depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
+            goes[i] = depth > SLOP * radius[i]
+    # With driven bodies, those that overlap robots return as well, also after robots have returned.
+    _return_bodies(position, radius, statics[0], statics[1], statics[8], goes)
+    while True:
+        # All that overlap return at once: independent of the order of the pairs.
+        for k in range(pairs.shape[0]):
+            i, j = pairs[k, 0], pairs[k, 1]
+            if not (back[i] and back[j]) and _collide(i, j, position, radius, contacts):
+                goes[i], goes[j] = True, True
+        went = _return_all(position, before, goes, back)
+        if not (_return_bodies(position, radius, statics[0], statics[1], statics[8], goes) or went):
+            return
+
+
+@compiled
+def _collide(i, j, position, radius, contacts):
+    """Return whether two robots overlap, and note their contact if so."""
+    dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    overlap = radius[i] + radius[j] - distance
+    if overlap <= SLOP * min(radius[i], radius[j]):
+        return False
+    if distance > 0.0:
+        note_contact(i, A_ROBOT, j, dx / distance, dy / distance, overlap, contacts)
+        note_contact(j, A_ROBOT, i, -dx / distance, -dy / distance, overlap, contacts)
+    return True
+
+
+@compiled
+def _return_all(position, before, goes, back):
+    """Put robots where they were before this piece of the step, and return whether any moved."""
+    went = False
+    for i in range(position.shape[0]):
+        if goes[i] and not back[i]:
+            position[i, 0], position[i, 1] = before[i, 0], before[i, 1]
+            back[i] = True
+            went = True
+    return went
+
+
+@compiled
+def _return_bodies(position, radius, edges, discs, movers, goes):
+    """Return driven bodies that overlap robots to where they were before this piece, and mark these robots.
+
+    The result is whether a body moved, or a robot was marked that was not before.
+    """
+    if movers is None:
+        return False
+    bodies = np.zeros(movers[0][0].shape[0], np.bool_)
+    marked = False
+    for i in range(position.shape[0]):
+        if mark_overlapped(position[i, 0], position[i, 1], radius[i], edges, discs, movers, bodies) and not goes[i]:
+            goes[i], marked = True, True
+    return return_bodies(bodies, movers, edges, discs) or marked
+
+
+@compiled
+def mark_overlapped(x, y, radius, edges, discs, movers, bodies):
+    """Mark the driven bodies that overlap a disc, and return whether there is one."""
+    body_of, ((left, below, per_unit, columns, lines), start, items, _) = movers[4], movers[5]
+    cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
+    any_marked = False
+    for k in range(start[cell], start[cell + 1]):
+        item = items[k]
+        if item < edges.shape[0]:
+            depth = edge_overlap(x, y, radius, edges, item)[0]
+        else:
+            depth = disc_overlap(x, y, radius, discs, item - edges.shape[0])[0]
+        if depth > SLOP * radius:
+            bodies[body_of[item]] = True
+            any_marked = True
+    return any_marked
+
+
+@compiled
+def stop_jumps(position, radius, edges, discs, movers):
+    """Return bodies that have jumped onto a robot to where they were."""
+    if movers is None:
+        return
+    (place, _, _, _, _, reach), scratch, (_, edge_row, edge_body, _, _) = movers[0], movers[1], movers[2]
+    jumps = scratch[4]
+    if not jumps.any():
+        return
+    bodies = np.zeros(len(jumps), np.bool_)
+    for i in range(position.shape[0]):
+        mark_overlapped(position[i, 0], position[i, 1], radius[i], edges, discs, movers, bodies)
+    for b in np.flatnonzero(jumps & ~bodies):
+        rows = edge_row[edge_body == b]
+        for i in range(position.shape[0]):
+            x, y, far = position[i, 0], position[i, 1], reach[b] + radius[i]
+            near = len(rows) > 0 and (x - place[b, 0]) ** 2 + (y - place[b, 1]) ** 2 < far * far
+            bodies[b] |= near and in_polygon(x, y, edges, rows[0], rows[-1] + 1)
+    return_bodies(bodies & jumps, movers, edges, discs)

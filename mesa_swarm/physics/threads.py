@@ -1,0 +1,165 @@
+"""Threads that share the rows of one step.
+
+A kernel that releases the GIL and writes only its own rows is called for ranges of them, `share`, by as many threads as
+there are ranges, but no more than processors: the results are the same bits for any number of threads. The threads wait
+for the next range in compiled code for a moment before they sleep, because waking takes longer than a small kernel.
+They belong to the process and serve one model at a time; another that steps meanwhile does all of its work itself.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from functools import partial
+from queue import SimpleQueue
+from threading import Lock, Thread
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.geometry.waiting import wait_while
+
+MOST_THREADS = 256
+VARIABLE = "MESA_SWARM_THREADS"
+# Looks at a word before a thread sleeps: about a tenth of a millisecond.
+LOOKS = np.int64(4000)
+
+Share = Callable[[int, int], Any]
+
+
+def checked_threads(threads: int | None) -> int:
+    """Return the number of threads of a model; without one that of the environment variable, or 1.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> checked_threads(4)
+    4
+    """
+    if threads is not None:
+        return check_count("threads", threads, minimum=1, maximum=MOST_THREADS)
+    given = os.environ.get(VARIABLE, "").strip() or "1"
+    if not given.isdecimal() or not 1 <= int(given) <= MOST_THREADS:
+        raise InvalidValueError(
+            f"the environment variable {VARIABLE} is {shortened(given)}; expected a whole number, 1 to {MOST_THREADS}"
+        )
+    return int(given)
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def ranges(n: int, parts: int) -> Iterator[tuple[int, int]]:
+    """Yield the first row of each part, and one past its last.
+
+    Examples
+    --------
+    >>> list(ranges(10, 3))
+    [(0, 3), (3, 6), (6, 10)]
+    """
+    for part in range(parts):
+        yield n * part // parts, n * (part + 1) // parts
+
+
+class RowThread:
+    """A thread that does one job after another."""
+
+    def __init__(self) -> None:
+        # Numbers of the last job that was given and done, each in a cache line of its own.
+        self._given, self._done = np.zeros(8, np.int64), np.zeros(8, np.int64)
+        self._wake: SimpleQueue = SimpleQueue()
+        self._finished: SimpleQueue = SimpleQueue()
+        self._asleep = self._awaited = False
+        self._job: Callable[[], Any] | None = None
+        self._error: BaseException | None = None
+        self._last = 0
+        Thread(target=self._serve, daemon=True, name="mesa_swarm rows").start()
+
+    def begin(self, job: Callable[[], Any]) -> None:
+        """Give the thread a job."""
+        self._job, self._error = job, None
+        self._last += 1
+        self._given[0] = self._last
+        if self._asleep:
+            self._wake.put(None)
+
+    def end(self) -> BaseException | None:
+        """Wait until the job is done, and return its error or None."""
+        wait_while(self._done, self._last - 1, LOOKS)
+        interrupted = None
+        self._awaited = True
+        while self._done[0] != self._last:
+            try:
+                self._finished.get()
+            except KeyboardInterrupt as interrupt:  # when the job is done: it still writes
+                interrupted = interrupt
+        self._awaited = False
+        return self._error or interrupted
+
+    def _serve(self) -> None:
+        number = 0
+        while True:
+            wait_while(self._given, number, LOOKS)
+            self._asleep = True
+            # Written before it is looked at, here and by the other thread: one of the two sees the other's word.
+            while self._given[0] == number:
+                self._wake.get()
+            self._asleep = False
+            number += 1
+            try:
+                self._job()  # type: ignore[misc]
+            except BaseException as error:  # raised where the job came from
+                self._error = error
+            self._done[0] = number
+            if self._awaited:
+                self._finished.put(None)
+
+
+class RowThreads:
+    """The threads of this process, made when they are first needed."""
+
+    def __init__(self) -> None:
+        self._lock, self._threads = Lock(), []  # type: tuple[Lock, list[RowThread]]
+
+    def share(self, n: int, parts: int, rows: Share) -> list[Any]:
+        """Call ``rows(first, last)`` for the ranges of n rows at the same time, and return the results in order."""
+        if parts == 1 or not self._lock.acquire(blocking=False):
+            return [rows(first, last) for first, last in ranges(n, parts)]
+        try:
+            return self._share(list(ranges(n, parts)), rows)
+        finally:
+            self._lock.release()
+
+    def _share(self, parts: list[tuple[int, int]], rows: Share) -> list[Any]:
+        helping = min(len(parts), processors()) - 1
+        while len(self._threads) < helping:
+            self._threads.append(RowThread())
+        crews = [list(range(begin, end)) for begin, end in ranges(len(parts), helping + 1)]
+        results: list[Any] = [None] * len(parts)
+
+        def work(crew: list[int]) -> None:
+            for part in crew:
+                results[part] = rows(*parts[part])
+
+        busy = self._threads[:helping]
+        for thread, crew in zip(busy, crews[1:], strict=True):
+            thread.begin(partial(work, crew))
+        try:
+            work(crews[0])
+        finally:
+            # All have to be done, or one would write while the next step begins.
+            errors = [error for error in [thread.end() for thread in busy] if error is not None]
+        if errors:
+            raise errors[0]
+        return results
+
+
+ROW_THREADS = RowThreads()
+if hasattr(os, "register_at_fork"):  # threads are not copied
+    os.register_at_fork(after_in_child=ROW_THREADS.__init__)  # type: ignore[misc]

@@ -1,0 +1,152 @@
+"""A step of all robots, in pieces, with every contact resolved, in the order of cells.
+
+A step is cut into pieces of at most half a radius. In each, robots advance along their arcs, leave static bodies,
+deepest overlap first, and are separated from each other (see `separation`). Driven bodies move in the same pieces
+before the robots do; robots are pushed out of their way, and where one cannot leave, the body returns as well and has
+to stop.
+
+What robots meet is resolved on copies of their columns in the order of cells: those near each other are near each other
+in memory. Row p of these is the robot in row ``order[p]`` of the swarm.
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.physics.contact import push_all_from_statics
+from mesa_swarm.physics.motion import count_pieces, moved_by
+from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
+from mesa_swarm.physics.separation import MOST_SWEEPS, put_back, separate, stop_jumps
+from mesa_swarm.world.statics import ROBOT
+
+
+@compiled(nogil=True)
+def travel(
+    pairs, turn_angle, crowd, listed, grid, position, heading, motion, radius, statics,
+    collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
+):  # fmt: skip
+    """Move all robots through one step, resolve every contact, and write the contact columns.
+
+    `position` (n, 2) and `heading` are changed; `motion` (n, 3) is the one that the wheels would make, along the body.
+    `crowd` are the copies of columns that `Crowd.arrays` describes; `pairs` those near each other at `listed`.
+
+    A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face;
+    `extra_turn` becomes the turn that faces added. `statics` are edges, discs, owner, body, bounds, grid numbers,
+    touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move.
+    """
+    n = len(heading)
+    extra_turn[:] = 0.0
+    pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
+    for piece in range(pieces):
+        begin_piece(piece, pieces, crowd, position, radius, statics)
+        advance_rows(0, n, piece, pieces, crowd, position, heading, motion, statics)
+        pairs = end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn)
+    finish_rows(0, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
+
+
+def travel_together(
+    share: Callable[[int, Callable[[int, int], Any]], list], pairs: np.ndarray, turn_angle: float, *given: Any
+) -> None:
+    """Do what `travel` does, given the same, the rows of robots in ranges by ``share(n, rows)``."""
+    crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
+    n = len(heading)
+    extra_turn.fill(0.0)
+    pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
+    for piece in range(pieces):
+        begin_piece(piece, pieces, crowd, position, radius, statics)
+        moved = piece, pieces, crowd, position, heading, motion, statics
+        share(n, partial(_on_rows, advance_rows, moved))
+        pairs = end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn)
+    share(n, partial(_on_rows, finish_rows, (crowd, position, *written)))
+
+
+def _on_rows(kernel: Callable[..., None], given: tuple, first: int, last: int) -> None:
+    kernel(first, last, *given)
+
+
+@compiled
+def begin_piece(piece, pieces, crowd, position, radius, statics):
+    """Move driven bodies through a piece of their way."""
+    order, places, radii = crowd[0], crowd[1], crowd[3]
+    edges, discs, movers = statics[0], statics[1], statics[8]
+    if movers is not None:
+        if piece == 0:
+            for p in range(order.shape[0]):
+                places[p, 0], places[p, 1] = position[order[p], 0], position[order[p], 1]
+        advance_bodies(piece, pieces, radius, movers, edges, discs)
+        stop_jumps(places, radii, edges, discs, movers)
+
+
+@compiled(nogil=True)
+def advance_rows(first, last, piece, pieces, crowd, position, heading, motion, statics):
+    """Move robots p in [first, last) through a piece of their arcs, and out of static bodies."""
+    order, places, before, radii, _, free, contacts, rows = crowd
+    depth, face = contacts[3], contacts[4]
+    for p in range(first, last):
+        i = order[p]
+        if piece == 0:
+            places[p, 0], places[p, 1] = position[i, 0], position[i, 1]
+            depth[p] = 0.0
+        before[p, 0], before[p, 1] = places[p, 0], places[p, 1]
+        face[p, 2] = 0.0
+        dx, dy, heading[i] = moved_by(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
+        places[p, 0] += dx
+        places[p, 1] += dy
+    push_all_from_statics(rows[first:last], places, radii, statics, contacts, free)
+
+
+@compiled(nogil=True)
+def end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn):
+    """Separate the robots, or put them back, and turn those that met faces; return the pairs near each other."""
+    order, places, before, radii, numbers, free, contacts, _ = crowd
+    settled, pairs = separate(places, radii, numbers, grid, statics, contacts, free, MOST_SWEEPS, listed, pairs)
+    if not settled:
+        put_back(places, before, radii, grid, statics, contacts, free, listed, pairs)
+    turn_along_faces(order, heading, motion, contacts[4], turn_angle, extra_turn)
+    return pairs
+
+
+@compiled
+def turn_along_faces(order, heading, motion, face, turn_angle, extra_turn):
+    """Turn robots so that they travel parallel to the flat face that they met at a grazing incidence."""
+    for p in range(order.shape[0]):
+        if face[p, 2] == 0.0:
+            continue
+        i = order[p]
+        speed = math.hypot(motion[i, 0], motion[i, 1])
+        if speed == 0.0:
+            continue
+        ahead, left = motion[i, 0] / speed, motion[i, 1] / speed
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        tx, ty = cosine * ahead - sine * left, sine * ahead + cosine * left
+        into = -(tx * face[p, 0] + ty * face[p, 1])
+        if into <= 0.0 or into >= math.cos(turn_angle):
+            continue
+        along_x, along_y = tx + into * face[p, 0], ty + into * face[p, 1]
+        turn = math.atan2(tx * along_y - ty * along_x, tx * along_x + ty * along_y)
+        extra_turn[i] += turn
+        heading[i] = wrapped(heading[i] + turn)
+
+
+@compiled(nogil=True)
+def finish_rows(first, last, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth):
+    """Write the positions and the contacts of robots p in [first, last) into the columns."""
+    order, places = crowd[0], crowd[1]
+    kind, index, normal, depth, _ = crowd[6]
+    for p in range(first, last):
+        i = order[p]
+        position[i, 0], position[i, 1] = places[p, 0], places[p, 1]
+        if depth[p] > 0.0:
+            contact_kind[i] = kind[p]
+            contact_index[i] = order[index[p]] if kind[p] == ROBOT else index[p]
+            contact_normal[i, 0], contact_normal[i, 1] = normal[p, 0], normal[p, 1]
+        elif collided[i]:
+            contact_kind[i] = contact_index[i] = -1
+            contact_normal[i, 0] = contact_normal[i, 1] = 0.0
+        contact_depth[i] = depth[p]
+        collided[i] = depth[p] > 0.0

@@ -1,0 +1,216 @@
+"""Threads share the rows of a step: the same bits for any number of them, and errors and other users are safe."""
+
+import os
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mesa_swarm import AGENT9, AGENT_FIRE, ProximitySensor, RobotDesign, SwarmModel, rectangle
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.gallery import find_model
+from mesa_swarm.physics import engine
+from mesa_swarm.physics.threads import VARIABLE, RowThreads, ranges
+from mesa_swarm.robots.imperfections import ROBOTARIUM
+from support.scenes import empty
+
+
+@pytest.fixture(autouse=True)
+def shared(monkeypatch):
+    """Share worlds of any size among three processors, whatever the machine has."""
+    monkeypatch.setattr(engine, "FEWEST_ROWS", 1)
+    monkeypatch.setattr("mesa_swarm.physics.threads.processors", lambda: 3)
+
+
+def wanderers(model, n, design=AGENT9):
+    """Return the model with n robots that avoid and explore."""
+    model.add_robots(design, n)
+    model.control = Subsumption(Avoid(distance=15), Explore(turn_interval=30))
+    return model
+
+
+def crowded():
+    """Return a world in which all robots drive into a heap."""
+    model = empty(200, 150, rng=3)
+    model.add_robots(RobotDesign(radius=4, max_speed=3), 120)
+    model.swarm.columns["command"][:] = 3.0
+    return model
+
+
+def imperfect():
+    eyes = AGENT9.with_slip(probability=0.2, magnitude=0.5).with_proximity(error_probability=0.2, error_magnitude=0.1)
+    model = wanderers(SwarmModel(map="original", rng=5), 40, eyes)
+    model.add_robots(AGENT_FIRE, 5)
+    model.add_fire((400, 300), radius=20)
+    model.imperfections = ROBOTARIUM.at(0.5)
+    return model
+
+
+def doors():
+    """Return a world with a body that is driven through the robots."""
+    model = wanderers(empty(400, 300, rng=4), 60)
+    model.add_body(rectangle((190, 100), (200, 200)), kind="door", mode="driven")
+    return model
+
+
+def without_sensors():
+    model = empty(200, 150, rng=6)
+    model.add_robots(RobotDesign(radius=5), 60)
+    model.swarm.columns["command"][:] = (1.0, 0.7)
+    return model
+
+
+def of_gallery(name, **parameters):
+    return lambda: find_model(name)(rng=7, **parameters)
+
+
+WORLDS = {
+    "crowded": crowded,
+    "imperfect": imperfect,
+    "doors": doors,
+    "without sensors": without_sensors,
+    **{
+        name: of_gallery(name)
+        for name in ("fire_fighting", "cooperative_transport", "ant_trails", "puck_clustering", "flocking")
+    },
+}
+
+
+def run(world, threads):
+    """Return the fingerprints after some steps."""
+    model = WORLDS[world]()
+    model.threads = threads
+    hashes = []
+    for _ in range(4):
+        for body in [body for body in model.bodies if body.kind == "door"]:
+            model.move_bodies([body], [(body.position[0] + 3.0, body.position[1] + 1.0, 0.2)])
+        hashes.append(model.run(10).state_hash())
+    return hashes
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_a_run_has_the_same_bits_for_any_number_of_threads(world):
+    one = run(world, 1)
+    assert all(run(world, threads) == one for threads in (2, 3, 8))
+
+
+def test_pairs_for_which_there_is_no_room_are_listed_again():
+    model = empty(200, 150, rng=1)
+    model.add_robots(RobotDesign(radius=5, sensors=(ProximitySensor(range=10),)), poses=[(100, 75, 0.1)] * 60)
+    model.threads = 2
+    model.sense()
+    pairs = model._engine._crowd.pairs
+    assert sorted(map(tuple, pairs.tolist())) == [(i, j) for i in range(60) for j in range(i + 1, 60)]
+
+
+def test_two_models_that_step_at_the_same_time_have_the_bits_that_each_has_alone():
+    models = [wanderers(SwarmModel(rng=seed, threads=3), 50) for seed in (1, 2)]
+    alone = [wanderers(SwarmModel(rng=seed), 50).run(150).state_hash() for seed in (1, 2)]
+    sessions = [threading.Thread(target=model.run, args=(150,)) for model in models]
+    for session in sessions:
+        session.start()
+    for session in sessions:
+        session.join()
+    assert [model.state_hash() for model in models] == alone
+
+
+# ---- parameters
+
+
+@pytest.mark.parametrize("given", ["0", "two", "-1", "1.5", "1000"])
+def test_an_environment_variable_that_is_no_number_of_threads_is_refused(monkeypatch, given):
+    monkeypatch.setenv(VARIABLE, given)
+    with pytest.raises(InvalidValueError, match=rf"{VARIABLE} is '{given}'; expected a whole number, 1 to 256"):
+        SwarmModel()
+    assert SwarmModel(threads=2).threads == 2
+
+
+def test_a_model_has_as_many_threads_as_the_environment_variable_states_unless_it_is_given_others(monkeypatch):
+    monkeypatch.setenv(VARIABLE, "3")
+    assert SwarmModel().threads == 3
+    assert SwarmModel(threads=1).threads == 1
+    assert SwarmModel(engine="shapely").threads == 3
+
+
+@pytest.mark.parametrize("threads", [0, -2, 1.5, "two", 257, True])
+def test_a_wrong_number_of_threads_is_refused_and_the_old_one_stays(threads):
+    model = SwarmModel(threads=2)
+    with pytest.raises(InvalidValueError, match="threads is"):
+        model.threads = threads
+    assert model.threads == 2
+
+
+# ---- sharing
+
+
+@given(st.integers(0, 1000), st.integers(1, 20))
+def test_ranges_are_adjacent_and_differ_by_at_most_one_row(n, parts):
+    found = list(ranges(n, parts))
+    assert [row for first, last in found for row in range(first, last)] == list(range(n))
+    sizes = [last - first for first, last in found]
+    assert len(sizes) == parts
+    assert max(sizes) - min(sizes) <= 1
+
+
+def test_results_come_in_the_order_of_the_ranges_and_from_several_threads():
+    workers, began = RowThreads(), threading.Barrier(3, timeout=30)
+
+    def rows(first, last):
+        if first in (0, 2, 4):  # the first range of each thread: all three at the same time
+            began.wait()
+        return first, last, threading.get_ident()
+
+    found = workers.share(6, 6, rows)
+    assert [(first, last) for first, last, _ in found] == list(ranges(6, 6))
+    assert len({thread for _, _, thread in found}) == 3
+
+
+@pytest.mark.parametrize("failing", [0, 2, 4])
+def test_an_error_in_one_range_is_raised_when_all_have_ended_and_the_next_job_is_done(failing):
+    workers, done = RowThreads(), []
+
+    def rows(first, _last):
+        if first == failing:
+            raise ValueError(f"row {first}")
+        done.append(first)
+        return first
+
+    with pytest.raises(ValueError, match=f"row {failing}"):
+        workers.share(6, 3, rows)
+    assert sorted(done) == [first for first in (0, 2, 4) if first != failing]
+    assert workers.share(6, 3, lambda first, last: last - first) == [2, 2, 2]
+
+
+def test_who_shares_while_the_threads_are_busy_does_all_itself():
+    workers = RowThreads()
+
+    def rows(first, _last):
+        inner = workers.share(4, 2, lambda *_: threading.get_ident())
+        return first, set(inner) == {threading.get_ident()}
+
+    assert workers.share(6, 3, rows) == [(0, True), (2, True), (4, True)]
+
+
+def test_a_thread_that_sleeps_wakes_for_the_next_job():
+    workers, slept = RowThreads(), threading.Event()
+    assert workers.share(2, 2, lambda first, last: first) == [0, 1]
+    slept.wait(0.05)  # longer than it looks for work
+    assert workers.share(2, 2, lambda first, last: last) == [1, 2]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
+def test_a_process_that_was_forked_makes_its_own_threads():
+    model = wanderers(SwarmModel(rng=1, threads=3), 30)
+    expected = wanderers(SwarmModel(rng=1), 30).run(10).state_hash()
+    model.run(5)
+    ends = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.write(ends[1], model.run(5).state_hash().encode())
+        os._exit(0)
+    os.close(ends[1])
+    with os.fdopen(ends[0]) as pipe:
+        assert pipe.read() == expected
+    os.waitpid(child, 0)
