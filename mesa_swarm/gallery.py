@@ -15,12 +15,11 @@ from functools import cache
 from hashlib import blake2b
 from importlib import import_module
 from importlib.machinery import ModuleSpec
-from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec, spec_from_file_location
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mesa_swarm.errors import (
     InvalidValueError,
@@ -31,6 +30,9 @@ from mesa_swarm.errors import (
     unknown_name,
     without_middle,
 )
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 PACKAGE = "mesa_swarm.models"
 GROUP = "mesa_swarm.models"
@@ -165,15 +167,17 @@ def shipped_class(module: str, name: str) -> type | None:
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> dict[str, tuple[EntryPoint, ...]]:
+def _installed(path: tuple[str, ...]) -> "dict[str, tuple[EntryPoint, ...]]":
     """Return the entry points of installed packages by name; `path` is that of the interpreter, for the cache."""
+    from importlib.metadata import entry_points  # noqa: PLC0415 - slow to load
+
     found: dict[str, dict[str, EntryPoint]] = {}
     for point in entry_points(group=GROUP):
         found.setdefault(point.name, {})[point.value] = point
     return {name: tuple(points[value] for value in sorted(points)) for name, points in sorted(found.items())}
 
 
-def _of_package(name: str, points: Sequence[EntryPoint]) -> type:
+def _of_package(name: str, points: "Sequence[EntryPoint]") -> type:
     """Return the class of an entry point."""
     if len(points) > 1:
         raise InvalidValueError(

@@ -6,7 +6,6 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
@@ -89,6 +88,8 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 def _print_version(requested: bool) -> None:
     if requested:
+        from importlib.metadata import version
+
         print(f"mesa-swarm {version('mesa-swarm')}")
         raise typer.Exit
 

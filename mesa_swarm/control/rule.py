@@ -171,7 +171,7 @@ def run(columns, values, at, command, layer, index):
     return -1
 """
 
-Me = namedtuple("Me", FIELDS)
+Me = namedtuple("Me", FIELDS)  # type: ignore[misc]
 reserve(Me._fields)
 
 
@@ -407,7 +407,12 @@ def _loop(form: FieldForm, fields: Iterable[str], rule: Callable) -> tuple[tuple
     text = LOOP.replace("PARTS", ", ".join(parts.values()))
     names = (*COLUMNS, *(f"array_{k}" for k in range(_count_of_arrays(form))))
     places = tuple(k for k, name in enumerate(names) if re.search(rf"\b{name}\b", text))
-    space = {"Me": namedtuple("Me", parts), "Heard": namedtuple("Heard", form.heard), "rule": rule, **OF_LOOP}
+    space: dict[str, Any] = {
+        "Me": namedtuple("Me", list(parts)),
+        "Heard": namedtuple("Heard", form.heard),
+        "rule": rule,
+        **OF_LOOP,
+    }
     exec(text.replace("USED", "".join(f"{names[k]}, " for k in places)), space)
     return places, space["run"]
 

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mesa_swarm.experiments.figures import comparison_pictures, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import PairedOutcome, PairedRuns, Plan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
@@ -57,6 +56,8 @@ class Comparison(PairedRuns):
             "summary.csv": summary_csv(summary_rows(self)),
             "finding.txt": f"{self.finding()}\n",
         }
+        from mesa_swarm.experiments.figures import comparison_pictures, write_with_pictures  # noqa: PLC0415 - slow to load
+
         return write_with_pictures(check_writable(folder), tables, partial(comparison_pictures, self))
 
 

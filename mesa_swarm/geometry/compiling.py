@@ -12,7 +12,7 @@ from contextlib import suppress
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numba
 from numba import types
@@ -162,7 +162,7 @@ def _type_in_words(kind: Any) -> str:
     if isinstance(kind, types.Array):
         return f"{kind.dtype}[{kind.ndim}{kind.layout}{'' if kind.mutable else 'r'}]"
     if isinstance(kind, types.BaseTuple):
-        return f"({' '.join(map(_type_in_words, kind))})"
+        return f"({' '.join(_type_in_words(part) for part in cast(Any, kind))})"
     return re.sub(r" at 0x[0-9a-f]+", "", str(kind))
 
 

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
@@ -18,7 +17,7 @@ def look_at(typing: Any, word: Any) -> Any:
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
-        address = builder.bitcast(array.data, ir.IntType(64).as_pointer())
+        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
         return builder.load_atomic(address, "acquire", 8)
 
     return types.int64(word), code

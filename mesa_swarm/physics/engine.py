@@ -53,6 +53,9 @@ class CompiledEngine:
         self.threads = 1
         self._version = -1
         self._surroundings: Surroundings | None = None
+        self._listed = False  # whether pairs are those of the present places
+        self._motion, self._extra_turn = np.zeros((0, 3)), np.zeros(0)
+        self._drives: Rows = []
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""

@@ -308,7 +308,7 @@ def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: So
         if not is_free(position[i : i + 1], radius[i], solids)[0]:
             find_room(i, position, radius, bounds, solids, apart=False)
     contacts = Touches({name: column.copy() for name, column in columns.items()})
-    if not separate(position, radius, solids, contacts, SWEEPS):
+    if not separate(position, radius, solids, contacts, int(SWEEPS)):
         leave_each_other(position, radius, bounds, solids)
 
 

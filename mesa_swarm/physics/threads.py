@@ -8,6 +8,7 @@ They belong to the process and serve one model at a time; another that steps mea
 
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any
@@ -148,7 +149,7 @@ class RowThreads:
 
         busy = self._threads[:helping]
         for thread, crew in zip(busy, crews[1:], strict=True):
-            thread.begin(lambda crew=crew: work(crew))
+            thread.begin(partial(work, crew))
         try:
             work(crews[0])
         finally:

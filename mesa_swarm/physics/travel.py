@@ -11,6 +11,7 @@ in memory. Row p of these is the robot in row ``order[p]`` of the swarm.
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -59,9 +60,13 @@ def travel_together(
     for piece in range(pieces):
         begin_piece(piece, pieces, crowd, position, radius, statics)
         moved = piece, pieces, crowd, position, heading, motion, statics
-        share(n, lambda first, last, moved=moved: advance_rows(first, last, *moved))
+        share(n, partial(_on_rows, advance_rows, moved))
         pairs = end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn)
-    share(n, lambda first, last: finish_rows(first, last, crowd, position, *written))
+    share(n, partial(_on_rows, finish_rows, (crowd, position, *written)))
+
+
+def _on_rows(kernel: Callable[..., None], given: tuple, first: int, last: int) -> None:
+    kernel(first, last, *given)
 
 
 @compiled

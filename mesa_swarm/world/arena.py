@@ -80,6 +80,9 @@ class Arena(ContinuousSpace):
     `SwarmModel` do not wrap around.
     """
 
+    _n_agents: int
+    _agent_positions: np.ndarray
+
     def __init__(
         self, dimensions: Sequence[Point], torus: bool = False, random: Random | None = None, n_agents: int = 100
     ) -> None:

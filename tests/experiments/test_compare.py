@@ -479,7 +479,7 @@ def test_a_picture_that_fails_costs_no_table(comparison, tmp_path, monkeypatch):
     def fail(*parts):
         raise RuntimeError("no picture")
 
-    monkeypatch.setattr("mesa_swarm.experiments.compare.comparison_pictures", fail)
+    monkeypatch.setattr("mesa_swarm.experiments.figures.comparison_pictures", fail)
     with pytest.raises(RuntimeError, match="no picture"):
         comparison.save(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"runs.csv", "summary.csv", "finding.txt"}
