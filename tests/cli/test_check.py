@@ -5,6 +5,7 @@ import pytest
 from mesa_swarm.analysis.pathology import KINDS, Episode, Pathologies
 from mesa_swarm.cli.check import MOST_EPISODES, described_episodes
 from mesa_swarm.experiments import bench
+from mesa_swarm.experiments.bench import Goal, Measurement
 from mesa_swarm.gallery import find_model
 from mesa_swarm.reproduction.registry import items
 from mesa_swarm.world.map import Map
@@ -36,15 +37,51 @@ def test_diagnose_finds_robots_that_turn_on_the_spot_in_a_corridor(typed):
     assert typed(f"{line} --quiet")[1].endswith("No pathology was found.\n")
 
 
-def test_bench_prints_its_report_and_the_paths(typed, tmp_path, monkeypatch):
-    monkeypatch.setattr(bench, "TARGETS", {50: 0.06, 200: 0.15, 10_000: 5.0})
+def refused(effort):
+    raise bench.NotMeasuredError("this machine has one processor")
+
+
+GOALS = (Goal(what="ten", unit="ms", limit=12.0), Goal(what="memory", unit="GB", limit=1.5))
+PRETENDED = (
+    Measurement(goals=GOALS, measure=lambda effort: [11.0, float("nan")], quick=True),
+    Measurement(goals=(Goal(what="two", unit="as fast", limit=1.75, least=True),), measure=refused, quick=True),
+    Measurement(goals=(Goal(what="start", unit="s", limit=0.5),), measure=lambda effort: [0.7]),
+)
+
+
+@pytest.fixture
+def pretended(monkeypatch):
+    """A report whose steps and measurements take no time."""
+    monkeypatch.setattr(bench, "TARGETS", {1000: 0.15, 10_000: 5.0})
     monkeypatch.setattr(bench, "step_seconds", lambda step, repetitions, budget: 1e-4)
     monkeypatch.setattr(bench, "peer_workload", lambda n: find_model("collision_avoidance")(n_robots=3, rng=1))
-    monkeypatch.setattr(bench, "start_times", lambda: [0.1, 0.2, 0.3])
+    monkeypatch.setattr(bench, "MEASUREMENTS", PRETENDED)
+
+
+def test_bench_prints_its_report_and_the_paths(typed, tmp_path, pretended):
     status, out, _ = typed("bench --quick")
     assert status == 0
-    assert "growth exponent from 200 to 10,000 robots: 0 (required" in out
-    assert {path.name for path in (tmp_path / "results" / "bench").iterdir()} == {"step.csv", "complexity.png"}
+    assert "growth exponent from 1,000 to 10,000 robots, one thread: 0 (required: at most 1.05, passed)" in out
+    names = {path.name for path in (tmp_path / "results" / "bench").iterdir()}
+    assert names == {"step.csv", "goals.csv", "complexity.png"}
+
+
+def test_bench_prints_value_and_goal_of_each_measurement_or_why_it_has_none(typed, tmp_path, pretended):
+    _, out, _ = typed("bench")
+    assert "ten, ms: 11 (required: at most 12.0, passed)" in out
+    assert "memory, GB: not measured, this system does not show it" in out
+    assert "two, as fast: not measured, this machine has one processor" in out
+    assert "start, s: 0.7 (required: at most 0.5, MISSED)" in out
+    rows = (tmp_path / "results" / "bench" / "goals.csv").read_text().splitlines()
+    assert rows[0] == "what,unit,measured,required,bound,passed"
+    assert rows[2:] == ["ten,ms,11.0,12.0,most,yes", "memory,GB,,1.5,most,", "two,as fast,,1.75,least,", START]
+
+
+START = "start,s,0.7,0.5,most,no"
+
+
+def test_a_quick_bench_leaves_out_what_takes_long(typed, pretended):
+    assert "start, s" not in typed("bench --quick")[1]
 
 
 def stuck(first, last, *robots):
