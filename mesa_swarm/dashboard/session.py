@@ -65,6 +65,8 @@ LIVE = frozenset(field.name for field in fields(FireConstants)) - {"remarks"}
 USUAL_SPEED = 60.0
 # Longest time for steps before anything is shown, s; the remaining ones are played, and can be paused.
 LONGEST_WAIT = 2.0
+# Longest time to wait for the end of the step that is on its way when the user pauses, s.
+LONGEST_STEP = 0.5
 READER = "map"
 
 
@@ -189,7 +191,7 @@ class Session(Player):
     def rest(self) -> None:
         """Show the state at rest; pausing cancels the goal."""
         if self.goal and not self.playing and self.model is not None:
-            done, goal = self.model.completed, self.goal
+            done, goal = self._completed(self.model), self.goal
             self._forget_goal()
             if done >= goal or self.error:
                 self.note = ""
@@ -198,6 +200,15 @@ class Session(Player):
             else:
                 self.note = ended_early(done, goal)
         super().rest()
+
+    def _completed(self, model: SwarmModel) -> int:
+        """Return how many steps a model has completed, also the one that is on its way, if it ends soon."""
+        held = self.lock.acquire(timeout=LONGEST_STEP)
+        try:
+            return model.completed
+        finally:
+            if held:
+                self.lock.release()
 
     def set_speed(self, speed: float) -> None:
         """Set the number of steps a second, at once; also on the way to a goal, to which it went as fast as it goes."""
