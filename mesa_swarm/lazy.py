@@ -31,8 +31,8 @@ def lazy_names(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str]
         """Import a public name from where it lives."""
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        # Numba comes with Mesa and a thousand modules; those that are imported later are few.
-        with nullcontext() if "numba" in sys.modules else without_collection():
+        # These bring in a thousand modules; those that are imported later are few.
+        with nullcontext() if {"mesa", "numba"} <= sys.modules.keys() else without_collection():
             value = getattr(import_module(f"mesa_swarm.{homes[name]}"), name)
         setattr(sys.modules[package], name, value)
         return value

@@ -99,6 +99,13 @@ def test_garbage_made_meanwhile_is_collected_later_unless_it_is_for_good():
         assert gc.collect() == found
 
 
+@pytest.mark.parametrize("names", ["SwarmModel", "AGENT9, SwarmModel", "Looks, Map, SwarmModel"])
+def test_hardly_any_garbage_is_collected_during_the_first_imports(names):
+    code = f"import gc\nfrom mesa_swarm import {names}\nprint(sum(one['collections'] for one in gc.get_stats()))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 100  # of 400
+
+
 SLOW = ("mesa", "numba", "pandas", "scipy", "matplotlib", "networkx", "pyarrow", "shapely", "svgelements", "solara")
 # What of these the import of a name may bring in.
 NEEDS = {

@@ -6,7 +6,7 @@ import re
 import sys
 import warnings
 from collections import namedtuple
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache, reduce
 from types import FunctionType
 from typing import Any
@@ -19,6 +19,7 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, fields_used, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
+from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import speeds_in_words
 from mesa_swarm.robots.parts import brief, reserve
@@ -70,8 +71,8 @@ class ReadingsType(types.Array):
 register_model(ReadingsType)(models.ArrayModel)
 
 
-def _reading(nothing: float) -> Callable[[np.ndarray], Readings]:
-    """Return the function that makes readings of an array, in plain Python and in compiled code."""
+def _reading(nothing: float) -> tuple[Callable, Any]:
+    """Return the functions that make readings of an array, in plain Python and in compiled code."""
 
     def readings(array: np.ndarray) -> Readings:
         view = array.view(Readings)
@@ -88,17 +89,13 @@ def _reading(nothing: float) -> Callable[[np.ndarray], Readings]:
 
         return result(array), generate
 
-    @overload(readings)
-    def compiled_readings(array):  # without types, for Numba wants the signature of what it returns
-        # Numba needs a plain function there, and passes the context itself.
-        return lambda array: typed(array)  # type: ignore[call-arg]  # noqa: PLW0108
-
-    return readings
+    return readings, typed
 
 
 # What index -1 reads: of distances and kinds -1, of radiation 0, of lines False; and a bearing that is not there
 # would make the wheels' speeds NaN, which is reported.
 seen, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
+READINGS = {"seen": seen, "sensed": sensed, "bearings": bearings}
 
 
 @lower_builtin(operator.getitem, ReadingsType, types.Integer)
@@ -303,10 +300,19 @@ def _tried(
     function: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
+    fields = fields_used(function, (*Me._fields, *form.names))
+    digest = digest_of(function, str(form), fields, numbers)
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
-    rule: Any = njit(error_model="numpy", boundscheck=True)(function)
-    places, loop = _loop(form, fields_used(function, (*Me._fields, *form.names)), rule)
-    run: Any = njit(error_model="numpy")(loop)
+    rule: Any = njit(error_model="numpy", boundscheck=True)(renamed(function, digest))
+    places, loop = _loop(form, fields, rule, COMPILED)
+
+    def returned() -> list[Any]:
+        return [result.signature.return_type for result in rule.overloads.values()]
+
+    def is_right() -> bool:
+        return all(_is_command(kind, numbers) for kind in returned())
+
+    run: Any = stored_on_disk(njit(error_model="numpy")(renamed(loop, digest)), digest, is_right)
     no_rows = np.empty(0, np.int64)
     try:
         run(tuple(columns[place] for place in places), values, no_rows, np.empty((0, 2)), no_rows, 0)
@@ -315,9 +321,8 @@ def _tried(
         problem = f"{UNKNOWN} {error.args[0]}"
     except Exception as error:  # it was about no robot, so that the rule itself cannot have raised it
         problem = str(error) or type(error).__name__
-    returned = [result.signature.return_type for result in rule.overloads.values()]
-    if not all(_is_command(kind, numbers) for kind in returned):
-        problem = f"{UNLIKE}: {returned[0]}"
+    if not is_right():
+        problem = f"{UNLIKE}: {returned()[0]}"
     return (places, run), problem
 
 
@@ -389,14 +394,13 @@ def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> i
 
 
 # What the text of the loop uses.
-OF_LOOP = {"seen": seen, "sensed": sensed, "bearings": bearings, "take": take} | {
-    "PASSED": PASSED,
-    "DONE": DONE,
-    "WRONG": WRONG,
-}
+OF_LOOP = {"take": take, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG}
+PLAIN, COMPILED = ({**OF_LOOP, **{name: pair[place] for name, pair in READINGS.items()}} for place in (0, 1))
 
 
-def _loop(form: FieldForm, fields: Iterable[str], rule: Callable) -> tuple[tuple[int, ...], Callable]:
+def _loop(
+    form: FieldForm, fields: Iterable[str], rule: Callable, used: Mapping[str, Any]
+) -> tuple[tuple[int, ...], FunctionType]:
     """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet.
 
     It fills only these fields of `me`, and takes only the columns and arrays that these need, whose places come first:
@@ -408,10 +412,11 @@ def _loop(form: FieldForm, fields: Iterable[str], rule: Callable) -> tuple[tuple
     names = (*COLUMNS, *(f"array_{k}" for k in range(_count_of_arrays(form))))
     places = tuple(k for k, name in enumerate(names) if re.search(rf"\b{name}\b", text))
     space: dict[str, Any] = {
+        "__name__": __name__,
         "Me": namedtuple("Me", list(parts)),
         "Heard": namedtuple("Heard", form.heard),
         "rule": rule,
-        **OF_LOOP,
+        **used,
     }
     exec(text.replace("USED", "".join(f"{names[k]}, " for k in places)), space)
     return places, space["run"]
@@ -426,7 +431,7 @@ def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Ca
             raise WheelsError(wheels)
         return wheels
 
-    places, loop = _loop(form, (*Me._fields, *form.names), checked)
+    places, loop = _loop(form, (*Me._fields, *form.names), checked, PLAIN)
 
     def run(columns: tuple, *more: Any) -> int:
         count = len(columns) - _count_of_arrays(form)

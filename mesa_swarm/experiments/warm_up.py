@@ -53,7 +53,8 @@ def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:
 
     Machine code is for this version of mesa_swarm, of Numba and of Python, and for this kind of processor. With the
     environment variable ``NUMBA_CPU_NAME=generic``, here and in what runs later, it is for all processors of a family.
-    Custom rules are compiled in each process.
+    Rules, sensors and actuators of your own are compiled when a
+    model that has them is run for the first time.
 
     Parameters
     ----------
@@ -102,6 +103,7 @@ def _compile_all(left: list[str], workers: int, show: Callable[[], object]) -> N
     """Compile what these models need, each in a new process: in one that has run others, Numba would reuse their code.
 
     What it reuses is for more general types, and the process that later runs only this model would not find its own.
+    Each is run, even if what is counted is there by then: its own rules and sensors are stored too.
     """
     running: dict[str, subprocess.Popen] = {}
     try:
@@ -114,7 +116,6 @@ def _compile_all(left: list[str], workers: int, show: Callable[[], object]) -> N
             show()
             for model in [model for model, process in running.items() if process.poll() is not None]:
                 _check_ended(model, running.pop(model))
-                left = [model for model in missing_functions() if model in left]
     finally:
         for process in running.values():
             process.kill()

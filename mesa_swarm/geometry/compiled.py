@@ -9,6 +9,7 @@ from typing import Any
 
 import numba
 from numba import njit, typeof
+from numba.core.caching import IndexDataCacheFile
 
 # Numba finds its settings when it is imported, where no type checker sees them.
 settings: Any = numba.config
@@ -49,6 +50,20 @@ _drop_old_caches()
 FUNCTIONS: set[Callable[..., Any]] = set()
 
 
+class SeparateFiles(IndexDataCacheFile):
+    """Numba's files of one function, each named after the types that its code is for.
+
+    Numba counts them: of two processes that store code for different types at once, one would find the other's. Here
+    at worst one is not in the index, and is compiled again.
+    """
+
+    def save(self, key: tuple, code: Any) -> None:
+        """Write the machine code for a key, then the index."""
+        name = self._index_name.replace(".nbi", f".{blake2b(repr(key).encode(), digest_size=6).hexdigest()}.nbc")
+        self._save_data(name, code)
+        self._save_index(self._load_index() | {key: name})
+
+
 def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False) -> Any:
     """Compile `function` when it is first called, and store the machine code on disk.
 
@@ -70,7 +85,9 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False)
     previous = settings.CACHE_DIR
     settings.CACHE_DIR = str(_CACHE)
     try:
-        return njit(cache=True, error_model="numpy", nogil=nogil)(function)
+        result: Any = njit(cache=True, error_model="numpy", nogil=nogil)(function)
+        result._cache._cache_file.__class__ = SeparateFiles
+        return result
     except RuntimeError:  # no folder can be written to, or the source is not in a file
         return njit(error_model="numpy", nogil=nogil)(function)
     finally:

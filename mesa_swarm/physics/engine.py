@@ -13,7 +13,7 @@ from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_prox
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.physics.threads import ROW_THREADS, Share
+from mesa_swarm.physics.threads import ROW_THREADS, OnRows
 from mesa_swarm.physics.travel import travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
@@ -125,7 +125,7 @@ class CompiledEngine:
         """Return into how many ranges n rows are cut."""
         return self.threads if n >= FEWEST_ROWS else 1
 
-    def _share(self, n: int, rows: Share) -> list[Any]:
+    def _share(self, n: int, rows: OnRows) -> list[Any]:
         """Call ``rows(first, last)`` for the ranges of n rows, in as many threads, and return the results."""
         return ROW_THREADS.share(n, self._parts(n), rows)
 

@@ -1,8 +1,9 @@
 """Which robots are near each other, and how those that overlap are pushed apart, or back to where they were.
 
-Robots that overlap are pushed apart, half the overlap each, all at once, then out of static bodies. Only robots that
-were moved, and those near them, are looked at again. What still overlaps after `MOST_SWEEPS` rounds (in a narrow wedge,
-in a jam) returns to where it was before the piece, and so does what then overlaps it, until no two bodies do.
+Robots that overlap are pushed apart, half the overlap each, all at once, then out of static bodies, group by group:
+groups of robots that pairs connect do not influence each other, so that threads can share them. In a group only robots
+that were moved, and those near them, are looked at again. What still overlaps after `MOST_SWEEPS` rounds (in a narrow
+wedge, in a jam) returns to where it was before the piece, and so does what then overlaps it, until no two bodies do.
 """
 
 import math
@@ -25,8 +26,12 @@ from mesa_swarm.physics.contact import (
 from mesa_swarm.physics.motion import copy_places, largest_of, least_of
 from mesa_swarm.physics.moving import return_bodies
 
-# A NumPy number: Numba would compile a function once more for each literal one that is passed to it.
-MOST_SWEEPS = np.int64(128)
+# NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
+MOST_SWEEPS, NONE = np.int64(128), np.int64(0)
+# Groups have numbers from 0; these are those that were not looked at, or that are not all within the rows at hand.
+FRESH, LATER = np.int64(-2), np.int64(-1)
+# How separating a group has ended, from good to bad.
+SETTLED, STUCK, STRAYED = np.int64(0), np.int64(1), np.int64(2)
 # Pairs nearer than this share of the least radius are watched while pushing.
 MARGIN = 1.0
 
@@ -39,34 +44,150 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
     are those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs
     are listed anew, and the places written.
     """
+    pairs, met = overlaps_of(position, radius, grid, listed, pairs)
+    if len(met) == 0:
+        return free.all(), pairs
+    bodies = position, radius, number, statics, contacts, free, listed, pairs, *scratch_of(radius, pairs)
+    _, state = separate_groups(NONE, len(radius), met, met, most_sweeps, bodies)
+    return finish_separation(grid, most_sweeps, bodies, met, met[:0], state)
+
+
+@compiled(nogil=True)
+def overlaps_of(position, radius, grid, listed, pairs):
+    """Return the pairs near each other, listed anew if robots have gone too far since, and which of them overlap."""
     margin = MARGIN * least_of(radius)
     if 2.0 * farthest_of_all(listed, position) > margin:
         pairs = near_pairs(position, radius, margin, grid)
         copy_places(position, listed)
-    met = overlapping(position, radius, pairs)
-    if len(met) == 0:
-        return free.all(), pairs
+    return pairs, overlapping(position, radius, pairs)
+
+
+@compiled(nogil=True)
+def scratch_of(radius, pairs):
+    """Return the pairs of each robot, room for its push, whether it is awake, and its group; and the margin."""
     n = len(radius)
-    push, awake, moved = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
     start, own = pairs_by_robot(pairs, n)
-    chosen, count = np.empty(len(pairs), np.int64), len(met)
-    chosen[:count] = met
+    return start, own, np.zeros((n, 2)), np.zeros(n, np.bool_), np.full(n, FRESH), MARGIN * least_of(radius)
+
+
+@compiled(nogil=True)
+def separate_groups(first, last, begin, met, most_sweeps, bodies):
+    """Separate groups of robots near each other in which pairs `met` overlap; groups do not influence each other.
+
+    Only the groups that the pairs `begin` are in, and of these only those that are within rows [first, last). Return
+    the first pair of each of the others, which is left for later, and the worst state in which a group ends:
+    `SETTLED`; `STUCK` if robots overlap after `most_sweeps`; `STRAYED` if one has gone so far that it may have met
+    robots beyond its group, which is then left as it is.
+    """
+    position, radius, number, statics, contacts, free, listed, pairs, start, own, push, awake, group, margin = bodies
+    chosen, count, later = collect_groups(first, last, begin, met, pairs, start, own, group)
+    moved, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
     for _ in range(most_sweeps):
         overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
         if overlaps == 0:
-            return free.all(), pairs
+            return later, worst
+        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
+        push_all_from_statics(moved[:moving], position, radius, statics, contacts, free)
+        if 2.0 * farthest_from(listed, position, moved[:moving]) > margin:
+            mark_strayed(listed, position, moved[:moving], margin, group, strayed)
+            worst = STRAYED
+        count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
+        for k in range(moving):
+            awake[moved[k]] = False
+    return later, max(worst, STUCK)
+
+
+@compiled
+def collect_groups(first, last, begin, met, pairs, start, own, group):
+    """Give numbers to the groups that pairs `begin` belong to, where all of a group is within rows [first, last).
+
+    Return their pairs `met` in an array with room for all, how many there are, and the first pair of each other group.
+    """
+    members, later, left = np.empty(last - first, np.int64), np.empty(len(begin), np.int64), 0
+    all_rows = last - first == len(group)
+    for number in range(len(begin)):
+        i = pairs[begin[number], 0]
+        if i < first or i >= last or group[i] >= 0 or (group[i] == LATER and not all_rows):
+            continue
+        members[0], size, at, whole = i, 1, 0, True
+        group[i] = number
+        while at < size:
+            a = members[at]
+            at += 1
+            for place in range(start[a], start[a + 1]):
+                other = pairs[own[place], 0] + pairs[own[place], 1] - a
+                if other < first or other >= last:
+                    whole = False
+                elif group[other] < 0:
+                    group[other] = number
+                    members[size] = other
+                    size += 1
+        if not whole:
+            later[left] = begin[number]
+            left += 1
+            for at in range(size):
+                group[members[at]] = LATER
+    chosen, count = np.empty(len(pairs) + 1, np.int64), 0
+    for k in met:
+        i = pairs[k, 0]
+        chosen[count] = k
+        count += (first <= i < last) and group[i] >= 0
+    return chosen, count, later[:left]
+
+
+@compiled
+def mark_strayed(listed, position, moved, margin, group, strayed):
+    """Mark the groups of which a robot has gone farther than half the margin."""
+    for i in moved:
+        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        if 2.0 * math.sqrt(dx * dx + dy * dy) > margin:
+            strayed[group[i]] = True
+
+
+@compiled(nogil=True)
+def finish_separation(grid, most_sweeps, bodies, met, later, state):
+    """Separate the groups that were left for `later`, and all together if some have strayed.
+
+    Return whether no robots overlap, and the pairs.
+    """
+    position, radius, _, _, _, free, listed, pairs, _, _, _, _, group, margin = bodies
+    if len(later):
+        for i in range(len(group)):
+            group[i] = min(group[i], LATER)
+        _, worst = separate_groups(NONE, len(group), later, met, most_sweeps, bodies)
+        state = max(state, worst)
+    if state == STRAYED:
+        pairs = near_pairs(position, radius, margin, grid)
+        copy_places(position, listed)
+        state, pairs = separate_all(grid, most_sweeps, bodies, pairs)
+    return state == SETTLED and free.all(), pairs
+
+
+@compiled
+def separate_all(grid, most_sweeps, bodies, pairs):
+    """Push all robots apart that overlap; list pairs anew whenever one has gone too far; return state and pairs."""
+    position, radius, number, statics, contacts, free, listed, _, _, _, push, awake, group, margin = bodies
+    n = len(radius)
+    start, own = pairs_by_robot(pairs, n)
+    chosen, count = np.arange(len(pairs) + 1), len(pairs)
+    moved, strayed = np.empty(n, np.int64), np.zeros(1, np.bool_)
+    group[:] = NONE
+    for _ in range(most_sweeps):
+        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
+        if overlaps == 0:
+            return SETTLED, pairs
         moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
         push_all_from_statics(moved[:moving], position, radius, statics, contacts, free)
         if 2.0 * farthest_from(listed, position, moved[:moving]) > margin:
             pairs = near_pairs(position, radius, margin, grid)
             copy_places(position, listed)
             start, own = pairs_by_robot(pairs, n)
-            chosen, count = np.arange(len(pairs)), len(pairs)
+            chosen, count = np.arange(len(pairs) + 1), len(pairs)
         else:
-            count = pairs_of(moved[:moving], awake, pairs, start, own, chosen)
-        for i in moved[:moving]:
-            awake[i] = False
-    return False, pairs
+            count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
+        for k in range(moving):
+            awake[moved[k]] = False
+    return STUCK, pairs
 
 
 @compiled
@@ -148,15 +269,20 @@ def pairs_by_robot(pairs, n):
 
 
 @compiled
-def pairs_of(moved, awake, pairs, start, own, chosen):
-    """Write the pairs of robots that were moved, each once, into `chosen`, and return how many; `awake` marks them."""
+def pairs_of(moved, awake, pairs, start, own, chosen, group, strayed):
+    """Write the pairs of robots that were moved, each once, into `chosen`, and return how many; `awake` marks them.
+
+    Those of groups that have strayed are left out. `chosen` has room for one more than all pairs.
+    """
     count = 0
     for i in moved:
-        for k in own[start[i] : start[i + 1]]:
+        if strayed[group[i]]:
+            continue
+        for place in range(start[i], start[i + 1]):
+            k = own[place]
             other = pairs[k, 0] + pairs[k, 1] - i
-            if not awake[other] or i < other:
-                chosen[count] = k
-                count += 1
+            chosen[count] = k
+            count += not awake[other] or i < other
     return count
 
 

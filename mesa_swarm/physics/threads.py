@@ -23,7 +23,7 @@ VARIABLE = "MESA_SWARM_THREADS"
 # Looks at a word before a thread sleeps: about a tenth of a millisecond.
 LOOKS = np.int64(4000)
 
-Share = Callable[[int, int], Any]
+OnRows = Callable[[int, int], Any]
 
 
 def checked_threads(threads: int | None) -> int:
@@ -127,7 +127,7 @@ class RowThreads:
     def __init__(self) -> None:
         self._lock, self._threads = Lock(), []  # type: tuple[Lock, list[RowThread]]
 
-    def share(self, n: int, parts: int, rows: Share) -> list[Any]:
+    def share(self, n: int, parts: int, rows: OnRows) -> list[Any]:
         """Call ``rows(first, last)`` for the ranges of n rows at the same time, and return the results in order."""
         if parts == 1 or not self._lock.acquire(blocking=False):
             return [rows(first, last) for first, last in ranges(n, parts)]
@@ -136,7 +136,7 @@ class RowThreads:
         finally:
             self._lock.release()
 
-    def _share(self, parts: list[tuple[int, int]], rows: Share) -> list[Any]:
+    def _share(self, parts: list[tuple[int, int]], rows: OnRows) -> list[Any]:
         helping = min(len(parts), processors()) - 1
         while len(self._threads) < helping:
             self._threads.append(RowThread())

@@ -21,8 +21,20 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.contact import push_all_from_statics
 from mesa_swarm.physics.motion import count_pieces, moved_by
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
-from mesa_swarm.physics.separation import MOST_SWEEPS, put_back, separate, stop_jumps
+from mesa_swarm.physics.separation import (
+    MOST_SWEEPS,
+    finish_separation,
+    overlaps_of,
+    put_back,
+    scratch_of,
+    separate,
+    separate_groups,
+    stop_jumps,
+)
 from mesa_swarm.world.statics import ROBOT
+
+# Calls a function of the first row and one past the last for ranges of so many rows, and returns the results.
+Share = Callable[[int, Callable[[int, int], Any]], list]
 
 
 @compiled(nogil=True)
@@ -49,9 +61,7 @@ def travel(
     finish_rows(0, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
 
 
-def travel_together(
-    share: Callable[[int, Callable[[int, int], Any]], list], pairs: np.ndarray, turn_angle: float, *given: Any
-) -> None:
+def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
     """Do what `travel` does, given the same, the rows of robots in ranges by ``share(n, rows)``."""
     crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
     n = len(heading)
@@ -61,12 +71,28 @@ def travel_together(
         begin_piece(piece, pieces, crowd, position, radius, statics)
         moved = piece, pieces, crowd, position, heading, motion, statics
         share(n, partial(_on_rows, advance_rows, moved))
-        pairs = end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn)
+        pairs = _separate_together(share, crowd, listed, pairs, grid, statics)
+        turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
     share(n, partial(_on_rows, finish_rows, (crowd, position, *written)))
 
 
-def _on_rows(kernel: Callable[..., None], given: tuple, first: int, last: int) -> None:
-    kernel(first, last, *given)
+def _separate_together(
+    share: Share, crowd: tuple, listed: np.ndarray, pairs: np.ndarray, grid: tuple, statics: tuple
+) -> np.ndarray:
+    """Separate the robots, or put them back, and return the pairs near each other."""
+    _, places, before, radii, numbers, free, contacts, _ = crowd
+    pairs, met = overlaps_of(places, radii, grid, listed, pairs)
+    bodies = places, radii, numbers, statics, contacts, free, listed, pairs, *scratch_of(radii, pairs)
+    found = share(len(radii), partial(_on_rows, separate_groups, (met, met, MOST_SWEEPS, bodies)))
+    later, state = np.concatenate([late for late, _ in found]), max(state for _, state in found)
+    settled, pairs = finish_separation(grid, MOST_SWEEPS, bodies, met, later, state)
+    if not settled:
+        put_back(places, before, radii, grid, statics, contacts, free, listed, pairs)
+    return pairs
+
+
+def _on_rows(kernel: Callable, given: tuple, first: int, last: int) -> Any:
+    return kernel(first, last, *given)
 
 
 @compiled
@@ -100,7 +126,7 @@ def advance_rows(first, last, piece, pieces, crowd, position, heading, motion, s
     push_all_from_statics(rows[first:last], places, radii, statics, contacts, free)
 
 
-@compiled(nogil=True)
+@compiled
 def end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn):
     """Separate the robots, or put them back, and turn those that met faces; return the pairs near each other."""
     order, places, before, radii, numbers, free, contacts, _ = crowd

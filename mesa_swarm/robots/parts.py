@@ -11,6 +11,7 @@ from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, UncompiledBehaviourWarning, asked, check_count, shortened
 from mesa_swarm.geometry.compiled import custom_compiled, is_refused
+from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
 
 MOST_NUMBERS = 10_000
 # Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve`; and those of what
@@ -117,7 +118,7 @@ class Kernel:
     def __init__(self, function: Any) -> None:
         self.function = getattr(function, "py_func", function)
         self.takes = names_taken(function)
-        self._run: Any = custom_compiled(function) if self.function is function else function
+        self._run: Any = _compiled(function) if self.function is function else function
 
     def __call__(self, *values: Any) -> None:
         """Call it with the values of the names that it takes, in their order."""
@@ -139,6 +140,11 @@ class Kernel:
             code.co_filename,
             code.co_firstlineno,
         )
+
+
+def _compiled(function: Any) -> Any:
+    digest = digest_of(function)
+    return stored_on_disk(custom_compiled(renamed(function, digest)), digest)
 
 
 @cache

@@ -104,7 +104,7 @@ def test_plain_rules_read_the_first_sensor_the_last_and_nothing(which):
 
 
 def test_readings_are_a_view_that_cannot_be_written_and_sums_of_them_are_ordinary():
-    readings = seen(np.array([3.0, 1.0, 2.0]))
+    readings = seen[0](np.array([3.0, 1.0, 2.0]))
     assert [readings[k] for k in (0, 1, 2, -1)] == [3.0, 1.0, 2.0, -1.0]
     assert readings[-2:].tolist() == [1.0, 2.0]
     assert (readings + 1.0)[-1] == 3.0

@@ -7,7 +7,7 @@ import numba
 import pytest
 
 from mesa_swarm.geometry import compiled as module
-from mesa_swarm.geometry.compiled import MOST_CACHES, compiled
+from mesa_swarm.geometry.compiled import MOST_CACHES, SeparateFiles, compiled
 
 
 @compiled
@@ -24,6 +24,18 @@ def test_machine_code_is_stored_in_the_cache_of_these_sources_and_numbas_own_set
     before = numba.config.CACHE_DIR
     assert compiled(quotient.py_func).stats.cache_path.startswith(str(module._CACHE))
     assert before == numba.config.CACHE_DIR
+
+
+def test_code_that_two_processes_store_at_once_for_different_types_is_not_mixed_up(tmp_path, monkeypatch):
+    one, other = (SeparateFiles(str(tmp_path), "f", "stamp") for _ in range(2))
+    for files in (one, other):  # as if both had read the index before either has written it
+        monkeypatch.setattr(files, "_load_index", dict)
+    one.save(("int",), "for int")
+    other.save(("float",), "for float")
+    files = SeparateFiles(str(tmp_path), "f", "stamp")
+    assert (files.load(("int",)), files.load(("float",))) == (None, "for float")
+    files.save(("int",), "for int")
+    assert [files.load((name,)) for name in ("int", "float", "str")] == ["for int", "for float", None]
 
 
 @pytest.mark.parametrize("exists", [False, True])

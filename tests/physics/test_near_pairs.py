@@ -62,6 +62,8 @@ def test_the_pairs_of_robots_that_moved_are_found_once_each(seed, n, count):
     for i in range(n):
         assert own[start[i] : start[i + 1]].tolist() == np.flatnonzero((pairs == i).any(axis=1)).tolist()
     awake = rng.random(n) < 0.4
-    moved, chosen = rng.permutation(np.flatnonzero(awake)), np.empty(len(pairs), np.int64)
-    found = chosen[: pairs_of(moved, awake, pairs, start, own, chosen)]
+    moved, chosen = rng.permutation(np.flatnonzero(awake)), np.empty(len(pairs) + 1, np.int64)
+    group, strayed = np.zeros(n, np.int64), np.array([False, False, True])
+    found = chosen[: pairs_of(moved, awake, pairs, start, own, chosen, group, strayed)]
     assert sorted(found.tolist()) == np.flatnonzero(awake[pairs].any(axis=1)).tolist()
+    assert pairs_of(moved, awake, pairs, start, own, chosen, np.full(n, 2), strayed) == 0
