@@ -47,7 +47,7 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
     pairs, met = overlaps_of(position, radius, grid, listed, pairs)
     if len(met) == 0:
         return free.all(), pairs
-    bodies = position, radius, number, statics, contacts, free, listed, pairs, *scratch_of(radius, pairs)
+    bodies = position, radius, number, statics, contacts, free, listed, pairs, *scratch_of(position, radius, pairs)
     _, state = separate_groups(NONE, len(radius), met, met, most_sweeps, bodies)
     return finish_separation(grid, most_sweeps, bodies, met, met[:0], state)
 
@@ -63,11 +63,13 @@ def overlaps_of(position, radius, grid, listed, pairs):
 
 
 @compiled(nogil=True)
-def scratch_of(radius, pairs):
-    """Return the pairs of each robot, room for its push, whether it is awake, and its group; and the margin."""
+def scratch_of(position, radius, pairs):
+    """Return the pairs of each robot, its push, whether it is awake, its group, and where it begins; and the margin."""
     n = len(radius)
     start, own = pairs_by_robot(pairs, n)
-    return start, own, np.zeros((n, 2)), np.zeros(n, np.bool_), np.full(n, FRESH), MARGIN * least_of(radius)
+    push, awake, group, begins = np.zeros((n, 2)), np.zeros(n, np.bool_), np.full(n, FRESH), np.empty((n, 2))
+    copy_places(position, begins)
+    return start, own, push, awake, group, begins, MARGIN * least_of(radius)
 
 
 @compiled(nogil=True)
@@ -79,7 +81,7 @@ def separate_groups(first, last, begin, met, most_sweeps, bodies):
     `SETTLED`; `STUCK` if robots overlap after `most_sweeps`; `STRAYED` if one has gone so far that it may have met
     robots beyond its group, which is then left as it is.
     """
-    position, radius, number, statics, contacts, free, listed, pairs, start, own, push, awake, group, margin = bodies
+    position, radius, number, statics, contacts, free, listed, pairs, start, own, push, awake, group, _, margin = bodies
     chosen, count, later = collect_groups(first, last, begin, met, pairs, start, own, group)
     moved, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
     for _ in range(most_sweeps):
@@ -146,29 +148,27 @@ def mark_strayed(listed, position, moved, margin, group, strayed):
 
 @compiled(nogil=True)
 def finish_separation(grid, most_sweeps, bodies, met, later, state):
-    """Separate the groups that were left for `later`, and all together if some have strayed.
+    """Separate the groups that were left for `later`, or all together, from the beginning, if some have strayed.
 
     Return whether no robots overlap, and the pairs.
     """
-    position, radius, _, _, _, free, listed, pairs, _, _, _, _, group, margin = bodies
+    position, free, pairs, group, begins = bodies[0], bodies[5], bodies[7], bodies[12], bodies[13]
     if len(later):
         for i in range(len(group)):
             group[i] = min(group[i], LATER)
         _, worst = separate_groups(NONE, len(group), later, met, most_sweeps, bodies)
         state = max(state, worst)
     if state == STRAYED:
-        pairs = near_pairs(position, radius, margin, grid)
-        copy_places(position, listed)
-        state, pairs = separate_all(grid, most_sweeps, bodies, pairs)
+        copy_places(begins, position)
+        state, pairs = separate_all(grid, most_sweeps, bodies)
     return state == SETTLED and free.all(), pairs
 
 
 @compiled
-def separate_all(grid, most_sweeps, bodies, pairs):
+def separate_all(grid, most_sweeps, bodies):
     """Push all robots apart that overlap; list pairs anew whenever one has gone too far; return state and pairs."""
-    position, radius, number, statics, contacts, free, listed, _, _, _, push, awake, group, margin = bodies
+    position, radius, number, statics, contacts, free, listed, pairs, start, own, push, awake, group, _, margin = bodies
     n = len(radius)
-    start, own = pairs_by_robot(pairs, n)
     chosen, count = np.arange(len(pairs) + 1), len(pairs)
     moved, strayed = np.empty(n, np.int64), np.zeros(1, np.bool_)
     group[:] = NONE

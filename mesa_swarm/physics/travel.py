@@ -33,7 +33,7 @@ from mesa_swarm.physics.separation import (
 )
 from mesa_swarm.world.statics import ROBOT
 
-# Calls a function of the first row and one past the last for ranges of so many rows, and returns the results.
+# Calls a function of the first row and one past the last for ranges of a given number of rows, and returns the results.
 Share = Callable[[int, Callable[[int, int], Any]], list]
 
 
@@ -82,7 +82,7 @@ def _separate_together(
     """Separate the robots, or put them back, and return the pairs near each other."""
     _, places, before, radii, numbers, free, contacts, _ = crowd
     pairs, met = overlaps_of(places, radii, grid, listed, pairs)
-    bodies = places, radii, numbers, statics, contacts, free, listed, pairs, *scratch_of(radii, pairs)
+    bodies = places, radii, numbers, statics, contacts, free, listed, pairs, *scratch_of(places, radii, pairs)
     found = share(len(radii), partial(_on_rows, separate_groups, (met, met, MOST_SWEEPS, bodies)))
     later, state = np.concatenate([late for late, _ in found]), max(state for _, state in found)
     settled, pairs = finish_separation(grid, MOST_SWEEPS, bodies, met, later, state)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, Map, Radio, SwarmModel, disc, rectangle
@@ -47,6 +47,7 @@ def test_neither_robots_nor_driven_bodies_overlap_loads(seed):
 
 @settings(max_examples=8, deadline=None)
 @given(seeds, st.integers(0, 3))
+@example(0, 0)  # robots that a long way of a body pushes far
 def test_both_engines_move_the_same_bodies_and_robots_to_the_same_places(seed, loads):
     world, shapes = driven_world(seed, robots=7, loads=loads)
     ours, oracle = (with_driven(world, shapes, engine) for engine in ("compiled", "shapely"))
