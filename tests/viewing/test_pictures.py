@@ -226,7 +226,7 @@ def test_the_same_workload_twice_gives_the_same_state():
 
 
 def test_the_benchmark_table_shows_which_requirements_are_passed():
-    lines = step_table({50: 0.00003, 200: 0.001, 1000: 0.0003, 5000: 0.001, 10_000: 0.006})
+    lines = step_table({50: 0.00002, 200: 0.001, 1000: 0.0003, 5000: 0.001, 10_000: 0.006})
     assert [line.split()[3] for line in lines[2:]] == ["yes", "no", "yes", "yes", "no"]
     assert max(map(len, lines)) <= 100
     memory = Goal(what="memory", unit="B", limit=2000)
