@@ -11,6 +11,8 @@ import numba
 from numba import njit, typeof
 from numba.core.caching import IndexDataCacheFile
 
+from mesa_swarm.geometry.apart import inherit_reloads, keep_apart
+
 # Numba finds its settings when it is imported, where no type checker sees them.
 settings: Any = numba.config
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -64,7 +66,7 @@ class SeparateFiles(IndexDataCacheFile):
         self._save_index(self._load_index() | {key: name})
 
 
-def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False) -> Any:
+def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False, apart: bool = False) -> Any:
     """Compile `function` when it is first called, and store the machine code on disk.
 
     To a type checker the result is Any: Numba infers the types, and `py_func` is there besides the call. With `nogil`
@@ -79,7 +81,7 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False)
     42
     """
     if function is None:
-        return partial(compiled, nogil=nogil)
+        return partial(compiled, nogil=nogil, apart=apart)
     if f"{function.__module__}.".startswith(f"{PACKAGE.name}."):
         FUNCTIONS.add(function)
     previous = settings.CACHE_DIR
@@ -87,6 +89,9 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False)
     try:
         result: Any = njit(cache=True, error_model="numpy", nogil=nogil)(function)
         result._cache._cache_file.__class__ = SeparateFiles
+        inherit_reloads(result)
+        if apart:
+            keep_apart(result)
         return result
     except RuntimeError:  # no folder can be written to, or the source is not in a file
         return njit(error_model="numpy", nogil=nogil)(function)

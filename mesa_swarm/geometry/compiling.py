@@ -4,6 +4,7 @@ A function is compiled once for each set of types with which it is called. Which
 the gallery need is in `NEEDED`, a file that ``python tests/support/compiled_functions.py`` writes from counted runs.
 """
 
+import gc
 import json
 import re
 import sys
@@ -36,6 +37,7 @@ class Compilation(event.Listener):
         self.expected: dict[str, None] = {}
         self._models: dict[tuple[str, ...], None] = {}
         self._exact = True
+        self._depth, self._collects = 0, False
 
     def expect(self, model_class: type) -> None:
         """Count what the first steps of such a model need from now on; costs nothing until something is compiled."""
@@ -48,12 +50,14 @@ class Compilation(event.Listener):
 
     def on_start(self, event: Any) -> None:
         """Show how far it is, before a function is compiled."""
+        self._pause_collection()
         if event.data["dispatcher"].py_func in FUNCTIONS:
             self._resolve()
             self._show()
 
     def on_end(self, event: Any) -> None:
         """Count and list a function that has been compiled."""
+        self._resume_collection()
         dispatcher = event.data["dispatcher"]
         if dispatcher.py_func not in FUNCTIONS:
             return
@@ -62,6 +66,18 @@ class Compilation(event.Listener):
         if dispatcher.stats.cache_path is not None:
             _list(name)
         self._show()
+
+    def _pause_collection(self) -> None:
+        """Let Python not look for garbage meanwhile: it would go through all that Numba holds, again and again."""
+        if self._depth == 0:
+            self._collects = gc.isenabled()
+            gc.disable()
+        self._depth += 1
+
+    def _resume_collection(self) -> None:
+        self._depth -= 1
+        if self._depth == 0 and self._collects:
+            gc.enable()
 
     def text(self) -> str:
         """Return how far it is in words, "" if nothing more is expected."""

@@ -144,7 +144,7 @@ class Contacts:
         )
 
 
-@compiled
+@compiled(apart=True)
 def push_all_from_statics(rows, position, radius, statics, contacts, free):
     """Move the robots in these rows out of static bodies, and write for which ones that was possible."""
     bounds, grid, start, movers = statics[4], statics[5], statics[6], statics[8]

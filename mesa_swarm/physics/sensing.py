@@ -91,7 +91,7 @@ def _write_chunk(begin, end, order, near, what, distance, kind):
 # Arrays are not passed on inside the loops below: each costs as much as evaluating a sensor.
 
 
-@compiled
+@compiled(apart=True)
 def _find_statics(chunk, reach, edges, static_kind, grid, start, items, found, m):
     """Update readings by the edges that the cells of some robots list, and note the discs; return how many."""
     begin, end, places, radii, axes, designs, sensors, counts, discs, _, near, what = chunk
@@ -130,7 +130,7 @@ def _find_statics(chunk, reach, edges, static_kind, grid, start, items, found, m
     return m
 
 
-@compiled
+@compiled(apart=True)
 def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, found, m):
     """Note the robots near each of some robots, and list pairs; return the numbers of both."""
     begin, end, places, radii, _, designs, _, _, _, _, _, _ = chunk
@@ -164,7 +164,7 @@ def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count
     return m, count
 
 
-@compiled
+@compiled(apart=True)
 def _see_discs(chunk, found, m):
     """Update the readings of some robots by the m discs that were found near them: robots, or -1 - k for disc k.
 

@@ -36,7 +36,7 @@ SETTLED, STUCK, STRAYED = np.int64(0), np.int64(1), np.int64(2)
 MARGIN = 1.0
 
 
-@compiled
+@compiled(nogil=True)
 def separate(position, radius, number, grid, statics, contacts, free, most_sweeps, listed, pairs):
     """Push until no two robots overlap, at most `most_sweeps` times, and return whether that succeeded, and the pairs.
 
@@ -44,25 +44,52 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
     are those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs
     are listed anew, and the places written.
     """
-    pairs, met = overlaps_of(position, radius, grid, listed, pairs)
+    n, margin, begins = len(radius), MARGIN * least_of(radius), True
+    push, awake, moved = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
+    group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(listed, position)
+    for _ in range(most_sweeps):
+        anew = 2.0 * far > margin
+        if anew:
+            pairs = near_pairs(position, radius, margin, grid)
+            copy_places(position, listed)
+        if anew or begins:
+            start, own = pairs_by_robot(pairs, n)
+            chosen, count, begins = np.arange(len(pairs) + 1), len(pairs), False
+        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
+        if overlaps == 0:
+            return free.all(), pairs
+        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
+        push_all_from_statics(moved[:moving], position, radius, statics, contacts, free)
+        far = farthest_from(listed, position, moved[:moving])
+        count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
+        for k in range(moving):
+            awake[moved[k]] = False
+    return False, pairs
+
+
+@compiled(nogil=True, apart=True)
+def separate_near(position, radius, number, statics, contacts, free, most_sweeps, listed, pairs):
+    """Do what `separate` does as long as no robot goes farther than half the margin, and return how that ended.
+
+    `STRAYED` means that one has to go farther: all are where they were.
+    """
+    state, met = overlaps_of(position, radius, listed, pairs)
     if len(met) == 0:
-        return free.all(), pairs
+        return state if free.all() else max(state, STUCK)
     bodies = position, radius, number, statics, contacts, free, listed, pairs, *scratch_of(position, radius, pairs)
     _, state = separate_groups(NONE, len(radius), met, met, most_sweeps, bodies)
-    return finish_separation(grid, most_sweeps, bodies, met, met[:0], state)
+    return finish_separation(most_sweeps, bodies, met, met[:0], state)
 
 
-@compiled(nogil=True)
-def overlaps_of(position, radius, grid, listed, pairs):
-    """Return the pairs near each other, listed anew if robots have gone too far since, and which of them overlap."""
-    margin = MARGIN * least_of(radius)
-    if 2.0 * farthest_of_all(listed, position) > margin:
-        pairs = near_pairs(position, radius, margin, grid)
-        copy_places(position, listed)
-    return pairs, overlapping(position, radius, pairs)
+@compiled(nogil=True, apart=True)
+def overlaps_of(position, radius, listed, pairs):
+    """Return `STRAYED` if robots went too far since pairs were listed, else `SETTLED`, and which pairs overlap."""
+    if 2.0 * farthest_of_all(listed, position) > MARGIN * least_of(radius):
+        return STRAYED, overlapping(position, radius, pairs[:0])
+    return SETTLED, overlapping(position, radius, pairs)
 
 
-@compiled(nogil=True)
+@compiled(nogil=True, apart=True)
 def scratch_of(position, radius, pairs):
     """Return the pairs of each robot, its push, whether it is awake, its group, and where it begins; and the margin."""
     n = len(radius)
@@ -72,7 +99,7 @@ def scratch_of(position, radius, pairs):
     return start, own, push, awake, group, begins, MARGIN * least_of(radius)
 
 
-@compiled(nogil=True)
+@compiled(nogil=True, apart=True)
 def separate_groups(first, last, begin, met, most_sweeps, bodies):
     """Separate groups of robots near each other in which pairs `met` overlap; groups do not influence each other.
 
@@ -99,7 +126,7 @@ def separate_groups(first, last, begin, met, most_sweeps, bodies):
     return later, max(worst, STUCK)
 
 
-@compiled
+@compiled(apart=True)
 def collect_groups(first, last, begin, met, pairs, start, own, group):
     """Give numbers to the groups that pairs `begin` belong to, where all of a group is within rows [first, last).
 
@@ -146,13 +173,10 @@ def mark_strayed(listed, position, moved, margin, group, strayed):
             strayed[group[i]] = True
 
 
-@compiled(nogil=True)
-def finish_separation(grid, most_sweeps, bodies, met, later, state):
-    """Separate the groups that were left for `later`, or all together, from the beginning, if some have strayed.
-
-    Return whether no robots overlap, and the pairs.
-    """
-    position, free, pairs, group, begins = bodies[0], bodies[5], bodies[7], bodies[12], bodies[13]
+@compiled(nogil=True, apart=True)
+def finish_separation(most_sweeps, bodies, met, later, state):
+    """Separate the groups that were left for `later`, and return the worst state; put all back if some have strayed."""
+    position, free, group, begins = bodies[0], bodies[5], bodies[12], bodies[13]
     if len(later):
         for i in range(len(group)):
             group[i] = min(group[i], LATER)
@@ -160,34 +184,9 @@ def finish_separation(grid, most_sweeps, bodies, met, later, state):
         state = max(state, worst)
     if state == STRAYED:
         copy_places(begins, position)
-        state, pairs = separate_all(grid, most_sweeps, bodies)
-    return state == SETTLED and free.all(), pairs
-
-
-@compiled
-def separate_all(grid, most_sweeps, bodies):
-    """Push all robots apart that overlap; list pairs anew whenever one has gone too far; return state and pairs."""
-    position, radius, number, statics, contacts, free, listed, pairs, start, own, push, awake, group, _, margin = bodies
-    n = len(radius)
-    chosen, count = np.arange(len(pairs) + 1), len(pairs)
-    moved, strayed = np.empty(n, np.int64), np.zeros(1, np.bool_)
-    group[:] = NONE
-    for _ in range(most_sweeps):
-        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
-        if overlaps == 0:
-            return SETTLED, pairs
-        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
-        push_all_from_statics(moved[:moving], position, radius, statics, contacts, free)
-        if 2.0 * farthest_from(listed, position, moved[:moving]) > margin:
-            pairs = near_pairs(position, radius, margin, grid)
-            copy_places(position, listed)
-            start, own = pairs_by_robot(pairs, n)
-            chosen, count = np.arange(len(pairs) + 1), len(pairs)
-        else:
-            count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
-        for k in range(moving):
-            awake[moved[k]] = False
-    return STUCK, pairs
+    elif not free.all():
+        state = max(state, STUCK)
+    return state
 
 
 @compiled
@@ -210,7 +209,7 @@ def farthest_from(listed, position, moved):
     return math.sqrt(square)
 
 
-@compiled
+@compiled(apart=True)
 def near_pairs(position, radius, margin, grid):
     """Return the pairs (i, j) of robots that overlap or come within `margin` of it, i before j in the order of cells.
 
@@ -347,7 +346,7 @@ def apply_pushes(position, push, radius, pairs, met, awake, moved):
     return count
 
 
-@compiled
+@compiled(apart=True)
 def put_back(position, before, radius, grid, statics, contacts, free, listed, pairs):
     """Return to their last free place the robots that overlap, and those that then overlap them."""
     n = position.shape[0]

@@ -8,7 +8,7 @@ from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import in_polygon
 from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
-from mesa_swarm.physics.separation import MARGIN, near_pairs, separate
+from mesa_swarm.physics.separation import MARGIN, SETTLED, STRAYED, near_pairs, separate, separate_near
 
 SWEEPS = np.int64(400)
 # The search for free room goes round in rings this share of a radius apart.
@@ -31,7 +31,10 @@ def settle(
     free = np.empty(n, np.bool_)
     push_all_from_statics(np.arange(n), position, radius, statics, contacts, free)
     listed, pairs = position.copy(), near_pairs(position, radius, MARGIN * radius.min(), grid)
-    settled, _ = separate(position, radius, number, grid, statics, contacts, free, SWEEPS, listed, pairs)
+    state = separate_near(position, radius, number, statics, contacts, free, SWEEPS, listed, pairs)
+    settled = state == SETTLED
+    if state == STRAYED:
+        settled, _ = separate(position, radius, number, grid, statics, contacts, free, SWEEPS, listed, pairs)
     if not settled:
         lost = leave_each_other(position, radius, statics, rings)
         if lost >= 0:

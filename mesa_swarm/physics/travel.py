@@ -23,12 +23,15 @@ from mesa_swarm.physics.motion import count_pieces, moved_by
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
 from mesa_swarm.physics.separation import (
     MOST_SWEEPS,
+    SETTLED,
+    STRAYED,
     finish_separation,
     overlaps_of,
     put_back,
     scratch_of,
     separate,
     separate_groups,
+    separate_near,
     stop_jumps,
 )
 from mesa_swarm.world.statics import ROBOT
@@ -38,10 +41,31 @@ Share = Callable[[int, Callable[[int, int], Any]], list]
 
 
 @compiled(nogil=True)
-def travel(
-    pairs, turn_angle, crowd, listed, grid, position, heading, motion, radius, statics,
+def travel_pieces(
+    piece, pieces, pairs, turn_angle, crowd, listed, position, heading, motion, radius, statics,
     collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
 ):  # fmt: skip
+    """Move robots through the pieces of a step, from `piece` on, as long as these get apart; after the last, finish.
+
+    Return the piece in which they did not, the number of pieces, which is counted before the first one, and the state
+    in which separating has ended. The rest is as `travel` takes it.
+    """
+    n = len(heading)
+    if piece == 0:
+        extra_turn[:] = 0.0
+        pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
+    for k in range(piece, pieces):
+        begin_piece(k, pieces, crowd, position, radius, statics)
+        advance_rows(0, n, k, pieces, crowd, position, heading, motion, statics)
+        state = separate_near(crowd[1], crowd[3], crowd[4], statics, crowd[6], crowd[5], MOST_SWEEPS, listed, pairs)
+        if state != SETTLED:
+            return k, pieces, state
+        turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
+    finish_rows(0, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
+    return pieces, pieces, SETTLED
+
+
+def travel(pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
     """Move all robots through one step, resolve every contact, and write the contact columns.
 
     `position` (n, 2) and `heading` are changed; `motion` (n, 3) is the one that the wheels would make, along the body.
@@ -51,14 +75,13 @@ def travel(
     `extra_turn` becomes the turn that faces added. `statics` are edges, discs, owner, body, bounds, grid numbers,
     touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move.
     """
-    n = len(heading)
-    extra_turn[:] = 0.0
-    pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
-    for piece in range(pieces):
-        begin_piece(piece, pieces, crowd, position, radius, statics)
-        advance_rows(0, n, piece, pieces, crowd, position, heading, motion, statics)
-        pairs = end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn)
-    finish_rows(0, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
+    crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
+    moved = turn_angle, crowd, listed, position, heading, motion, radius, statics, *written, extra_turn
+    piece, pieces, state = travel_pieces(0, 0, pairs, *moved)
+    while state != SETTLED:
+        pairs = _resolve(state, crowd, listed, pairs, grid, statics)
+        turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
+        piece, pieces, state = travel_pieces(piece + 1, pieces, pairs, *moved)
 
 
 def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
@@ -71,21 +94,33 @@ def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: 
         begin_piece(piece, pieces, crowd, position, radius, statics)
         moved = piece, pieces, crowd, position, heading, motion, statics
         share(n, partial(_on_rows, advance_rows, moved))
-        pairs = _separate_together(share, crowd, listed, pairs, grid, statics)
+        state = _separate_together(share, crowd, listed, pairs, statics)
+        if state != SETTLED:
+            pairs = _resolve(state, crowd, listed, pairs, grid, statics)
         turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
     share(n, partial(_on_rows, finish_rows, (crowd, position, *written)))
 
 
-def _separate_together(
-    share: Share, crowd: tuple, listed: np.ndarray, pairs: np.ndarray, grid: tuple, statics: tuple
-) -> np.ndarray:
-    """Separate the robots, or put them back, and return the pairs near each other."""
-    _, places, before, radii, numbers, free, contacts, _ = crowd
-    pairs, met = overlaps_of(places, radii, grid, listed, pairs)
+def _separate_together(share: Share, crowd: tuple, listed: np.ndarray, pairs: np.ndarray, statics: tuple) -> int:
+    """Separate robots as `separate_near` does."""
+    _, places, _, radii, numbers, free, contacts, _ = crowd
+    state, met = overlaps_of(places, radii, listed, pairs)
     bodies = places, radii, numbers, statics, contacts, free, listed, pairs, *scratch_of(places, radii, pairs)
+    if state == STRAYED:
+        return state
     found = share(len(radii), partial(_on_rows, separate_groups, (met, met, MOST_SWEEPS, bodies)))
     later, state = np.concatenate([late for late, _ in found]), max(state for _, state in found)
-    settled, pairs = finish_separation(grid, MOST_SWEEPS, bodies, met, later, state)
+    return finish_separation(MOST_SWEEPS, bodies, met, later, state)
+
+
+def _resolve(
+    state: int, crowd: tuple, listed: np.ndarray, pairs: np.ndarray, grid: tuple, statics: tuple
+) -> np.ndarray:
+    """Separate robots that have to go far, or put back those that stay stuck, and return the pairs near each other."""
+    _, places, before, radii, numbers, free, contacts, _ = crowd
+    settled = False
+    if state == STRAYED:
+        settled, pairs = separate(places, radii, numbers, grid, statics, contacts, free, MOST_SWEEPS, listed, pairs)
     if not settled:
         put_back(places, before, radii, grid, statics, contacts, free, listed, pairs)
     return pairs
@@ -108,7 +143,7 @@ def begin_piece(piece, pieces, crowd, position, radius, statics):
         stop_jumps(places, radii, edges, discs, movers)
 
 
-@compiled(nogil=True)
+@compiled(nogil=True, apart=True)
 def advance_rows(first, last, piece, pieces, crowd, position, heading, motion, statics):
     """Move robots p in [first, last) through a piece of their arcs, and out of static bodies."""
     order, places, before, radii, _, free, contacts, rows = crowd
@@ -126,18 +161,7 @@ def advance_rows(first, last, piece, pieces, crowd, position, heading, motion, s
     push_all_from_statics(rows[first:last], places, radii, statics, contacts, free)
 
 
-@compiled
-def end_piece(crowd, listed, pairs, grid, heading, motion, turn_angle, statics, extra_turn):
-    """Separate the robots, or put them back, and turn those that met faces; return the pairs near each other."""
-    order, places, before, radii, numbers, free, contacts, _ = crowd
-    settled, pairs = separate(places, radii, numbers, grid, statics, contacts, free, MOST_SWEEPS, listed, pairs)
-    if not settled:
-        put_back(places, before, radii, grid, statics, contacts, free, listed, pairs)
-    turn_along_faces(order, heading, motion, contacts[4], turn_angle, extra_turn)
-    return pairs
-
-
-@compiled
+@compiled(apart=True)
 def turn_along_faces(order, heading, motion, face, turn_angle, extra_turn):
     """Turn robots so that they travel parallel to the flat face that they met at a grazing incidence."""
     for p in range(order.shape[0]):
@@ -159,7 +183,7 @@ def turn_along_faces(order, heading, motion, face, turn_angle, extra_turn):
         heading[i] = wrapped(heading[i] + turn)
 
 
-@compiled(nogil=True)
+@compiled(nogil=True, apart=True)
 def finish_rows(first, last, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth):
     """Write the positions and the contacts of robots p in [first, last) into the columns."""
     order, places = crowd[0], crowd[1]
