@@ -9,7 +9,7 @@ from time import perf_counter, sleep
 
 from mesa_swarm.experiments.pool import WorkerDiedError, checked_jobs, ending_with_us
 from mesa_swarm.gallery import find_model
-from mesa_swarm.geometry.compiling import COMPILED, listed_functions, needed_functions
+from mesa_swarm.geometry.compiling import COMPILED, compilation, listed_functions, needed_functions
 from mesa_swarm.progress import progress_bar
 
 LAYOUT = "compiling, once per installation: {n_fmt} of {total_fmt} |{bar:30}|"
@@ -130,5 +130,6 @@ def _check_ended(model: str, process: subprocess.Popen) -> None:
 
 
 def compile_for(model: str) -> None:
-    """Compile what a model of the gallery needs."""
+    """Compile what a model of the gallery needs, in this process alone."""
+    compilation.alone = True
     find_model(model)(rng=1).run(STEPS)

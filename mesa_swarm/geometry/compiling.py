@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from hashlib import blake2b
+from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,6 +28,8 @@ NEEDED = Path(__file__).with_name("needed.json")
 # What is needed by every model of the gallery, in that file.
 EVERY = "every"
 MODELS = f"{PACKAGE.name}.models."
+# Imported when something is to be compiled; it imports this module.
+HELPERS = f"{PACKAGE.name}.geometry.precompile"
 
 
 class Compilation(event.Listener):
@@ -38,6 +41,8 @@ class Compilation(event.Listener):
         self._models: dict[tuple[str, ...], None] = {}
         self._exact = True
         self._depth, self._collects = 0, False
+        # Whether no other processes are to help.
+        self.alone = False
 
     def expect(self, model_class: type) -> None:
         """Count what the first steps of such a model need from now on; costs nothing until something is compiled."""
@@ -81,7 +86,8 @@ class Compilation(event.Listener):
 
     def text(self) -> str:
         """Return how far it is in words, "" if nothing more is expected."""
-        done, total = len(self.compiled), len(self.compiled | self.expected)
+        total = len(self.compiled | self.expected)
+        done = total - len(self.expected.keys() - self.compiled.keys() - listed_functions())
         if done == total and self._exact:
             return ""
         return in_words(done, total, self._exact)
@@ -96,6 +102,9 @@ class Compilation(event.Listener):
             names, exact = needed_by(modules)
             self.expected |= dict.fromkeys(name for name in names if name not in listed)
             self._exact = self._exact and exact
+        if not self.alone:
+            self.alone = True
+            import_module(HELPERS).start(list(self.expected))
 
     def _show(self) -> None:
         note(self.text())
@@ -119,11 +128,10 @@ def name_of(function: Any, arguments: Iterable[Any]) -> str:
     --------
     >>> from mesa_swarm.geometry.overlap import wrapped
     >>> name_of(wrapped.py_func, (types.float64,))
-    'geometry.overlap.wrapped a27b'
+    'geometry.overlap.wrapped float64'
     """
     module = function.__module__.removeprefix(f"{PACKAGE.name}.")
-    digest = blake2b(" ".join(map(_type_in_words, arguments)).encode(), digest_size=2).hexdigest()
-    return f"{module}.{function.__qualname__} {digest}"
+    return f"{module}.{function.__qualname__} {' '.join(map(_type_in_words, arguments))}"
 
 
 def listed_functions() -> set[str]:
@@ -180,6 +188,41 @@ def _type_in_words(kind: Any) -> str:
     if isinstance(kind, types.BaseTuple):
         return f"({' '.join(_type_in_words(part) for part in cast(Any, kind))})"
     return re.sub(r" at 0x[0-9a-f]+", "", str(kind))
+
+
+def types_in_words(words: str) -> tuple[Any, ...]:
+    """Return the types that `name_of` has put in words: of arrays, numbers and tuples of these.
+
+    Raises
+    ------
+    LookupError
+        If there is another type.
+
+    Examples
+    --------
+    >>> types_in_words("float64[2C] (int64 none)")
+    (Array(float64, 2, 'C', False, aligned=True), Tuple(int64, none))
+    """
+    open_tuples: list[list[Any]] = [[]]
+    for token in re.findall(r"[()]|[^\s()]+", words):
+        if token == "(":
+            open_tuples.append([])
+        elif token == ")":
+            parts = open_tuples.pop()
+            open_tuples[-1].append(types.BaseTuple.from_types(tuple(parts)))
+        else:
+            open_tuples[-1].append(_type_in_word(token))
+    return tuple(open_tuples[0])
+
+
+def _type_in_word(token: str) -> Any:
+    if found := re.fullmatch(r"(\w+)\[(\d+)([ACF])(r?)\]", token):
+        name, dimensions, layout, read_only = found.groups()
+        return types.Array(vars(types)[name], int(dimensions), layout, readonly=bool(read_only))
+    found_type = vars(types)[token]
+    if not isinstance(found_type, types.Type):
+        raise LookupError(f"{token!r} is not the name of a type")
+    return found_type
 
 
 compilation = Compilation()

@@ -23,6 +23,7 @@ from mesa_swarm.physics.motion import count_pieces, moved_by
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
 from mesa_swarm.physics.separation import (
     MOST_SWEEPS,
+    NONE,
     SETTLED,
     STRAYED,
     finish_separation,
@@ -56,12 +57,12 @@ def travel_pieces(
         pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
     for k in range(piece, pieces):
         begin_piece(k, pieces, crowd, position, radius, statics)
-        advance_rows(0, n, k, pieces, crowd, position, heading, motion, statics)
+        advance_rows(NONE, n, k, pieces, crowd, position, heading, motion, statics)
         state = separate_near(crowd[1], crowd[3], crowd[4], statics, crowd[6], crowd[5], MOST_SWEEPS, listed, pairs)
         if state != SETTLED:
             return k, pieces, state
         turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
-    finish_rows(0, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
+    finish_rows(NONE, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
     return pieces, pieces, SETTLED
 
 
