@@ -11,8 +11,8 @@ from hashlib import blake2b
 from importlib import import_module
 from typing import Any
 
-import llvmlite.binding as llvm
 from numba.core import cgutils
+from numba.core.codegen import ll
 from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 
 
@@ -37,7 +37,7 @@ def keep_apart(dispatcher: Any) -> None:
         add(result)
         name = _name_of(result)
         code = result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
-        llvm.add_symbol(name, code)
+        ll.add_symbol(name, code)
         function = dispatcher.py_func
         reload = Reload(function.__module__, function.__name__, tuple(result.signature.args))
         implementations = dispatcher.targetctx._defns

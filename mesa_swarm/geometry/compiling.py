@@ -29,7 +29,7 @@ NEEDED = Path(__file__).with_name("needed.json")
 EVERY = "every"
 MODELS = f"{PACKAGE.name}.models."
 # Imported when something is to be compiled; it imports this module.
-HELPERS = f"{PACKAGE.name}.geometry.precompile"
+PRECOMPILE = f"{PACKAGE.name}.geometry.precompile"
 
 
 class Compilation(event.Listener):
@@ -104,7 +104,7 @@ class Compilation(event.Listener):
             self._exact = self._exact and exact
         if not self.alone:
             self.alone = True
-            import_module(HELPERS).start(list(self.expected))
+            import_module(PRECOMPILE).start(list(self.expected))
 
     def _show(self) -> None:
         note(self.text())
@@ -218,7 +218,7 @@ def types_in_words(words: str) -> tuple[Any, ...]:
 def _type_in_word(token: str) -> Any:
     if found := re.fullmatch(r"(\w+)\[(\d+)([ACF])(r?)\]", token):
         name, dimensions, layout, read_only = found.groups()
-        return types.Array(vars(types)[name], int(dimensions), layout, readonly=bool(read_only))
+        return types.Array(vars(types)[name], int(dimensions), cast(Any, layout), readonly=bool(read_only))
     found_type = vars(types)[token]
     if not isinstance(found_type, types.Type):
         raise LookupError(f"{token!r} is not the name of a type")

@@ -38,7 +38,7 @@ def _cores() -> int:
 
 def _start_one(names: list[str]) -> None:
     paths = os.pathsep.join([str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")])
-    helper = subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-m", __name__],
         env=os.environ | {"PYTHONPATH": paths.rstrip(os.pathsep)},
         stdin=subprocess.PIPE,
@@ -46,15 +46,15 @@ def _start_one(names: list[str]) -> None:
         stderr=subprocess.DEVNULL,
         text=True,
     )
-    atexit.register(_end, helper)
+    atexit.register(_end, process)
     with suppress(BrokenPipeError):
-        helper.stdin.write(json.dumps(names) + "\n")  # type: ignore[union-attr]
-        helper.stdin.flush()  # type: ignore[union-attr]
+        process.stdin.write(json.dumps(names) + "\n")  # type: ignore[union-attr]
+        process.stdin.flush()  # type: ignore[union-attr]
 
 
-def _end(helper: subprocess.Popen) -> None:
-    helper.kill()
-    helper.communicate()
+def _end(process: subprocess.Popen) -> None:
+    process.kill()
+    process.communicate()
 
 
 def compile_named(name: str) -> None:

@@ -11,7 +11,7 @@ from mesa_swarm.geometry import compiling, precompile
 from mesa_swarm.geometry.compiled import FUNCTIONS
 from mesa_swarm.geometry.compiling import Compilation, name_of, needed_functions, types_in_words
 
-HELPER = [sys.executable, "-m", "mesa_swarm.geometry.precompile"]
+COMPANION = [sys.executable, "-m", "mesa_swarm.geometry.precompile"]
 ONE = "geometry.overlap.wrapped float64"
 
 
@@ -35,26 +35,26 @@ def listed(folder):
     return [line.partition(" ")[2] for path in folder.rglob("compiled.txt") for line in path.read_text().splitlines()]
 
 
-def test_a_helper_compiles_what_it_is_given_and_passes_over_what_it_cannot(tmp_path):
+def test_such_a_process_compiles_what_it_is_given_and_passes_over_what_it_cannot(tmp_path):
     settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_OPT": "0"}
-    helper = subprocess.Popen(HELPER, env=settings, stdin=subprocess.PIPE, text=True)
-    helper.stdin.write(json.dumps(["geometry.no_such.function int64", "geometry.overlap.wrapped weird", ONE]) + "\n")
-    helper.stdin.flush()
-    assert helper.wait(60) == 0
-    helper.communicate()
+    process = subprocess.Popen(COMPANION, env=settings, stdin=subprocess.PIPE, text=True)
+    process.stdin.write(json.dumps(["geometry.no_such.function int64", "geometry.overlap.wrapped weird", ONE]) + "\n")
+    process.stdin.flush()
+    assert process.wait(60) == 0
+    process.communicate()
     assert listed(tmp_path) == [ONE]
 
 
-def test_a_helper_ends_when_the_process_that_started_it_does(tmp_path):
+def test_such_a_process_ends_when_the_process_that_started_it_does(tmp_path):
     settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_OPT": "0"}
-    helper = subprocess.Popen(HELPER, env=settings, stdin=subprocess.PIPE, text=True)
-    helper.communicate(json.dumps(sorted(needed_functions()["fire_fighting"])) + "\n", timeout=60)
-    assert helper.returncode == 0
+    process = subprocess.Popen(COMPANION, env=settings, stdin=subprocess.PIPE, text=True)
+    process.communicate(json.dumps(sorted(needed_functions()["fire_fighting"])) + "\n", timeout=60)
+    assert process.returncode == 0
     assert len(listed(tmp_path)) < 20
 
 
 @pytest.mark.parametrize(("cores", "names", "processes"), [(1, 50, 0), (2, 19, 0), (2, 50, 1), (4, 50, 3), (64, 50, 3)])
-def test_helpers_share_the_names_where_cores_are_free_and_there_are_many(monkeypatch, cores, names, processes):
+def test_processes_share_the_names_where_cores_are_free_and_there_are_many(monkeypatch, cores, names, processes):
     started, given = [], [f"a.b{k:02}" for k in range(names)]
     monkeypatch.setattr(precompile, "_cores", lambda: cores)
     monkeypatch.setattr(precompile, "_start_one", started.append)
@@ -73,7 +73,7 @@ def test_where_no_process_can_be_started_all_is_compiled_by_this_one(monkeypatch
     precompile.start([f"a.b{k}" for k in range(30)])
 
 
-def test_what_helpers_have_compiled_counts(monkeypatch, tmp_path):
+def test_what_other_processes_have_compiled_counts(monkeypatch, tmp_path):
     there = set()
     monkeypatch.setattr(compiling, "listed_functions", lambda: there)
     compilation = Compilation()
