@@ -6,7 +6,6 @@ the gallery need is in `NEEDED`, a file that ``python tests/support/compiled_fun
 
 import gc
 import json
-import re
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
@@ -14,13 +13,13 @@ from functools import cache
 from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numba
-from numba import types
 from numba.core import event
 from numba.core.registry import cpu_target
 
+from mesa_swarm.geometry import type_names
 from mesa_swarm.geometry.compiled import COMPILED, FUNCTIONS, PACKAGE
 from mesa_swarm.progress import note
 
@@ -126,12 +125,13 @@ def name_of(function: Any, arguments: Iterable[Any]) -> str:
 
     Examples
     --------
+    >>> from numba import types
     >>> from mesa_swarm.geometry.overlap import wrapped
     >>> name_of(wrapped.py_func, (types.float64,))
     'geometry.overlap.wrapped float64'
     """
     module = function.__module__.removeprefix(f"{PACKAGE.name}.")
-    return f"{module}.{function.__qualname__} {' '.join(map(_type_in_words, arguments))}"
+    return f"{module}.{function.__qualname__} {' '.join(map(type_names.in_words, arguments))}"
 
 
 def listed_functions() -> set[str]:
@@ -179,50 +179,6 @@ def _machine() -> str:
     """Return a name for what machine code depends on besides the sources: Numba loads that of no other processor."""
     about = (sys.version_info[:2], numba.__version__, cpu_target.target_context.codegen().magic_tuple())
     return blake2b(repr(about).encode(), digest_size=4).hexdigest()
-
-
-def _type_in_words(kind: Any) -> str:
-    """Return a type in words that do not depend on Numba's version, nor on addresses."""
-    if isinstance(kind, types.Array):
-        return f"{kind.dtype}[{kind.ndim}{kind.layout}{'' if kind.mutable else 'r'}]"
-    if isinstance(kind, types.BaseTuple):
-        return f"({' '.join(_type_in_words(part) for part in cast(Any, kind))})"
-    return re.sub(r" at 0x[0-9a-f]+", "", str(kind))
-
-
-def types_in_words(words: str) -> tuple[Any, ...]:
-    """Return the types that `name_of` has put in words: of arrays, numbers and tuples of these.
-
-    Raises
-    ------
-    LookupError
-        If there is another type.
-
-    Examples
-    --------
-    >>> types_in_words("float64[2C] (int64 none)")
-    (Array(float64, 2, 'C', False, aligned=True), Tuple(int64, none))
-    """
-    open_tuples: list[list[Any]] = [[]]
-    for token in re.findall(r"[()]|[^\s()]+", words):
-        if token == "(":
-            open_tuples.append([])
-        elif token == ")":
-            parts = open_tuples.pop()
-            open_tuples[-1].append(types.BaseTuple.from_types(tuple(parts)))
-        else:
-            open_tuples[-1].append(_type_in_word(token))
-    return tuple(open_tuples[0])
-
-
-def _type_in_word(token: str) -> Any:
-    if found := re.fullmatch(r"(\w+)\[(\d+)([ACF])(r?)\]", token):
-        name, dimensions, layout, read_only = found.groups()
-        return types.Array(vars(types)[name], int(dimensions), cast(Any, layout), readonly=bool(read_only))
-    found_type = vars(types)[token]
-    if not isinstance(found_type, types.Type):
-        raise LookupError(f"{token!r} is not the name of a type")
-    return found_type
 
 
 compilation = Compilation()

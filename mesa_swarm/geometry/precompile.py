@@ -16,7 +16,8 @@ from threading import Thread
 from typing import Any
 
 from mesa_swarm.geometry.compiled import PACKAGE
-from mesa_swarm.geometry.compiling import compilation, listed_functions, types_in_words
+from mesa_swarm.geometry.compiling import compilation, listed_functions
+from mesa_swarm.geometry.type_names import types_in_words
 
 # To start a process takes as long as compiling a few functions.
 FEWEST_FUNCTIONS = 20

@@ -26,6 +26,8 @@ class Crowd:
     listed : ndarray, shape (n, 2)
         The places at which they were sorted.
     radii : ndarray, shape (n,)
+    sorted : tuple
+        What `sort_by_cell` writes: start, order, the cell of each, listed, radii and numbers.
     pairs : int64 ndarray, shape (m, 2)
         The pairs that were within the margin there.
     arrays : tuple
@@ -40,7 +42,7 @@ class Crowd:
         self.pairs = np.empty((0, 2), np.int64)
         self._rooms: dict[int, np.ndarray] = {}
         contacts = np.full(n, -1), np.full(n, -1), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3))
-        self._sorted = self.start, self.order, self._cell_of, self.listed, self.radii, self._numbers
+        self.sorted = self.start, self.order, self._cell_of, self.listed, self.radii, self._numbers
         places, before, free = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n, np.bool_)
         self.arrays: tuple[Any, ...] = (
             *(self.order, places, before, self.radii, self._numbers, free),
@@ -50,7 +52,7 @@ class Crowd:
 
     def sort(self, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> None:
         """Sort the robots by the cells in which they are now."""
-        sort_by_cell(position, radius, number, self.cells, *self._sorted)
+        sort_by_cell(position, radius, number, self.cells, *self.sorted)
 
     def list_pairs(self, margin: float) -> None:
         """List the pairs within this margin of each other."""

@@ -5,16 +5,25 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.physics.crowd import Crowd
 from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, slip_of
-from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.sensing import (
+    SENSING,
+    err,
+    sense_inside,
+    sense_line,
+    sense_packed,
+    sense_proximity,
+    sense_radiation,
+)
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
-from mesa_swarm.physics.travel import travel, travel_together
+from mesa_swarm.physics.travel import TRAVELLING, travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
@@ -86,7 +95,8 @@ class CompiledEngine:
         def go() -> np.ndarray:
             begin_way(surroundings)
             if self._parts(len(self._extra_turn)) == 1:
-                travel(crowd.pairs, turn_angle, *self._travelling)
+                block = None if self._blocks is None else self._blocks[1].numbers
+                travel(block, crowd.pairs, turn_angle, *self._travelling)
             else:
                 travel_together(self._share, crowd.pairs, turn_angle, *self._travelling)
             return self._extra_turn
@@ -101,17 +111,8 @@ class CompiledEngine:
         settle(*bodies, self._crowd.cells, self._statics, surroundings.statics.rings)
 
     def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        columns, table, statics, crowd = swarm.columns, swarm.table, surroundings.statics, self._crowd
-        crowd.sort(columns["position"], columns["radius"], columns["number"])
-        moving = None if surroundings.moving is None else surroundings.moving.seen
-
-        def rows(first: int, last: int) -> np.ndarray:
-            return crowd.pairs_from(first, last, sense_proximity, moving, *self._sensing)
-
-        if self._parts(len(crowd.order)) == 1:
-            crowd.pairs = rows(0, len(crowd.order))
-        else:
-            crowd.pairs = np.concatenate(self._share(len(crowd.order), rows))
+        columns, table, statics = swarm.columns, swarm.table, surroundings.statics
+        self._look(columns, surroundings)
         self._listed = True
         distance, kind = columns["distance"], columns["kind"]
         if table.exposed or swarm.disturbed:
@@ -120,6 +121,20 @@ class CompiledEngine:
             sense_inside(*robots, *walls, distance, kind)
         if draws is not None:
             err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
+
+    def _look(self, columns: dict[str, np.ndarray], surroundings: Surroundings) -> None:
+        """Write the readings without error, and list the pairs of robots near each other."""
+        crowd, n = self._crowd, len(self._crowd.order)
+        if self._blocks is not None and self._parts(n) == 1:
+            crowd.pairs = crowd.pairs_from(0, n, sense_packed, self._blocks[0].numbers)
+            return
+        crowd.sort(columns["position"], columns["radius"], columns["number"])
+        moving = None if surroundings.moving is None else surroundings.moving.seen
+
+        def rows(first: int, last: int) -> np.ndarray:
+            return crowd.pairs_from(first, last, sense_proximity, moving, *self._sensing)
+
+        crowd.pairs = rows(0, n) if self._parts(n) == 1 else np.concatenate(self._share(n, rows))
 
     def _parts(self, n: int) -> int:
         """Return into how many ranges n rows are cut."""
@@ -164,6 +179,14 @@ class CompiledEngine:
             *(columns[name] for name in CONTACT_COLUMNS),
             self._extra_turn,
         )
+        self._blocks = self._pack(columns) if self._statics[-1] is None else None
+
+    def _pack(self, columns: dict[str, np.ndarray]) -> tuple[Block, Block]:
+        """Return the same arguments, packed, for worlds in which no body moves."""
+        crowd, (_, _, _, largest_radius, margin, cells, _, *rest) = self._crowd, self._sensing
+        where = columns["position"], columns["radius"], columns["number"]
+        sensing = Block(SENSING, *where, cells, *crowd.sorted, largest_radius, margin, *rest)
+        return sensing, Block(TRAVELLING, *self._travelling[:2], *self._travelling[3:])
 
 
 def begin_way(surroundings: Surroundings) -> None:

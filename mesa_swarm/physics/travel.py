@@ -16,11 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.contact import push_all_from_statics
 from mesa_swarm.physics.motion import count_pieces, moved_by
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
+from mesa_swarm.physics.sensing import GRID
 from mesa_swarm.physics.separation import (
     MOST_SWEEPS,
     NONE,
@@ -41,7 +43,30 @@ from mesa_swarm.world.statics import ROBOT
 Share = Callable[[int, Callable[[int, int], Any]], list]
 
 
+# The types of the arguments in the block of `travel_packed`, in their order there.
+TRAVELLING = " ".join((
+    "(int64[1C] float64[2C] float64[2C] float64[1C] int64[1C] bool[1C]"
+    " (int64[1C] int64[1C] float64[2C] float64[1C] float64[2C]) int64[1C])",
+    "float64[2C] float64[2C] float64[1C] float64[2C] float64[1C]",
+    f"(float64[2C] float64[2C] int64[1C] int8[1C] float64[1C] {GRID} int64[1C] int64[1C] none)",
+    "bool[1C] int64[1C] int64[1C] float64[2C] float64[1C] float64[1C]",
+))  # fmt: skip
+
+
 @compiled(nogil=True)
+def travel_packed(piece, pieces, pairs, turn_angle, block):
+    """Do what `travel_pieces` does, where no body moves; the rest of its arguments is in a `Block`."""
+    (
+        crowd, listed, position, heading, motion, radius, statics,
+        collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
+    ) = unpack(block, TRAVELLING)  # fmt: skip
+    return travel_pieces(
+        piece, pieces, pairs, turn_angle, crowd, listed, position, heading, motion, radius, statics,
+        collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
+    )  # fmt: skip
+
+
+@compiled(nogil=True, apart=True)
 def travel_pieces(
     piece, pieces, pairs, turn_angle, crowd, listed, position, heading, motion, radius, statics,
     collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
@@ -66,7 +91,7 @@ def travel_pieces(
     return pieces, pieces, SETTLED
 
 
-def travel(pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
+def travel(block: np.ndarray | None, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
     """Move all robots through one step, resolve every contact, and write the contact columns.
 
     `position` (n, 2) and `heading` are changed; `motion` (n, 3) is the one that the wheels would make, along the body.
@@ -74,15 +99,16 @@ def travel(pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
 
     A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face;
     `extra_turn` becomes the turn that faces added. `statics` are edges, discs, owner, body, bounds, grid numbers,
-    touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move.
+    touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move. `block` holds all
+    but the grid as `travel_packed` takes it, or is None.
     """
-    crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
-    moved = turn_angle, crowd, listed, position, heading, motion, radius, statics, *written, extra_turn
-    piece, pieces, state = travel_pieces(0, 0, pairs, *moved)
+    move, moved = (travel_pieces, given[:2] + given[3:]) if block is None else (travel_packed, (block,))
+    piece, pieces, state = move(0, 0, pairs, turn_angle, *moved)
     while state != SETTLED:
+        crowd, listed, grid, _, heading, motion, _, statics, *_, extra_turn = given
         pairs = _resolve(state, crowd, listed, pairs, grid, statics)
         turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
-        piece, pieces, state = travel_pieces(piece + 1, pieces, pairs, *moved)
+        piece, pieces, state = move(piece + 1, pieces, pairs, turn_angle, *moved)
 
 
 def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from mesa_swarm.geometry import compiling, precompile
 from mesa_swarm.geometry.compiled import FUNCTIONS
-from mesa_swarm.geometry.compiling import Compilation, name_of, needed_functions, types_in_words
+from mesa_swarm.geometry.compiling import Compilation, name_of, needed_functions
+from mesa_swarm.geometry.type_names import types_in_words
 
 COMPANION = [sys.executable, "-m", "mesa_swarm.geometry.precompile"]
 ONE = "geometry.overlap.wrapped float64"

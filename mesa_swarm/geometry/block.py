@@ -1,0 +1,116 @@
+"""Many arguments of a compiled function in one array of numbers: addresses and shapes of arrays, and numbers.
+
+To pass an array from Python takes about 50 ns. Arguments that stay the same from step to step are put into a `Block`
+once; a compiled function that is given its array takes them out at the cost of reading memory.
+"""
+
+from typing import Any, cast
+
+import numpy as np
+from numba import typeof, types
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+
+from mesa_swarm.geometry.type_names import in_words, types_in_words
+
+NUMBER = np.dtype(np.int64)
+
+
+class Block:
+    """Arguments of a compiled function, as long as none of the arrays is replaced by another.
+
+    Parameters
+    ----------
+    words : str
+        The types of the arguments, see `types_in_words`: arrays in C order, whole and real numbers, None, and tuples of
+        these.
+    *values
+        The arguments; arrays are kept as long as the block is.
+
+    Attributes
+    ----------
+    numbers : int64 ndarray
+        What the compiled function is given.
+
+    Raises
+    ------
+    TypeError
+        If the arguments have other types.
+
+    Examples
+    --------
+    >>> Block("float64[1C] (int64 float64)", np.zeros(3), (1, 0.5)).numbers[1:].tolist()
+    [3, 1, 4602678819172646912]
+    """
+
+    __slots__ = ("_values", "_words", "numbers")
+
+    def __init__(self, words: str, *values: Any) -> None:
+        given = " ".join(in_words(typeof(value)) for value in values)
+        if given != words:
+            raise TypeError(f"a block got {given}; expected {words}")
+        self._words, self._values = words, values
+        self.numbers = np.array(_numbers_of(values), NUMBER)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how a copy is made: of copies of the arrays, so that it refers to these."""
+        return Block, (self._words, *self._values)
+
+
+def _numbers_of(value: Any) -> list[int]:
+    if value is None:
+        return []
+    if isinstance(value, tuple):
+        return [number for part in value for number in _numbers_of(part)]
+    if isinstance(value, np.ndarray):
+        return [value.ctypes.data, *value.shape]
+    return [int(np.float64(value).view(NUMBER)) if isinstance(value, float) else int(value)]
+
+
+@intrinsic(prefer_literal=True)
+def unpack(typing_context, block, words):  # type: ignore[no-untyped-def]
+    """Return the arguments in a block of these words, a literal text, as a tuple; for compiled functions."""
+    result = types.Tuple(types_in_words(words.literal_value))
+
+    def code(context, builder, signature, given):  # type: ignore[no-untyped-def]
+        array = context.make_array(signature.args[0])(context, builder, given[0])
+        return _Reader(context, builder, array.data).take(result)
+
+    return result(block, words), code
+
+
+class _Reader:
+    """Writes the code that reads the numbers of a block one after the other."""
+
+    def __init__(self, context: Any, builder: Any, data: Any) -> None:
+        self.context, self.builder, self.data, self.place = context, builder, data, 0
+
+    def take(self, kind: Any) -> Any:
+        """Return the value of a type, made of the next numbers."""
+        if isinstance(kind, types.BaseTuple):
+            return self.context.make_tuple(self.builder, kind, [self.take(part) for part in cast(Any, kind)])
+        if isinstance(kind, types.Array):
+            return self._array(kind)
+        if kind is types.none:
+            return self.context.get_dummy_value()
+        if isinstance(kind, types.Float):
+            return self.builder.bitcast(self._number(), self.context.get_value_type(kind))
+        return self._number()
+
+    def _number(self) -> Any:
+        place = self.context.get_constant(types.intp, self.place)
+        self.place += 1
+        return self.builder.load(self.builder.gep(self.data, [place]))
+
+    def _array(self, kind: Any) -> Any:
+        context, builder = self.context, self.builder
+        array = context.make_array(kind)(context, builder)
+        item = context.get_data_type(kind.dtype)
+        data = builder.inttoptr(self._number(), item.as_pointer())
+        shape = [self._number() for _ in range(kind.ndim)]
+        size = context.get_constant(types.intp, context.get_abi_sizeof(item))
+        strides = [size]
+        for length in shape[:0:-1]:
+            strides.insert(0, builder.mul(strides[0], length))
+        populate_array(array, data=data, shape=shape, strides=strides, itemsize=size, meminfo=None)
+        return array._getvalue()
