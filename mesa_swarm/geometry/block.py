@@ -68,11 +68,11 @@ def _numbers_of(value: Any) -> list[int]:
 
 
 @intrinsic(prefer_literal=True)
-def unpack(typing_context, block, words):  # type: ignore[no-untyped-def]
+def unpack(typing_context: Any, block: Any, words: Any) -> Any:
     """Return the arguments in a block of these words, a literal text, as a tuple; for compiled functions."""
     result = types.Tuple(types_in_words(words.literal_value))
 
-    def code(context, builder, signature, given):  # type: ignore[no-untyped-def]
+    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, given[0])
         return _Reader(context, builder, array.data).take(result)
 
@@ -82,8 +82,8 @@ def unpack(typing_context, block, words):  # type: ignore[no-untyped-def]
 class _Reader:
     """Writes the code that reads the numbers of a block one after the other."""
 
-    def __init__(self, context: Any, builder: Any, data: Any) -> None:
-        self.context, self.builder, self.data, self.place = context, builder, data, 0
+    def __init__(self, context: Any, builder: Any, first: Any) -> None:
+        self.context, self.builder, self.first, self.place = context, builder, first, 0
 
     def take(self, kind: Any) -> Any:
         """Return the value of a type, made of the next numbers."""
@@ -100,17 +100,17 @@ class _Reader:
     def _number(self) -> Any:
         place = self.context.get_constant(types.intp, self.place)
         self.place += 1
-        return self.builder.load(self.builder.gep(self.data, [place]))
+        return self.builder.load(self.builder.gep(self.first, [place]))
 
     def _array(self, kind: Any) -> Any:
         context, builder = self.context, self.builder
         array = context.make_array(kind)(context, builder)
         item = context.get_data_type(kind.dtype)
-        data = builder.inttoptr(self._number(), item.as_pointer())
+        address = builder.inttoptr(self._number(), item.as_pointer())
         shape = [self._number() for _ in range(kind.ndim)]
         size = context.get_constant(types.intp, context.get_abi_sizeof(item))
         strides = [size]
         for length in shape[:0:-1]:
             strides.insert(0, builder.mul(strides[0], length))
-        populate_array(array, data=data, shape=shape, strides=strides, itemsize=size, meminfo=None)
+        populate_array(array, data=address, shape=shape, strides=strides, itemsize=size, meminfo=None)
         return array._getvalue()
