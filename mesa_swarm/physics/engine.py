@@ -10,22 +10,15 @@ from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.physics.crowd import Crowd
 from mesa_swarm.physics.loads import carry
 from mesa_swarm.physics.motion import achieved_motion, slip_of
-from mesa_swarm.physics.sensing import (
-    SENSING,
-    err,
-    sense_inside,
-    sense_line,
-    sense_packed,
-    sense_proximity,
-    sense_radiation,
-)
+from mesa_swarm.physics.packed import MOVING, SENSING, move_packed, sense_packed
+from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
-from mesa_swarm.physics.travel import TRAVELLING, travel, travel_together
+from mesa_swarm.physics.travel import travel, travel_pieces, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
-from mesa_swarm.robots.drive import Drive, accelerate, slipped_wheels
+from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import Statics
 
@@ -65,6 +58,9 @@ class CompiledEngine:
         self._listed = False  # whether pairs are those of the present places
         self._motion, self._extra_turn = np.zeros((0, 3)), np.zeros(0)
         self._drives: Rows = []
+        self._wheels = np.zeros((0, 2))
+        self._looking: Block | None = None
+        self._moving: Block | None = None
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
@@ -91,12 +87,16 @@ class CompiledEngine:
             crowd.sort(columns["position"], columns["radius"], columns["number"])
             crowd.list_pairs(self._margin)
         self._listed = False  # from here on they are elsewhere
+        together = self._parts(len(self._extra_turn)) > 1
+        if self._moving is not None and draws is None and not together and surroundings.room is None:
+            travel(move_packed, (self._moving.numbers,), crowd.pairs, turn_angle, *self._travelling)
+            return self._wheels
 
         def go() -> np.ndarray:
             begin_way(surroundings)
-            if self._parts(len(self._extra_turn)) == 1:
-                block = None if self._blocks is None else self._blocks[1].numbers
-                travel(block, crowd.pairs, turn_angle, *self._travelling)
+            if not together:
+                moved = self._travelling[:2] + self._travelling[3:]
+                travel(travel_pieces, moved, crowd.pairs, turn_angle, *self._travelling)
             else:
                 travel_together(self._share, crowd.pairs, turn_angle, *self._travelling)
             return self._extra_turn
@@ -125,8 +125,8 @@ class CompiledEngine:
     def _look(self, columns: dict[str, np.ndarray], surroundings: Surroundings) -> None:
         """Write the readings without error, and list the pairs of robots near each other."""
         crowd, n = self._crowd, len(self._crowd.order)
-        if self._blocks is not None and self._parts(n) == 1:
-            crowd.pairs = crowd.pairs_from(0, n, sense_packed, self._blocks[0].numbers)
+        if self._looking is not None and self._parts(n) == 1:
+            crowd.pairs = crowd.pairs_from(0, n, sense_packed, self._looking.numbers)
             return
         crowd.sort(columns["position"], columns["radius"], columns["number"])
         moving = None if surroundings.moving is None else surroundings.moving.seen
@@ -179,14 +179,21 @@ class CompiledEngine:
             *(columns[name] for name in CONTACT_COLUMNS),
             self._extra_turn,
         )
-        self._blocks = self._pack(columns) if self._statics[-1] is None else None
+        self._looking = self._moving = None
+        if self._statics[-1] is None:  # no body moves
+            self._pack(swarm)
 
-    def _pack(self, columns: dict[str, np.ndarray]) -> tuple[Block, Block]:
-        """Return the same arguments, packed, for worlds in which no body moves."""
-        crowd, (_, _, _, largest_radius, margin, cells, _, *rest) = self._crowd, self._sensing
+    def _pack(self, swarm: Swarm) -> None:
+        """Put the same arguments into blocks, as far as robots are plain."""
+        columns, crowd, (_, _, _, largest_radius, margin, cells, _, *rest) = swarm.columns, self._crowd, self._sensing
         where = columns["position"], columns["radius"], columns["number"]
-        sensing = Block(SENSING, *where, cells, *crowd.sorted, largest_radius, margin, *rest)
-        return sensing, Block(TRAVELLING, *self._travelling[:2], *self._travelling[3:])
+        self._looking = Block(SENSING, *where, cells, *crowd.sorted, largest_radius, margin, *rest)
+        drives, table = [drive for drive, _ in self._drives], swarm.table
+        if [type(drive) for drive in drives] == [DifferentialDrive] and not (table.limited or table.mixed):
+            command, n = columns["command"], len(swarm)
+            self._wheels = np.zeros((n, 2))
+            scratch = command, self._wheels, columns["slip"], np.zeros((n, 2)), np.zeros(n)
+            self._moving = Block(MOVING, *scratch, *self._travelling[:2], *self._travelling[3:])
 
 
 def begin_way(surroundings: Surroundings) -> None:

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import cell_index
 from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
-from mesa_swarm.physics.crowd import sort_by_cell
 from mesa_swarm.robots.design import (
     AXIS_X,
     AXIS_Y,
@@ -36,33 +34,6 @@ CHUNK = 128
 MOST_FOUND = 2048
 # A NumPy number: Numba would compile a function once more for a literal one that is passed to it.
 NONE = np.int64(0)
-
-GRID = "(float64 float64 float64 int64 int64)"
-# The types of the arguments in the block of `sense_packed`, in their order there.
-SENSING = " ".join((
-    "float64[2C] float64[1C] int64[1C]",
-    f"{GRID} int64[1C] int64[1C] int64[1C] float64[2C] float64[1C] int64[1C]",
-    "float64 float64 float64[1C] int64[1C] float64[3C] int64[1C] float64[1C]",
-    f"float64[2C] float64[2C] int8[1C] {GRID} int64[1C] int64[1C]",
-    "float64[2C] int8[2C]",
-))  # fmt: skip
-
-
-@compiled(nogil=True)
-def sense_packed(first, last, pairs, block):
-    """Sort robots by cell, then do what `sense_proximity` does, where no body moves; the rest is in a `Block`."""
-    (
-        position, radius, number,
-        grid, start, order, cell_of, places, radii, numbers,
-        largest_radius, margin, heading, design, sensors, counts, reach,
-        edges, discs, static_kind, static_grid, seen_start, seen_items,
-        distance, kind,
-    ) = unpack(block, SENSING)  # fmt: skip
-    sort_by_cell(position, radius, number, grid, start, order, cell_of, places, radii, numbers)
-    return sense_proximity(
-        first, last, pairs, None, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors,
-        counts, reach, edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
-    )  # fmt: skip
 
 
 @compiled(nogil=True, apart=True)

@@ -16,13 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.contact import push_all_from_statics
 from mesa_swarm.physics.motion import count_pieces, moved_by
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
-from mesa_swarm.physics.sensing import GRID
 from mesa_swarm.physics.separation import (
     MOST_SWEEPS,
     NONE,
@@ -41,29 +39,6 @@ from mesa_swarm.world.statics import ROBOT
 
 # Calls a function of the first row and one past the last for ranges of a given number of rows, and returns the results.
 Share = Callable[[int, Callable[[int, int], Any]], list]
-
-
-# The types of the arguments in the block of `travel_packed`, in their order there.
-TRAVELLING = " ".join((
-    "(int64[1C] float64[2C] float64[2C] float64[1C] int64[1C] bool[1C]"
-    " (int64[1C] int64[1C] float64[2C] float64[1C] float64[2C]) int64[1C])",
-    "float64[2C] float64[2C] float64[1C] float64[2C] float64[1C]",
-    f"(float64[2C] float64[2C] int64[1C] int8[1C] float64[1C] {GRID} int64[1C] int64[1C] none)",
-    "bool[1C] int64[1C] int64[1C] float64[2C] float64[1C] float64[1C]",
-))  # fmt: skip
-
-
-@compiled(nogil=True)
-def travel_packed(piece, pieces, pairs, turn_angle, block):
-    """Do what `travel_pieces` does, where no body moves; the rest of its arguments is in a `Block`."""
-    (
-        crowd, listed, position, heading, motion, radius, statics,
-        collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
-    ) = unpack(block, TRAVELLING)  # fmt: skip
-    return travel_pieces(
-        piece, pieces, pairs, turn_angle, crowd, listed, position, heading, motion, radius, statics,
-        collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
-    )  # fmt: skip
 
 
 @compiled(nogil=True, apart=True)
@@ -91,7 +66,7 @@ def travel_pieces(
     return pieces, pieces, SETTLED
 
 
-def travel(block: np.ndarray | None, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
+def travel(move: Callable, moved: tuple, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
     """Move all robots through one step, resolve every contact, and write the contact columns.
 
     `position` (n, 2) and `heading` are changed; `motion` (n, 3) is the one that the wheels would make, along the body.
@@ -99,10 +74,10 @@ def travel(block: np.ndarray | None, pairs: np.ndarray, turn_angle: float, *give
 
     A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face;
     `extra_turn` becomes the turn that faces added. `statics` are edges, discs, owner, body, bounds, grid numbers,
-    touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move. `block` holds all
-    but the grid as `travel_packed` takes it, or is None.
+    touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move.
+
+    `move` is `travel_pieces` or does the same, and `moved` what it takes besides.
     """
-    move, moved = (travel_pieces, given[:2] + given[3:]) if block is None else (travel_packed, (block,))
     piece, pieces, state = move(0, 0, pairs, turn_angle, *moved)
     while state != SETTLED:
         crowd, listed, grid, _, heading, motion, _, statics, *_, extra_turn = given
