@@ -1,7 +1,7 @@
 """Compiled functions that others call where they are, instead of taking them in.
 
 Numba copies the machine code of every function into those that call it, and optimises it again there: with functions
-that call each other over several levels, compiling takes several times as long. Of a function that is `apart` there is
+that call each other over several levels, compiling takes a third longer. Of a function that is `apart` there is
 one copy, which callers find by its name; so each is compiled once. For large functions that are called a few times in a
 step: a call takes some tens of nanoseconds, and nothing of it is optimised together with its caller.
 """
