@@ -89,16 +89,16 @@ class CompiledEngine:
         self._listed = False  # from here on they are elsewhere
         together = self._parts(len(self._extra_turn)) > 1
         if self._moving is not None and draws is None and not together and surroundings.room is None:
-            travel(move_packed, (self._moving.numbers,), crowd.pairs, turn_angle, *self._travelling)
+            crowd.pairs = travel(move_packed, (self._moving.numbers,), crowd.pairs, turn_angle, *self._travelling)
             return self._wheels
 
         def go() -> np.ndarray:
             begin_way(surroundings)
             if not together:
                 moved = self._travelling[:2] + self._travelling[3:]
-                travel(travel_pieces, moved, crowd.pairs, turn_angle, *self._travelling)
+                crowd.pairs = travel(travel_pieces, moved, crowd.pairs, turn_angle, *self._travelling)
             else:
-                travel_together(self._share, crowd.pairs, turn_angle, *self._travelling)
+                crowd.pairs = travel_together(self._share, crowd.pairs, turn_angle, *self._travelling)
             return self._extra_turn
 
         return move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)

@@ -66,8 +66,10 @@ def travel_pieces(
     return pieces, pieces, SETTLED
 
 
-def travel(move: Callable, moved: tuple, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
+def travel(move: Callable, moved: tuple, pairs: np.ndarray, turn_angle: float, *given: Any) -> np.ndarray:
     """Move all robots through one step, resolve every contact, and write the contact columns.
+
+    Return the pairs near each other at `listed`, which is written where robots have gone too far from it.
 
     `position` (n, 2) and `heading` are changed; `motion` (n, 3) is the one that the wheels would make, along the body.
     `crowd` are the copies of columns that `Crowd.arrays` describes; `pairs` those near each other at `listed`.
@@ -84,9 +86,10 @@ def travel(move: Callable, moved: tuple, pairs: np.ndarray, turn_angle: float, *
         pairs = _resolve(state, crowd, listed, pairs, grid, statics)
         turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
         piece, pieces, state = move(piece + 1, pieces, pairs, turn_angle, *moved)
+    return pairs
 
 
-def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: Any) -> None:
+def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: Any) -> np.ndarray:
     """Do what `travel` does, given the same, the rows of robots in ranges by ``share(n, rows)``."""
     crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
     n = len(heading)
@@ -101,15 +104,16 @@ def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: 
             pairs = _resolve(state, crowd, listed, pairs, grid, statics)
         turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
     share(n, partial(_on_rows, finish_rows, (crowd, position, *written)))
+    return pairs
 
 
 def _separate_together(share: Share, crowd: tuple, listed: np.ndarray, pairs: np.ndarray, statics: tuple) -> int:
     """Separate robots as `separate_near` does."""
     _, places, _, radii, numbers, free, contacts, _ = crowd
     state, met = overlaps_of(places, radii, listed, pairs)
-    bodies = places, radii, numbers, statics, contacts, free, listed, pairs, *scratch_of(places, radii, pairs)
     if state == STRAYED:
         return state
+    bodies = places, radii, numbers, statics, contacts, free, listed, pairs, *scratch_of(places, radii, pairs)
     found = share(len(radii), partial(_on_rows, separate_groups, (met, met, MOST_SWEEPS, bodies)))
     later, state = np.concatenate([late for late, _ in found]), max(state for _, state in found)
     return finish_separation(MOST_SWEEPS, bodies, met, later, state)

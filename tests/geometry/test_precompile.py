@@ -66,12 +66,16 @@ def test_processes_share_the_names_where_cores_are_free_and_there_are_many(monke
 
 
 def test_where_no_process_can_be_started_all_is_compiled_by_this_one(monkeypatch):
-    def refuse(*_, **__):
+    refused = []
+
+    def refuse(*given, **_):
+        refused.append(given)
         raise OSError("no processes here")
 
     monkeypatch.setattr(precompile, "_cores", lambda: 2)
     monkeypatch.setattr(precompile.subprocess, "Popen", refuse)
     precompile.start([f"a.b{k}" for k in range(30)])
+    assert len(refused) == 1
 
 
 def test_what_other_processes_have_compiled_counts(monkeypatch, tmp_path):

@@ -1,12 +1,18 @@
 """The pairs that contact watches: all that are near, once each, whatever the grid."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mesa_swarm import AGENT9, Map, SwarmModel
 from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.physics import engine
 from mesa_swarm.physics.crowd import Crowd
 from mesa_swarm.physics.separation import near_pairs, pairs_by_robot, pairs_of
+from support.random_worlds import Commanded
 
 seeds, few, margins, sizes = st.integers(0, 2**32 - 1), st.integers(0, 60), st.floats(0, 30), st.floats(20, 400)
 
@@ -67,3 +73,23 @@ def test_the_pairs_of_robots_that_moved_are_found_once_each(seed, n, count):
     found = chosen[: pairs_of(moved, awake, pairs, start, own, chosen, group, strayed)]
     assert sorted(found.tolist()) == np.flatnonzero(awake[pairs].any(axis=1)).tolist()
     assert pairs_of(moved, awake, pairs, start, own, chosen, np.full(n, 2), strayed) == 0
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_after_a_step_the_pairs_are_those_at_the_places_listed_also_where_robots_go_far(monkeypatch, threads):
+    """Where a load has to return, robots travel twice in a step: the second time from the pairs of the first."""
+    monkeypatch.setattr(engine, "FEWEST_ROWS", 2)
+    model = SwarmModel(map=Map(name="hall", bounds=(0, 0, 150, 150)), rng=3, threads=threads)
+    model.add_robots(replace(AGENT9, max_speed=9.0), 30)
+    model.control = Commanded(np.random.default_rng(1).uniform(-9, 9, (30, 2)))
+    anew = 0
+    for _ in range(5):
+        model.step()
+        crowd = model._engine._crowd
+        model.sense()
+        listed = crowd.listed.copy()
+        model._engine.move(model.swarm, model._current_scene(), 0.5, None)
+        anew += not (crowd.listed == listed).all()
+        expected = near_pairs(crowd.listed, crowd.radii, model._engine._margin, crowd.cells)
+        assert ascending(crowd.pairs) == ascending(expected)
+    assert anew == 5
