@@ -14,7 +14,8 @@ from mesa_swarm.experiments.tables import csv_text, with_limits
 PASSED, UNDECIDED, FAILED = "passed", "undecided", "failed"
 OUTCOMES = (PASSED, UNDECIDED, FAILED)
 CONFIRMED, LIMITED, NOT_CONFIRMED = "confirmed", "confirmed with limits", "not confirmed"
-VERDICTS = (CONFIRMED, LIMITED, NOT_CONFIRMED)
+REFUTED = "refuted"
+VERDICTS = (CONFIRMED, LIMITED, NOT_CONFIRMED, REFUTED)
 
 
 def header(source: str) -> tuple[str, ...]:
@@ -51,18 +52,20 @@ class Result:
     """One result of the thesis or of a paper, reproduced.
 
     Its own picture is under "", others by a word. The settings state in words what the source leaves open and we have
-    chosen; remarks are further findings.
+    chosen. The reason states why a main claim that failed cannot hold, which makes it refuted. Remarks are further
+    findings.
     """
 
     checks: tuple[Check, ...]
     pictures: dict[str, Figure]
     settings: str
     remarks: tuple[str, ...] = field(default=())
+    reason: str = ""
 
     @property
     def verdict(self) -> str:
-        """Confirmed, confirmed with limits, or not confirmed: see `verdict`."""
-        return verdict(self.checks)
+        """Confirmed, confirmed with limits, not confirmed, or refuted: see `verdict`."""
+        return verdict(self.checks, self.reason)
 
     @property
     def limits(self) -> list[str]:
@@ -74,15 +77,19 @@ class Result:
         return csv_text([(*header(source), "main"), *((*check.row, check.main) for check in self.checks)])
 
 
-def verdict(checks: Iterable[Check]) -> str:
-    """Return the verdict, which depends on the outcomes of checks only.
+def verdict(checks: Iterable[Check], reason: str = "") -> str:
+    """Return the verdict, which depends on the outcomes of checks, and on whether it is known why one failed.
 
-    Confirmed if all have passed; not confirmed if a main one has not; else confirmed with limits.
+    Confirmed if all have passed, and confirmed with limits if all main ones have. If a main one failed, so that its
+    interval excludes what is claimed, and the reason is known, refuted; otherwise not confirmed.
     """
     listed = list(checks)
     if all(check.outcome == PASSED for check in listed):
         return CONFIRMED
-    return LIMITED if all(check.outcome == PASSED for check in listed if check.main) else NOT_CONFIRMED
+    main = {check.outcome for check in listed if check.main}
+    if main <= {PASSED}:
+        return LIMITED
+    return REFUTED if FAILED in main and reason else NOT_CONFIRMED
 
 
 def placed(interval: Interval, low: float = -math.inf, high: float = math.inf) -> str:

@@ -16,6 +16,8 @@ Function = Callable[..., Numbers]
 Choice = TypeVar("Choice")
 RUNS = "runs.jsonl"
 FEW = 3
+# Seeds from 1 on were looked at while criteria were chosen, those of 10,000 and more while settings were.
+FRESH = 1_001
 
 
 class Laboratory:
@@ -52,6 +54,10 @@ class Laboratory:
     def seeds(self, count: int, quick: int = FEW) -> range:
         """Return seeds 1, 2, ... count, or a few where quick is enough."""
         return range(1, 1 + self.pick(count, quick))
+
+    def fresh_seeds(self, count: int, quick: int = FEW) -> range:
+        """Return as many seeds with which nothing was run before settings and criteria were fixed."""
+        return range(FRESH, FRESH + self.pick(count, quick))
 
     def runs(self, run: Function, seeds: Iterable[int], *, alone: bool = False, **settings: Any) -> list[Numbers]:
         """Return the numbers of a run for every seed, in the order of the seeds."""

@@ -31,11 +31,19 @@ class TestVerdict:
     def test_a_main_claim_that_is_not_passed_is_not_confirmed(self, outcome):
         assert verdict([check("passed"), check(outcome)]) == "not confirmed"
 
+    def test_a_main_claim_that_failed_is_refuted_if_the_reason_is_known(self):
+        assert verdict([check("passed"), check("failed")], "its premise is false") == "refuted"
+
+    @pytest.mark.parametrize("checks", [[check("undecided")], [check("passed"), check("failed", main=False)]])
+    def test_what_is_undecided_or_a_side_claim_is_not_refuted_whatever_the_reason(self, checks):
+        assert verdict(checks, "its premise is false") == verdict(checks)
+
     def test_it_never_gets_better_when_an_outcome_gets_worse(self):
         for outcomes, mains in product(product(OUTCOMES, repeat=2), product((True, False), repeat=2)):
-            best = verdict(check("passed", main) for main in mains)
-            worse = verdict(check(outcome, main) for outcome, main in zip(outcomes, mains, strict=True))
-            assert VERDICTS.index(worse) >= VERDICTS.index(best)
+            for reason in ("", "its premise is false"):
+                best = verdict([check("passed", main) for main in mains], reason)
+                worse = verdict([check(outcome, main) for outcome, main in zip(outcomes, mains, strict=True)], reason)
+                assert VERDICTS.index(worse) >= VERDICTS.index(best)
 
     def test_an_unknown_outcome_is_refused(self):
         with pytest.raises(UnknownNameError, match="unknown outcome 'maybe'"):
