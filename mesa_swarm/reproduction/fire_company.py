@@ -27,6 +27,8 @@ DELAYS = 20, 80
 AWAY = 30.0
 STAYING_STEPS = 3_000
 STAYING_SEEDS = 100
+# Until two robots have put the fire out.
+SHOWN_STEPS = 4_000
 
 
 def stay_run(rng: int, *, company: bool, steps: int = STAYING_STEPS) -> dict[str, Any]:
@@ -98,7 +100,7 @@ def second_robot(laboratory: Laboratory) -> Result:
     )  # fmt: skip
     return Result(
         checks=checks,
-        pictures={"": series_figure(laboratory.pick(STAYING_STEPS, 600))},
+        pictures={"": series_figure(laboratory.pick(SHOWN_STEPS, 600))},
         settings=(
             f"the large fire of openspace_fire, strategy B, default constants, {STAYING_STEPS:,} steps; robots begin "
             f"{AWAY:g} from its edge at random bearings, the second {DELAYS[0]} to {DELAYS[1]} steps after the first "
@@ -109,7 +111,7 @@ def second_robot(laboratory: Laboratory) -> Result:
 
 def series_figure(steps: int) -> Figure:
     """Return six frames of one run, from the first robot's coming on, and the fire's temperature over its steps."""
-    model, second, times = lone_fire_model(1, 0.6), 60, [0, 45, 80, 150, steps // 4, steps]
+    model, second, times = lone_fire_model(1, 0.6), 60, [0, 45, 75, 110, 3 * steps // 4, steps]
     figure = Figure(figsize=(10.0, 8.6), layout="constrained")
     panels = figure.subplot_mosaic("012;345;TTT", height_ratios=(3, 3, 2))
     temperature = []

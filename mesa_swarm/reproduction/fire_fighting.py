@@ -22,6 +22,7 @@ from mesa_swarm.reproduction.fire_company import LARGEST
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_share
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.robots.design import AGENT_FIRE
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import final_state_of
 from mesa_swarm.viewing.palette import LIGHT
@@ -470,32 +471,42 @@ SEARCHING_STEPS = 4_000
 SEARCHING_SEEDS = 200
 
 
-def search_run(rng: int, *, steps: int = SEARCHING_STEPS, **settings: Any) -> dict[str, Any]:
+def search_run(rng: int, *, team: str, steps: int = SEARCHING_STEPS) -> dict[str, Any]:
     """Let robots look for fires; return the mean steps until a robot first fights one, `steps` where it does not.
 
-    The last half of the robots are those that follow in a team of which half do.
+    In the team "half" the last half of the robots follow.
     """
-    model = find_model("fire_fighting")(rng=rng, **settings)
+    model = searching_model(rng, team)
     found = np.full(len(model.swarm), steps)
     while model.steps < steps and (found == steps).any():
         model.step()
         found[(model.swarm.fire >= 0) & (found == steps)] = model.steps
     half = len(found) // 2
-    return {
-        "all": float(found.mean()),
-        "explorers": float(found[:half].mean()),
-        "followers": float(found[half:].mean()),
-    }
+    groups = {"all": found, "explorers": found[:half], "followers": found[half:]}
+    return {name: float(times.mean()) for name, times in groups.items()}
+
+
+TEAMS: dict[str, dict[str, Any]] = {"explore": {}, "follow": {"follow": "on"}, "respond": {"communication": "goal"}}
+
+
+def searching_model(rng: int, team: str) -> SwarmModel:
+    """Return a model of robots that explore, follow, go where fires are broadcast, or half of which follow."""
+    if team != "half":
+        return find_model("fire_fighting")(rng=rng, **TEAMS[team])
+    model = find_model("fire_fighting")(rng=rng, n_robots=0)
+    following = find_model("fire_fighting")(rng=rng, n_robots=0, follow="on").control
+    model.control = {"explorers": model.control, "followers": following}
+    for group in model.control:
+        model.add_robots(AGENT_FIRE, 5, group=group)
+    return model
 
 
 def followers(laboratory: Laboratory) -> Result:
     """Judge whether robots that follow find fires sooner than those that explore (9.5, 10.4)."""
     steps, seeds = laboratory.pick(SEARCHING_STEPS, 500), laboratory.fresh_seeds(SEARCHING_SEEDS)
-    teams = {"half follow": {"followers": 0.5}, "explore": {}, "follow": {"followers": 1.0},
-             "respond": {"communication": "goal"}}  # fmt: skip
-    rows = dict(
-        zip(teams, laboratory.grid(search_run, [{**t, "steps": steps} for t in teams.values()], seeds), strict=True)
-    )
+    teams = ("half", *TEAMS)
+    points = [{"team": team, "steps": steps} for team in teams]
+    rows = dict(zip(teams, laboratory.grid(search_run, points, seeds), strict=True))
 
     def sooner(claim: str, team: str, group: str, other: str, against: str, *, main: bool = False) -> Check:
         pair = column(rows[team], group), column(rows[other], against)
@@ -505,7 +516,7 @@ def followers(laboratory: Laboratory) -> Result:
     return Result(
         checks=(
             sooner("followers find their first fire sooner than the explorers of their team",
-                   "half follow", "followers", "half follow", "explorers", main=True),
+                   "half", "followers", "half", "explorers", main=True),
             sooner("a team of followers finds fires sooner than one of explorers", "follow", "all", "explore", "all"),
             sooner("robots that go where others broadcast a fire find one sooner", "respond", "all", "explore", "all"),
         ),
