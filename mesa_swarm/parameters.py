@@ -7,6 +7,8 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from mesa_swarm.errors import (
     InvalidValueError,
     UnknownNameError,
@@ -20,6 +22,12 @@ from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import READABLE, Map
 
 LARGEST_WHOLE = 10**9
+YES_NO = ("no", "yes")
+
+
+def is_yes(name: str, answer: str | bool) -> bool:
+    """Return whether it is yes; sweeps and scripts may pass True and False."""
+    return bool(answer) if isinstance(answer, bool | np.bool_) else check_choice(name, answer, YES_NO) == "yes"
 
 
 @dataclass(frozen=True, slots=True)
