@@ -78,8 +78,9 @@ class QLearning(SwarmModel):
         self.add_robots(AGENT9, check_count("n_robots", n_robots, minimum=1))
         layer = q_learning.QLearning(
             reward=reward, actions=actions, encoding=encoding, alpha=alpha, eta=eta, gamma=gamma, beta=beta,
-            first_temperature=first_temperature, last_temperature=last_temperature, critical=critical, reward_of=reward_of,
-            shared=is_yes("shared", shared), self_adjusting=is_yes("self_adjusting", self_adjusting),
+            first_temperature=first_temperature, last_temperature=last_temperature, critical=critical,
+            reward_of=reward_of, shared=is_yes("shared", shared),
+            self_adjusting=is_yes("self_adjusting", self_adjusting),
         )  # fmt: skip
         self.control = Subsumption(layer)
 
