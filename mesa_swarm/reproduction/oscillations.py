@@ -17,7 +17,7 @@ from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.viewing.palette import LIGHT
 
 SEEDS = 24
-# 15 robots learn for so many steps with beta 0.005; then each is alone, and no longer learns.
+# Steps in which 15 robots learn with beta 0.005, and in which each is alone afterwards and no longer learns.
 LEARNED, WATCHED = 8_000, 300
 BESIDE, TOWARDS = SCENES
 TURNS, THRESHOLD = "turns to and fro", "back-and-forth at a threshold"

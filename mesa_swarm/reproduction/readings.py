@@ -1,6 +1,6 @@
 """How much the verdicts of figures 8.2 to 8.5 depend on how the thesis is read."""
 
-from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -18,7 +18,6 @@ from mesa_swarm.reproduction.learning import (
     FALL,
     FAST,
     FAST_FALL,
-    READING,
     SLOW,
     judged_frequency,
     judged_totals,
@@ -38,37 +37,17 @@ MEASURES = {
     "with temperature": "correlation with T",
     "speed": "speed at the end",
 }
-FIGURES = "8.2", "8.3", "8.4", "8.5"
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Reading:
-    """One way to read the thesis, with its runs: one robot, and 15 with T falling slowly and fast."""
-
-    critical: str
-    actions: int
-    rewarded: str
-    one: list[dict]
-    slow: list[dict]
-    fast: list[dict]
-
-    @property
-    def name(self) -> str:
-        """In words."""
-        return f"{self.critical}, {self.actions} actions, {self.rewarded}"
-
-    @property
-    def claims(self) -> dict[str, tuple[Check, ...]]:
-        """The main checks of each figure, with these runs."""
-        checks = (
-            judged_frequency(self.one, FALL),
-            judged_frequency(self.slow, FALL),
-            judged_frequency(self.fast, FAST_FALL),
-            judged_totals(self.slow, self.fast),
-        )
-        return {
-            figure: tuple(check for check in each if check.main) for figure, each in zip(FIGURES, checks, strict=True)
-        }
+Reading = tuple[str, int, str]
+Rows = dict[Reading, list[dict]]
+DEFAULT: Reading = ("0.4 of a diameter", 8, "r(s, a)")
+# What changes if one of the three questions is answered otherwise: the reading, a measure, a claim, and whether the
+# measure is claimed to be larger.
+CLAIMS: tuple[tuple[Reading, str, str, bool], ...] = (
+    (("0.4 of the range", 8, "r(s, a)"), "early", "d_crit of 0.4 of the range: fewer collisions at first", False),
+    (("0.4 units", 8, "r(s, a)"), "late", "d_crit of 0.4 units: more collisions in the end", True),
+    (("0.4 of a diameter", 4, "r(s, a)"), "total", "four actions: fewer collisions in all", False),
+    (("0.4 of a diameter", 8, "r(s', a)"), "total", "r(s', a): fewer collisions in all", False),
+)
 
 
 def settings_of(critical: str, actions: int, rewarded: str) -> dict[str, Any]:
@@ -76,49 +55,43 @@ def settings_of(critical: str, actions: int, rewarded: str) -> dict[str, Any]:
     return {"critical": CRITICAL[critical], "actions": actions, "reward_of": REWARDED[rewarded]}
 
 
-def readings_of(laboratory: Laboratory) -> list[Reading]:
+def runs_by_reading(laboratory: Laboratory, robots: int, beta: float) -> Rows:
     """Return the runs of all combinations."""
-    made = []
-    for critical, actions, rewarded in product(CRITICAL, ACTIONS, REWARDED):
-        reading = settings_of(critical, actions, rewarded)
-        one, slow, fast = (
-            runs_of(laboratory, robots, beta, runs=RUNS, reading=reading)
-            for robots, beta in ((1, SLOW), (15, SLOW), (15, FAST))
-        )
-        made.append(Reading(critical=critical, actions=actions, rewarded=rewarded, one=one, slow=slow, fast=fast))
-    return made
+    return {
+        reading: runs_of(laboratory, robots, beta, runs=RUNS, reading=settings_of(*reading))
+        for reading in product(CRITICAL, ACTIONS, REWARDED)
+    }
 
 
-def compared(made: list[Reading]) -> tuple[Check, ...]:
+def name_of(reading: Reading) -> str:
+    """Return a way to read the thesis in words."""
+    critical, actions, rewarded = reading
+    return f"{critical}, {actions} actions, {rewarded}"
+
+
+def compared(rows: Rows) -> tuple[Check, ...]:
     """Judge what changes if one of the three questions is answered differently from our default."""
-    runs = {(each.critical, each.actions, each.rewarded): each.slow for each in made}
-    usual = runs["0.4 of a diameter", 8, "r(s, a)"]
-    others = (
-        ("0.4 of the range", 8, "r(s, a)", "early", "d_crit of 0.4 of the range: fewer collisions at first", False),
-        ("0.4 units", 8, "r(s, a)", "late", "d_crit of 0.4 units: more collisions in the end", True),
-        ("0.4 of a diameter", 4, "r(s, a)", "total", "four actions: fewer collisions in all", False),
-        ("0.4 of a diameter", 8, "r(s', a)", "total", "r(s', a): fewer collisions in all", False),
-    )
     checks = []
-    for critical, actions, rewarded, measure, claim, more in others:
-        sides = column(usual, measure), column(runs[critical, actions, rewarded], measure)
+    for reading, measure, claim, more in CLAIMS:
+        sides = column(rows[DEFAULT], measure), column(rows[reading], measure)
         names = "default", "instead"
         first, second = (sides, names) if more else (sides[::-1], names[::-1])
         checks.append(judged_difference(claim, "open", *first, names=second))
     return tuple(checks)
 
 
-def table(made: list[Reading]) -> str:
-    """Return the measures of 15 robots with T falling slowly, and which claims hold, by reading."""
-    rows = [
+def table(rows: Rows, claims: dict[str, dict[Reading, tuple[Check, ...]]]) -> str:
+    """Return the measures, and how many claims of figures hold, by reading."""
+    lines = [
         (
-            f"**{each.name}**" if settings_of(each.critical, each.actions, each.rewarded) == READING else each.name,
-            *(with_limits(mean_interval(known(each.slow, measure))) for measure in MEASURES),
-            *map(holding, each.claims.values()),
+            f"**{name_of(reading)}**" if reading == DEFAULT else name_of(reading),
+            *(with_limits(mean_interval(known(each, measure))) for measure in MEASURES),
+            *(holding(checks[reading]) for checks in claims.values()),
         )
-        for each in made
+        for reading, each in rows.items()
     ]
-    return table_of(("reading", *MEASURES.values(), *FIGURES), rows)
+    legend = "Measures with 95 % intervals, and how many main claims of each figure pass; our default is in bold."
+    return f"{legend}\n\n{table_of(('reading', *MEASURES.values(), *claims), lines)}"
 
 
 def known(rows: list[dict], measure: str) -> list[float]:
@@ -127,22 +100,23 @@ def known(rows: list[dict], measure: str) -> list[float]:
 
 
 def holding(checks: tuple[Check, ...]) -> str:
-    """Return how many claims hold, and the outcomes of the others."""
-    failed = [f"{check.claim.split(':')[0]}: {check.outcome}" for check in checks if check.outcome != PASSED]
-    return f"{len(checks) - len(failed)} of {len(checks)}" + (f" ({'; '.join(failed)})" if failed else "")
+    """Return how many main claims hold, and the outcomes of the others."""
+    main = [check for check in checks if check.main]
+    failed = [f"{check.claim.split(':')[0]}: {check.outcome}" for check in main if check.outcome != PASSED]
+    return f"{len(main) - len(failed)} of {len(main)}" + (f" ({'; '.join(failed)})" if failed else "")
 
 
-def readings_figure(made: list[Reading]) -> Figure:
-    """Return a figure of 15 robots with T falling slowly: early and late collisions, correlation with T, and speed."""
+def readings_figure(rows: Rows) -> Figure:
+    """Return a figure of early and late collisions, their correlation with T, and speed, by reading."""
     figure = Figure(figsize=(11.0, 5.2), layout="constrained")
     rates, warmth, speed = figure.subplots(1, 3, sharey=True, width_ratios=(2, 1, 1))
-    places = np.arange(len(made))[::-1]
-    _draw_dots(rates, made, "early", COLOURS[1], "first 1,000 steps")
-    _draw_dots(rates, made, "late", COLOURS[0], "last 3,000 steps")
-    _draw_dots(warmth, made, "with temperature", COLOURS[0], "")
-    _draw_dots(speed, made, "speed", COLOURS[0], "")
+    places = np.arange(len(rows))[::-1]
+    _draw_dots(rates, rows, "early", COLOURS[1], "first 1,000 steps")
+    _draw_dots(rates, rows, "late", COLOURS[0], "last 3,000 steps")
+    _draw_dots(warmth, rows, "with temperature", COLOURS[0], "")
+    _draw_dots(speed, rows, "speed", COLOURS[0], "")
     rates.set(xlabel="collisions a robot and 1,000 steps", xscale="log", yticks=places)
-    rates.set_yticklabels([each.name for each in made])
+    rates.set_yticklabels(list(map(name_of, rows)))
     rates.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, 1.1), ncols=2)
     warmth.axvline(0, color="0.5", linewidth=0.8)
     warmth.set(xlabel="correlation with T", xlim=(-1, 1))
@@ -153,45 +127,74 @@ def readings_figure(made: list[Reading]) -> Figure:
     return figure
 
 
-def _draw_dots(axes: Axes, made: list[Reading], measure: str, colour: str, label: str) -> None:
-    means = [mean_interval(known(each.slow, measure)) for each in made]
+def _draw_dots(axes: Axes, rows: Rows, measure: str, colour: str, label: str) -> None:
+    means = [mean_interval(known(each, measure)) for each in rows.values()]
     centre = np.array([mean.estimate for mean in means])
     reach = np.array([[mean.estimate - mean.low, mean.high - mean.estimate] for mean in means]).T
-    places = np.arange(len(made))[::-1]
+    places = np.arange(len(rows))[::-1]
     axes.errorbar(centre, places, xerr=np.nan_to_num(reach), fmt="o", color=colour, markersize=5, label=label)
 
 
-def readings(laboratory: Laboratory) -> Result:
-    """Repeat the learning runs with every way to read the thesis."""
-    made = readings_of(laboratory)
+def frequency(laboratory: Laboratory, robots: int, figure: str) -> Result:
+    """Repeat the runs of figure 8.2 or 8.3, T falling slowly, with every way to read the thesis."""
+    rows = runs_by_reading(laboratory, robots, SLOW)
+    claims = {reading: judged_frequency(each, FALL) for reading, each in rows.items()}
+    return result(rows, {figure: claims}, f"{robots} robot{'s' if robots > 1 else ''}, beta {SLOW:g}")
+
+
+def fast(laboratory: Laboratory) -> Result:
+    """Repeat the runs of figures 8.4 and 8.5, T falling fast, with every way to read the thesis."""
+    slow, rows = (runs_by_reading(laboratory, 15, beta) for beta in (SLOW, FAST))
+    claims = {
+        "8.4": {reading: judged_frequency(each, FAST_FALL) for reading, each in rows.items()},
+        "8.5": {reading: judged_totals(slow[reading], each) for reading, each in rows.items()},
+    }
+    return result(rows, claims, f"15 robots, beta {FAST:g}")
+
+
+def result(rows: Rows, claims: dict[str, dict[Reading, tuple[Check, ...]]], settings: str) -> Result:
+    """Return the result of these runs."""
     return Result(
-        checks=compared(made),
-        pictures={"": readings_figure(made)},
+        checks=compared(rows),
+        pictures={"": readings_figure(rows)},
         settings=(
-            f"{RUNS} runs of 33,000 steps for each of 12 readings with one robot, and with 15 for both rates of "
-            "cooling; map original, AGENT9, alpha 0.4, eta 0.1, gamma 0.7, T from 1 to 0.2, reward (b); collisions are "
-            "per robot and 1,000 steps, those in all per robot; measures are of 15 robots with T falling slowly"
+            f"{settings}; {RUNS} runs of 33,000 steps for each of 12 readings; map original, AGENT9, alpha 0.4, eta "
+            "0.1, gamma 0.7, T from 1 to 0.2, reward (b); collisions are per robot and 1,000 steps, in all per robot"
         ),
-        table=(
-            "Measures with 95 % intervals, and how many main claims of each figure pass their checks; our default is "
-            f"in bold.\n\n{table(made)}"
-        ),
+        table=table(rows, claims),
     )
 
 
-ABOUT = """\
+QUESTIONS = """\
 The thesis leaves three questions open. *What is d_crit = 0.4 a share of?* Of the sensors' range (20 units), of a
 robot's diameter (4 units), or of nothing: 0.4 units. *Which actions?* Table 8.1 lists eight; the first four were used
 before the others were added. *Which state is rewarded?* By its equations that in which the action was chosen, r(s, a);
 a program that computes the reward after the move has r(s', a). Our default is 0.4 of a diameter, eight actions and
 r(s, a)."""
+SAME = "The same readings, and the same claims about what they change."
 ITEMS = (
     Item(
-        figure="readings",
-        title="twelve ways to read chapter 8",
+        figure="readings-8.3",
+        title="twelve ways to read chapter 8, 15 robots, T falling slowly",
         section="8.2 and 8.3",
-        make=readings,
-        about=ABOUT,
+        make=partial(frequency, robots=15, figure="8.3"),
+        about=QUESTIONS,
+        readings=True,
+    ),
+    Item(
+        figure="readings-8.2",
+        title="the same, one robot",
+        section="8.2 and 8.3",
+        make=partial(frequency, robots=1, figure="8.2"),
+        about=SAME,
+        readings=True,
+    ),
+    Item(
+        figure="readings-8.5",
+        title="the same, 15 robots, T falling fast, and totals",
+        section="8.2 and 8.3",
+        make=fast,
+        about=SAME,
         readings=True,
     ),
 )
