@@ -59,9 +59,9 @@ def test_the_listing_loads_as_it_is_printed_and_copied(tmp_path, text):
 
 
 def test_a_mistake_in_an_indented_listing_is_named_by_its_line():
-    lines = "map = [", "    Obstacle(\u201crec\u201d, [[0, 0], [20, 600]]),", "    Obstacle(\u201crec\u201d, [[0, 0], [9]])]"
+    right, wrong = "Obstacle(\u201crec\u201d, [[0, 0], [20, 600]])", "Obstacle(\u201crec\u201d, [[0, 0], [9]])"
     with pytest.raises(MapError, match="line 3: rec has 3 numbers"):
-        read("\r\n".join(lines))
+        read(f"map = [\r\n    {right},\r\n    {wrong}]")
 
 
 def test_fires_are_read_and_y_is_turned_up():
