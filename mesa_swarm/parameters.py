@@ -18,8 +18,9 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.files import check_present_format
 from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.map import READABLE, Map
+from mesa_swarm.world.map import READABLE, Map, builtin_name
 
 LARGEST_WHOLE = 10**9
 YES_NO = ("no", "yes")
@@ -94,6 +95,9 @@ class Parameter:
             return None
         if self.name == "map" and Path(text).suffix.lower() in READABLE:
             return text  # a file, which the model reads or refuses
+        if self.name == "map":
+            check_present_format(text)
+            text = builtin_name(text) or text
         if isinstance(self.control, Choice):
             return check_choice(self.name, text, self.control.options)
         if self.kind is bool:
