@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +13,7 @@ from mesa_swarm.experiments.statistics import mean_interval
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.dynamic_programming import FORWARD, ApproachValues, approach_values
 from mesa_swarm.learning.reward_lab import wall_readings
+from mesa_swarm.learning.rewards import CRITICAL, STATE
 from mesa_swarm.reproduction.drawing import column, draw_means, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
@@ -21,8 +23,7 @@ from mesa_swarm.robots.design import AGENT9
 STEPS = 33_000
 SEEDS = 30
 # Reward (b), eight actions, d_crit of 0.4 of a robot's diameter: the final settings of the thesis, as we read them.
-CRITICAL = 0.08
-SETTINGS = {"reward": "b", "actions": 8, "critical": CRITICAL}
+SETTINGS: dict[str, Any] = {"reward": "b", "actions": 8, "critical": CRITICAL, "reward_of": STATE}
 RANGE = max(sensor.range for sensor in AGENT9.proximity)
 D_CRIT = CRITICAL * RANGE
 # How close a greedy robot's switching point has to be to d_crit, map units: a quarter of a step.
@@ -176,9 +177,9 @@ def utility(laboratory: Laboratory) -> Result:
         checks=(*exact_checks(exact), *learned_checks(rows)),
         pictures={"": utility_figure(exact, rows), "gamma": gamma_figure(exact, rows)},
         settings=(
-            "AGENT9, reward (b), eight actions, d_crit of 4 units (0.4 of a robot's diameter); exact: value iteration "
-            "before an endless wall, state distance and heading; learned: map original, one robot, alpha 0.4, eta 0.1, "
-            f"beta 1e-4, T from 1 to {T_C}, {steps:,} steps, asked facing a wall"
+            "AGENT9, reward (b) of the state of the choice, eight actions, d_crit of 4 units (0.4 of a robot's diameter); "
+            "exact: value iteration before an endless wall, state distance and heading; learned: map original, one robot, "
+            f"alpha 0.4, eta 0.1, beta 1e-4, T from 1 to {T_C}, {steps:,} steps, asked facing a wall"
         ),
         remarks=(
             even_remark(exact, rows),
