@@ -17,7 +17,7 @@ from mesa_swarm.reproduction.laboratory import Laboratory
 PACKAGE = "mesa_swarm.reproduction"
 # A module for each subject, in the thesis's order.
 CHAPTERS = (
-    *("complexity", "swarms", "networks", "learning", "oscillations", "foresight"),
+    *("complexity", "avoidance", "swarms", "networks", "learning", "oscillations", "foresight"),
     *("fire_fighting", "fire_growth", "maps"),
 )
 # Modules whose names begin with this hold the results of papers.
