@@ -85,6 +85,7 @@ def reproduce(
     every: Annotated[bool, typer.Option("--all", help="All of the thesis, which is the default.")] = False,
     published: Annotated[bool, typer.Option("--published", help="All of published papers instead.")] = False,
     names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
+    contents: Annotated[bool, typer.Option("--items", help="List what the thesis contains, with its state.")] = False,
     out: Folder = Path("results", "reproduction"),
     quick: Annotated[bool, typer.Option("--quick", help="A trial: few seeds, short runs, other files.")] = False,
     jobs: Jobs = -1,
@@ -92,9 +93,13 @@ def reproduce(
     quiet: Quiet = False,
 ) -> None:
     """Reproduce results of the thesis or of papers, each with a verdict; continue an interrupted call."""
-    given = [name for name, used in (("--all", every), ("--published", published), ("--figure", figure)) if used]
+    chosen_by = {"--all": every, "--published": published, "--figure": figure, "--items": contents}
+    given = [name for name, used in chosen_by.items() if used]
     if len(given) > 1:
         raise InvalidValueError(f"{' and '.join(given)} are given at once; leave one out")
+    if contents:
+        _list_contents(report)
+        return
     from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.reproduction import registry
     from mesa_swarm.reproduction.laboratory import Laboratory
@@ -124,6 +129,16 @@ def reproduce(
     if report is not None:
         _write_pictures(made, report.parent / "pictures")
         print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
+
+
+def _list_contents(report: Path | None) -> None:
+    """Print the state of everything that the thesis contains, or write the page of it."""
+    from mesa_swarm.reproduction import differences
+
+    if report is None:
+        print("\n".join(differences.lines()))
+    else:
+        print(write_whole(checked_file(report, ".md", "report"), differences.page()))
 
 
 def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Made]":
