@@ -211,16 +211,20 @@ def _section(title: str, table: str) -> str:
 
 
 def _table_of_deviations(some: Iterable[Deviation]) -> str:
-    rows = [(one.number, one.section, one.printed, one.here, _proof(one.where, one.tests)) for one in some]
-    return table_of(("no.", "thesis", "printed", "here, and why", "code and proof"), rows)
+    rows = [(_named(one.number, one.section, one.printed), one.here, _proof(one.where, one.tests)) for one in some]
+    return table_of(("printed", "here, and why", "code and proof"), rows)
 
 
 def _table_of_items(some: Iterable[ThesisItem]) -> str:
     rows = [
-        (str(one.number), one.section, one.thesis, _state(one.state, one.here), _proof(one.where, one.tests))
+        (_named(one.number, one.section, one.thesis), _state(one.state, one.here), _proof(one.where, one.tests))
         for one in some
     ]
-    return table_of(("no.", "thesis", "contains", "here", "code and proof"), rows)
+    return table_of(("the thesis", "here", "code and proof"), rows)
+
+
+def _named(number: int | str, section: str, text: str) -> str:
+    return f"**{number}** ({section}) {text}"
 
 
 def _state(state: str, here: str) -> str:

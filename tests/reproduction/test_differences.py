@@ -103,7 +103,7 @@ def test_the_committed_page_is_the_one_that_is_written():
 
 
 def test_the_page_has_a_row_for_each_item_and_deviation():
-    rows = re.findall(r"^\| (\d+|[EF]\d+) \| ", page(), re.MULTILINE)
+    rows = re.findall(r"^\| \*\*(\d+|[EF]\d+)\*\* \(", page(), re.MULTILINE)
     assert rows == [one.number for _, some in by_subject() for one in some] + [str(n) for n in range(1, 206)]
 
 
