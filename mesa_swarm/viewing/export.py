@@ -20,7 +20,15 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
-from mesa_swarm.files import check_writable, checked_place, draft_of, shown_path, unwritable, write_whole
+from mesa_swarm.files import (
+    check_present_format,
+    check_writable,
+    checked_place,
+    draft_of,
+    shown_path,
+    unwritable,
+    write_whole,
+)
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import table_of
 from mesa_swarm.recording.recording import Recording
@@ -357,6 +365,7 @@ def _checked_path(path: object) -> Path:
     if not isinstance(path, (str, os.PathLike)):
         raise InvalidValueError(f"path is {shortened(path)}; expected the name of a file such as 'out.mp4'")
     target = Path(path)
+    check_present_format(target)
     check_choice("kind of file", target.suffix.lower(), PERMITTED)
     return target
 
