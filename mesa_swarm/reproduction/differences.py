@@ -3,6 +3,7 @@
 The items and deviations are in `differences.toml` beside this file.
 """
 
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -17,6 +18,7 @@ from mesa_swarm.reproduction.registry import PACKAGE, table_of
 # Of an item: as in the thesis, with a deviation that is stated, left out on purpose, or not there.
 WORKS, DIFFERS, NOT_TAKEN, MISSING = "works", "differs", "not taken over", "missing"
 STATES = (WORKS, DIFFERS, NOT_TAKEN, MISSING)
+COUNTED = dict(zip(STATES, ("work", "differ", "are not taken over", "are missing"), strict=True))
 PRESENT = (WORKS, DIFFERS)
 SOURCE = "differences.toml"
 
@@ -161,7 +163,8 @@ def counted() -> str:
     '205'
     """
     count = Counter(item.state for item in thesis_items())
-    return f"{count.total()} items: {', '.join(f'{count[state]} {state}' for state in STATES if count[state])}"
+    counts = ", ".join(f"{count[state]} {COUNTED[state]}" for state in STATES if count[state])
+    return f"{count.total()} items: {counts}"
 
 
 INTRODUCTION = """\
@@ -173,7 +176,8 @@ This page lists every deviation, and then everything that the thesis contains wi
 `mesa-swarm reproduce --items --report docs/differences.md`; without `--report` the command prints the items.
 
 Each row names the code and, in italics, the tests that prove it: with underscores for spaces and `test_` before it,
-such a sentence is the name of a test. A test of its own ensures that all these names exist. Figures have verdicts of
+such a sentence is the name of a test; the words of its class come first, if it has one. Another test ensures that all
+these names exist. Figures have verdicts of
 their own, see [reproduced results](reproduction.md); equations are on the page [physics](physics.md).
 """
 DEVIATIONS = """\
@@ -238,14 +242,15 @@ def _proof(where: Sequence[str], tests: Sequence[str]) -> str:
 
 
 def sentence(test: str) -> str:
-    """Return what a test proves, as its name states it.
+    """Return what a test proves, as its name states it, with the words of its class first.
 
     Examples
     --------
-    >>> sentence("tests/robots/test_wheels.py::TestAll::test_wheels_are_round")
-    'wheels are round'
+    >>> sentence("tests/robots/test_wheels.py::TestEveryWheel::test_is_round")
+    'every wheel is round'
     """
-    return test.rsplit("::", 1)[1].removeprefix("test_").replace("_", " ")
+    words = [re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.removeprefix("Test")).lower() for name in test.split("::")[1:]]
+    return " ".join(words).replace(" test_", " ").removeprefix("test_").replace("_", " ")
 
 
 def lines() -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.reproduction.differences import (
-    STATES,
+    COUNTED,
     Deviation,
     ThesisItem,
     by_subject,
@@ -108,7 +108,7 @@ def test_the_page_has_a_row_for_each_item_and_deviation():
 
 
 def test_the_states_add_up():
-    numbers = [int(number) for number in re.findall(r"(\d+) (?:" + "|".join(STATES) + ")", counted())]
+    numbers = [int(number) for number in re.findall(rf"(\d+) (?:{'|'.join(COUNTED.values())})", counted())]
     assert sum(numbers) == len(thesis_items())
 
 
