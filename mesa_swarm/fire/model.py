@@ -12,6 +12,7 @@ from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.model import EngineModel
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
@@ -43,6 +44,7 @@ class FireModel(EngineModel):
         communication: Radio | None = None,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
+        scale: Scale | None = None,
     ) -> None:
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every)
@@ -56,6 +58,7 @@ class FireModel(EngineModel):
             communication=communication,
             model_reporters=model_reporters,
             agent_reporters=agent_reporters,
+            scale=scale,
         )
         self.space.attach(self.fires)
         for spot in self.map.fires:
