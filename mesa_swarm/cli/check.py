@@ -114,7 +114,7 @@ def reproduce(
         for one in made_by(laboratory, chosen):
             made.append(one)
             picture = _written(one, folder, "_quick" if quick else "")[0]
-            print(f"{one.item.figure:5} {one.result.verdict}: {one.item.title} ({one.seconds:.0f} s)")
+            print(f"{one.item.figure:5} {registry.marked(one.result, quick)}: {one.item.title} ({one.seconds:.0f} s)")
             for check in one.result.checks:
                 reported = f"the {one.item.source}: {check.reported}"
                 print(f"        {check.outcome}: {check.claim}: {check.measured} ({reported})")
@@ -123,7 +123,7 @@ def reproduce(
         print("Few seeds and short runs: this shows that it works; the verdicts mean nothing.")
     if report is not None:
         _write_pictures(made, report.parent / "pictures")
-        print(write_whole(report, registry.report(made, quick=quick)))
+        print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
 
 
 def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Made]":

@@ -14,7 +14,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks
 from mesa_swarm.learning.policy import check_designs, sensors_of
-from mesa_swarm.learning.rewards import REWARDS
+from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE
 from mesa_swarm.robots.swarm import Swarm
 
 
@@ -191,7 +191,7 @@ LARGEST = 1e9
 # T_0 of the thesis (8.3).
 HOT = 1.0
 # Stored in a policy's `training`.
-TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "shared", "self_adjusting")
+TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "reward_of", "shared", "self_adjusting")
 
 
 @dataclass(kw_only=True)
@@ -208,7 +208,8 @@ class Learner(LearningLayer):
     beta: float = 1e-4
     first_temperature: float | None = None
     last_temperature: float = 0.2
-    critical: float = 0.4
+    critical: float = CRITICAL
+    reward_of: str = STATE
     shared: bool = False
     self_adjusting: bool = False
     bump_rate: float = 0.02
@@ -220,6 +221,7 @@ class Learner(LearningLayer):
 
     def _check_rates(self) -> None:
         check_choice("reward", self.reward, REWARDS)
+        check_choice("reward_of", self.reward_of, REWARD_STATES)
         check_choice("encoding", self.encoding, ENCODINGS)
         for name in ("alpha", "eta", "beta"):
             check_number(name, getattr(self, name), minimum=0, maximum=1)
@@ -341,7 +343,7 @@ class Learner(LearningLayer):
             (float(self.alpha) * float(self.eta), float(self.gamma), float(self.critical)),
             (float(self.beta), float(self._hottest), float(self.last_temperature)),
             (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
-            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
+            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen), self.reward_of == NEXT_STATE),
         )
 
     def _end_lesson(self, diverged: int) -> None:

@@ -160,11 +160,18 @@ def parameters_of_run(model: FireModel) -> dict:
 
 
 def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel:
-    """Return the model as its constructor made it, perhaps with other parameters."""
+    """Return the model as its constructor made it, perhaps with other parameters.
+
+    Parameters that did not exist yet have the values with which the model behaves as it did then: those in
+    `earlier_defaults` of its class, or else its defaults.
+    """
     check_class(provenance, model_class)
     if not provenance["rerun"]:
         raise RecordingError("the recording was made with rerun=False: its model cannot be run again")
-    arguments = {name: _read(value) for name, value in provenance["parameters"].items()}
+    arguments = {
+        **getattr(model_class, "earlier_defaults", {}),
+        **{name: _read(value) for name, value in provenance["parameters"].items()},
+    }
     if provenance["takes_map"]:
         arguments["map"] = map_of(provenance)
     arguments["rng"] = _read_seed(provenance["seed"])

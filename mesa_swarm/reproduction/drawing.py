@@ -48,12 +48,14 @@ def draw_bundle(axes: Axes, x: ArrayLike, curves: np.ndarray, colour: str, label
     axes.plot(shown, curves.mean(axis=0)[thin], color=colour, linewidth=2.0, label=label)
 
 
-def draw_means(axes: Axes, x: ArrayLike, samples: Iterable[Iterable[float | None]], label: str, i: int) -> None:
-    """Draw the mean of every sample with its 95 % interval, joined by a line; None is left out."""
+def draw_means(
+    axes: Axes, x: ArrayLike, samples: Iterable[Iterable[float | None]], label: str, i: int, *, joined: bool = True
+) -> None:
+    """Draw the mean of every sample with its 95 % interval, joined by a line or not; None is left out."""
     intervals = [mean_interval([value for value in sample if value is not None]) for sample in samples]
     means = np.array([interval.estimate for interval in intervals])
     reach = np.array([[m.estimate - m.low, m.high - m.estimate] for m in intervals]).T
-    style = "os^vD"[i % 5] + "-"
+    style = "os^vD"[i % 5] + ("-" if joined else "")
     colour = COLOURS[i % len(COLOURS)]
     axes.errorbar(x, means, np.nan_to_num(reach), fmt=style, color=colour, markersize=5, capsize=3, label=label)
 

@@ -4,10 +4,20 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 from matplotlib.figure import Figure
+from scipy.special import stdtrit
+from scipy.stats import binom
 
 from mesa_swarm.errors import check_choice
-from mesa_swarm.experiments.statistics import Interval, mean_interval, paired_difference, share_interval
+from mesa_swarm.experiments.statistics import (
+    CONFIDENCE,
+    Interval,
+    mean_interval,
+    pair_differences,
+    paired_difference,
+    share_interval,
+)
 from mesa_swarm.experiments.tables import csv_text, with_limits
 
 # Of a check: its interval is within what is required, includes the limit, or is outside.
@@ -15,19 +25,22 @@ PASSED, UNDECIDED, FAILED = "passed", "undecided", "failed"
 OUTCOMES = (PASSED, UNDECIDED, FAILED)
 CONFIRMED, LIMITED, NOT_CONFIRMED = "confirmed", "confirmed with limits", "not confirmed"
 REFUTED = "refuted"
+# Probability with which an effect of the size that a check calls detectable is detected.
+POWER = 0.8
 VERDICTS = (CONFIRMED, LIMITED, NOT_CONFIRMED, REFUTED)
 
 
 def header(source: str) -> tuple[str, ...]:
     """Return the names of the columns of a table of checks; the second is where the claims come from."""
-    return "claim", source, "measured", "required", "outcome"
+    return "claim", source, "measured", "required", "outcome", "detectable"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Check:
     """One claim of the thesis or of a paper, and what it reports, beside the result and what is required.
 
-    The outcome is one of `OUTCOMES`; the verdict depends on main checks.
+    The outcome is one of `OUTCOMES`; the verdict depends on main checks. What is detectable states the power of the
+    check: how far beyond the limit the truth must be for as many runs to pass with a probability of `POWER`.
     """
 
     claim: str
@@ -36,6 +49,7 @@ class Check:
     criterion: str
     outcome: str
     main: bool = True
+    detectable: str = "exact"
 
     def __post_init__(self) -> None:
         """Check the outcome."""
@@ -44,7 +58,7 @@ class Check:
     @property
     def row(self) -> tuple[str, ...]:
         """The check as a row of a table."""
-        return self.claim, self.reported, self.measured, self.criterion, self.outcome
+        return self.claim, self.reported, self.measured, self.criterion, self.outcome, self.detectable
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -104,6 +118,31 @@ def placed(interval: Interval, low: float = -math.inf, high: float = math.inf) -
     return FAILED if interval.high < low or interval.low > high else UNDECIDED
 
 
+def detectable_mean(values: Sequence[float]) -> str:
+    """Return how far from a limit a mean must be for as many runs to decide: (t_0.975 + t_0.8) s / sqrt(n).
+
+    Student's t has n - 1 degrees of freedom; this is the usual approximation of the noncentral t distribution.
+    """
+    n = len(values)
+    if n < 2:
+        return "unknown"
+    steps = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) + stdtrit(n - 1, POWER))
+    return f"{steps * float(np.std(values, ddof=1)) / math.sqrt(n):.2g} beyond"
+
+
+def detectable_share(runs: int, low: float, high: float) -> str:
+    """Return the share nearest to a limit with which as many runs decide that it is within the limits."""
+    passing = [k for k in range(runs + 1) if placed(share_interval(k, runs), low, high) == PASSED]
+    if not passing:
+        return "none: too few runs"
+    shares = np.linspace(0, 1, 101)
+    chance = binom.pmf(np.array(passing)[:, None], runs, shares).sum(axis=0)
+    enough = shares[chance >= POWER]
+    if not len(enough):
+        return "none: too few runs"
+    return f"{enough.min():.2f} or more" if low > 0 else f"{enough.max():.2f} or less"
+
+
 def limits_in_words(low: float, high: float) -> str:
     """Return limits in words."""
     if high == math.inf:
@@ -130,6 +169,7 @@ def judged_mean(
         criterion=f"mean {limits_in_words(low, high)}",
         outcome=placed(mean, low, high),
         main=main,
+        detectable=detectable_mean(seen),
     )
 
 
@@ -155,6 +195,7 @@ def judged_share(
         criterion=f"share {limits_in_words(low if low > 0 else -math.inf, high if high < 1 else math.inf)}",
         outcome=placed(share, low, high),
         main=main,
+        detectable=detectable_share(len(happened), low, high),
     )
 
 
@@ -181,6 +222,7 @@ def judged_difference(
         criterion="paired difference above 0",
         outcome=above_zero(difference),
         main=main,
+        detectable=detectable_mean(pair_differences(first, second)),
     )
 
 

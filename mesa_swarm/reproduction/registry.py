@@ -71,24 +71,32 @@ def find_item(figure: str) -> Item:
     return items()[check_choice("figure", figure, items())]
 
 
-INTRODUCTION = """\
+VERDICTS_IN_WORDS = """\
+Verdicts are computed. A check is *passed* if its interval lies entirely within what is required, *failed* if entirely
+outside, and *undecided* if it includes the limit. A result is **confirmed** if all its checks are passed, **confirmed
+with limits** if all main checks are, and otherwise **not confirmed**, or **refuted** where a main check failed for a
+reason that is known and stated. Side claims are in italics. The column "detectable" is the power of a check: how far
+beyond the limit of what is required the truth has to be for as many runs to pass the check with a probability of 80 %;
+checks without chance are exact.
+"""
+INTRODUCTION = f"""\
 # Reproduced results
 
-This page is written by `mesa-swarm reproduce --all --report docs/reproduction.md`; `mesa-swarm reproduce --figure 8.3`
+This page is written by `mesa-swarm reproduce --report docs/reproduction.md`; `mesa-swarm reproduce --figure 8.3`
 reproduces a single figure, with its picture and table. The thesis reports one run of each behaviour. Here each is
 repeated over many seeds, and comparisons are paired by seed: same start positions and same noise. Intervals are 95 %
 (Student's t for means and differences, Wilson's for shares).
 
-Verdicts are computed. A check is *passed* if its interval lies entirely within what is required, *failed* if entirely
-outside, and *undecided* if it includes the limit. A result is **confirmed** if all its checks are passed, **confirmed
-with limits** if all main checks are, otherwise **not confirmed**. Side claims are in italics. No setting was tuned to
-confirm a claim; the thesis gives few distances, speeds and constants, so that we chose the settings, which are listed.
-Two criteria were changed after the results were known: 5.5 requires most runs and has the mean as a side claim, and in
-8.3 to 8.5 speed, for which the thesis gives no number, became a side claim; both made a verdict milder. The thesis
-reports many results as pictures: the column "thesis" quotes its text about them. The numbering of the pictures within a
-section (4.12 to 4.16, 5.6 to 5.10, 8.1 to 8.6, 9.1 to 9.3) is our reading of that text.
+{VERDICTS_IN_WORDS}
+The thesis gives few distances, speeds and constants: we chose the others, which are listed as settings. Where the
+thesis leaves open what a number means, the reading that reproduces its results was chosen; how much the verdicts depend
+on that is on the page [how one reads](readings.md). Settings were chosen in runs with seeds of 10,000 and more, and
+settings and criteria were fixed before the judged runs, which have seeds from 1,001 on. Earlier verdicts, of seeds from
+1 on, led to other measures of cohesion (5.9), exploration (5.5) and learning (8.2 to 8.7), and are in the list of
+changes. Figures have the numbers of the thesis's captions; results without a figure have those of their section or
+equation. Many results are pictures in the thesis: the column "thesis" quotes its text about them.
 """
-OF_PAPERS = """\
+OF_PAPERS = f"""\
 # Published results
 
 This page is written by `mesa-swarm reproduce --published --report docs/published.md`; `mesa-swarm reproduce --figure
@@ -96,11 +104,10 @@ task_allocation` reproduces a single result, with its picture and table. Each re
 most 150 lines that use public names alone, beside what a paper reports. Runs are repeated over many seeds; comparisons
 are paired by seed. Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
 
-Verdicts are computed. A check is *passed* if its interval lies entirely within what is required, *failed* if entirely
-outside, and *undecided* if it includes the limit. A result is **confirmed** if all its checks are passed, **confirmed
-with limits** if all main checks are, otherwise **not confirmed**. Side claims are in italics. Settings and criteria
-were fixed before the runs that are judged, which have seeds from 1 on; settings were chosen in runs with seeds of
-10,000 and more. The robots differ from the animals and robots of the papers: each section states how.
+{VERDICTS_IN_WORDS}
+Settings and criteria were fixed before the runs that are judged, which have seeds from 1 on; settings were chosen in
+runs with seeds of 10,000 and more. The robots differ from the animals and robots of the papers: each section states
+how.
 """
 
 
@@ -113,45 +120,59 @@ class Made:
     seconds: float
 
 
-def report(made: Sequence[Made], *, quick: bool = False) -> str:
-    """Return the page; it states if few seeds were enough."""
+def report(made: Sequence[Made], *, quick: bool = False, runs: tuple[int, int] = (0, 0)) -> str:
+    """Return the page; it states if few seeds were enough, and how many runs were made and found."""
     introduction = OF_PAPERS if all(one.item.source == PAPER for one in made) else INTRODUCTION
-    parts = [introduction, surroundings(made, quick), summary(made), *map(section, made)]
+    parts = [
+        introduction,
+        surroundings(made, quick, runs),
+        summary(made, quick),
+        *(section(one, quick) for one in made),
+    ]
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
-def surroundings(made: Sequence[Made], quick: bool) -> str:
+def surroundings(made: Sequence[Made], quick: bool, runs: tuple[int, int]) -> str:
     """Return the versions, the time that it took, and the load of the machine."""
     load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores" if hasattr(os, "getloadavg") else "load unknown"
-    minutes = sum(one.seconds for one in made) / 60
     few = "\n**Few seeds, short runs (`--quick`): these verdicts mean nothing.**\n" if quick else ""
-    with_what = f"NumPy {np.__version__} and Numba {numba.__version__}"
+    minutes = sum(one.seconds for one in made) / 60
+    done, found = runs
+    reused = f", and {found:,} of an earlier call were reused" if found else ""
     return (
-        f"{few}\nMade with {with_what}. The last call took {minutes:.0f} minutes; {load}. Earlier runs were reused.\n"
+        f"{few}\nMade with NumPy {np.__version__} and Numba {numba.__version__} in {minutes:.0f} minutes, {load}: "
+        f"{done:,} runs were made{reused}.\n"
     )
 
 
-def summary(made: Sequence[Made]) -> str:
+def marked(result: Result, quick: bool) -> str:
+    """Return the verdict, marked where it is one of few seeds."""
+    return f"{result.verdict} (quick)" if quick else result.verdict
+
+
+def summary(made: Sequence[Made], quick: bool) -> str:
     """Return how many results have which verdict, and a line for each."""
     count = {name: sum(one.result.verdict == name for one in made) for name in VERDICTS}
     counted = ", ".join(f"{number} {name}" for name, number in count.items())
     lines = [
-        (one.item.figure, one.item.title, f"**{one.result.verdict}**", "; ".join(one.result.limits) or "-")
+        (one.item.figure, one.item.title, f"**{marked(one.result, quick)}**", "; ".join(one.result.limits) or "-")
         for one in made
     ]
     table = table_of(("figure", "shows", "verdict", "not passed"), lines)
     return f"## All results\n\n{counted}.\n\n{table}"
 
 
-def section(one: Made) -> str:
+def section(one: Made, quick: bool = False) -> str:
     """Return the section of one result, in which the claims that are not main ones are in italics."""
     rows = [(check.claim if check.main else f"*{check.claim}*", *check.row[1:]) for check in one.result.checks]
     remarks = "".join(f"\n- {remark}" for remark in one.result.remarks)
     where = one.item.paper or f"Thesis {one.item.section}."
+    why = f"{one.result.reason}\n\n" if one.result.reason else ""
+    table = table_of(header(one.item.source), rows)
     return (
         f"## {one.item.figure}: {one.item.title}\n\n"
-        f"{where} **{one.result.verdict.capitalize()}.**\n\n"
-        f"{described(one.item)}{table_of(header(one.item.source), rows)}\n\nSettings: {one.result.settings}.\n{remarks}"
+        f"{where} **{marked(one.result, quick).capitalize()}.**\n\n"
+        f"{why}{described(one.item)}{table}\n\nSettings: {one.result.settings}.\n{remarks}"
     )
 
 

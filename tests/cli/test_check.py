@@ -129,7 +129,7 @@ def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(
     assert {f"figure_{f}_quick.{end}" for f in ("8.2", "D.3") for end in ("png", "svg", "csv")} <= names
     assert (made / "figure_8.2_quick.png").read_bytes()[1:4] == b"PNG"
     verdicts = [line.split(":")[0] for line in out.splitlines() if line[:1] in "8D"]
-    assert verdicts == ["8.2   confirmed with limits", "D.3   confirmed"]
+    assert verdicts == ["8.2   confirmed with limits (quick)", "D.3   confirmed (quick)"]
 
 
 def test_the_same_figure_gives_the_same_files(typed, tmp_path):
@@ -153,7 +153,7 @@ def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
     assert typed("reproduce --figure B.1 --quick --quiet --report page.md")[0] == 0
     page = (tmp_path / "page.md").read_text()
     assert "these verdicts mean nothing" in page
-    assert "| B.1 | how a fire's temperature grows | **confirmed with limits** |" in page
+    assert "| B.1 | how a fire's temperature grows | **confirmed with limits (quick)** |" in page
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ RATES = [
     ("beta", 1e-4, 0.0, 1.0),
     ("last_temperature", 0.2, ABOVE_0, 1e6),
     ("first_temperature", None, ABOVE_0, 1e6),
-    ("critical", 0.4, ABOVE_0, 1.0),
+    ("critical", 0.08, ABOVE_0, 1.0),
     ("bump_rate", 0.02, ABOVE_0, 1.0),
     ("bump_window", 1000, 1.0, 1e9),
     ("bump_distance", 0.5, 0.0, 1e6),

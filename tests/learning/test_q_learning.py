@@ -62,8 +62,9 @@ class Twin:
         inner[a] += np.outer(before, slope)
 
 
-def test_learning_is_that_of_a_plain_twin_step_by_step():
-    model = learning(robots=2, rng=4)
+@pytest.mark.parametrize("reward_of", ["state", "next state"])
+def test_learning_is_that_of_a_plain_twin_step_by_step(reward_of):
+    model = learning(robots=2, rng=4, reward_of=reward_of)
     model.step()
     twins = [Twin(model, row) for row in range(2)]
     for _ in range(60):
@@ -72,10 +73,29 @@ def test_learning_is_that_of_a_plain_twin_step_by_step():
         after, rewards = columns(model, "inputs", "reward")
         for row, twin in enumerate(twins):
             a = actions[row]
-            assert rewards[row] == pytest.approx(reward("b", float(after[row].min()), *ACTIONS[a]))
+            nearest = float({"state": before, "next state": after}[reward_of][row].min())
+            assert rewards[row] == pytest.approx(reward("b", nearest, *ACTIONS[a]))
             twin.learn(a, before[row, 0], rewards[row], after[row, 0])
             for part, kept in zip(columns(model, *PARTS), twin.weights, strict=True):
                 assert part[row].reshape(kept.shape) == pytest.approx(kept, abs=1e-12)
+
+
+def test_the_reward_of_the_state_is_r_s_a_and_that_of_the_next_state_differs_only_in_its_reading():
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, poses=[(780.0 - 5.0 - 6.0, 300.0, 0.0)])
+    model.control = Subsumption(QLearning(first_temperature=1e-6, last_temperature=1e-6, critical=0.1))
+    model.step()
+    before, action = columns(model, "inputs", "action")
+    model.step()
+    after, paid = columns(model, "inputs", "reward")
+    assert before.min() != after.min()
+    assert paid[0] == pytest.approx(reward("b", float(before.min()), *ACTIONS[action[0]], 0.1))
+
+
+def test_the_defaults_are_the_thesis_s_final_action_set_and_d_crit_as_0_4_of_a_diameter():
+    layer = QLearning()
+    assert (layer.actions, layer.reward, layer.reward_of) == (8, "b", "state")
+    assert layer.critical * 50.0 == pytest.approx(0.4 * 2 * AGENT9.radius)
 
 
 def test_what_is_not_seen_is_as_far_as_can_be():
@@ -125,13 +145,13 @@ class TestRewards:
 
     def test_are_those_of_the_thesis(self):
         for left, right in ACTIONS:
-            assert reward("a", 0.4, left, right) == (left + right) / 2
-            assert reward("b", 0.4, left, right) == (1 if left == right == 1 else -1)
-        assert reward("a", 0.1, 1, 1) == pytest.approx(math.log(4.2957 * 0.1 + 1) - 1, abs=1e-5)
+            assert reward("a", 0.4, left, right, 0.4) == (left + right) / 2
+            assert reward("b", 0.4, left, right, 0.4) == (1 if left == right == 1 else -1)
+        assert reward("a", 0.1, 1, 1, 0.4) == pytest.approx(math.log(4.2957 * 0.1 + 1) - 1, abs=1e-5)
         assert [reward(kind, 0.0, 1, 1) for kind in "abc"] == [-1, -1, -1]
 
     def test_only_c_does_not_leap_at_the_critical_distance(self):
-        leaps = [abs(reward(k, 0.4, 1, 1) - reward(k, 0.4 - 1e-9, 1, 1)) for k in "abc"]
+        leaps = [abs(reward(k, 0.4, 1, 1, 0.4) - reward(k, 0.4 - 1e-9, 1, 1, 0.4)) for k in "abc"]
         assert leaps == pytest.approx([1, 1, 0], abs=1e-8)
 
     @pytest.mark.parametrize("wrong", [("d", 1, 1, 1), ("a", math.nan, 1, 1), ("a", 1, 1.5, 1), ("a", 1, 1, 1, 0)])
@@ -296,15 +316,14 @@ def test_steps_and_weights_beyond_bounds_are_not_taken(step, outer):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"reward": "d"}, {"actions": 5}, {"actions": "8"}, {"encoding": "colour"}, {"alpha": 2}, {"eta": math.nan},
+        {"reward": "d"}, {"reward_of": "action"}, {"reward_of": 1},
+        {"actions": 5}, {"actions": "8"}, {"encoding": "colour"}, {"alpha": 2}, {"eta": math.nan},
         {"gamma": 1}, {"beta": -1}, {"first_temperature": 0}, {"last_temperature": 0}, {"critical": 0},
         {"bump_rate": 0}, {"bump_window": 0}, {"bump_distance": -1}, {"start": "a.npz"},
         {"shared": "no"}, {"self_adjusting": "no"}, {"frozen": 1},
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_in_one_line(wrong):
-    with pytest.raises(
-        InvalidValueError if "reward" not in wrong and "encoding" not in wrong else SwarmError
-    ) as caught:
+    with pytest.raises(SwarmError if {"reward", "reward_of", "encoding"} & set(wrong) else InvalidValueError) as caught:
         QLearning(**wrong)
     assert "\n" not in str(caught.value)

@@ -6,6 +6,7 @@ import pytest
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.models.q_learning import QLearning
+from mesa_swarm.recording.provenance import provenance_of, rebuilt
 
 
 @pytest.mark.parametrize(("answer", "meant"), [("yes", True), ("no", False), (True, True), (np.False_, False)])
@@ -37,3 +38,11 @@ def test_a_model_without_a_learner_names_its_drivers():
     model.control = Subsumption(Avoid(distance=3))
     with pytest.raises(InvalidValueError, match=r"^the model is driven by \(Avoid\(.*; expected a layer that learns"):
         _ = model.learner
+
+
+def test_a_recording_of_before_the_state_was_rewarded_is_run_again_with_the_next_state():
+    provenance = provenance_of(QLearning(n_robots=2, critical=0.4, actions=4, rng=1), rerun=True)
+    assert rebuilt(provenance, QLearning).learner.reward_of == "state"
+    del provenance["parameters"]["reward_of"]
+    older = rebuilt(provenance, QLearning)
+    assert (older.learner.reward_of, older.learner.critical, older.learner.actions) == ("next state", 0.4, 4)

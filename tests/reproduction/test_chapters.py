@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.experiments.learning_figures import demonstrated
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.reproduction import fire_fighting, fire_growth, learning
-from mesa_swarm.reproduction.complexity import timed_world, timing_run
+from mesa_swarm.reproduction.complexity import ROBOTS, explained, quadratic, timed_world, timing_run
 from mesa_swarm.reproduction.drawing import plain_axes, svg
 from mesa_swarm.reproduction.judging import above_zero, judged_fact, limits_in_words
 from mesa_swarm.reproduction.maps import share_covered
@@ -22,6 +22,18 @@ from mesa_swarm.world.map import Map
 def test_the_time_of_a_step_is_positive_and_its_world_has_so_many_sensors():
     assert timing_run(1, robots=5, map="original", sensors=3, milliseconds=1.0)["seconds"] > 0
     assert timed_world(1, 3, "sparse", 0).swarm.distance.shape == (3, 0)
+
+
+def test_robots_with_three_and_nine_sensors_move_alike():
+    three, nine = (timed_world(3, 40, "original", sensors).run(100).swarm for sensors in (3, 9))
+    assert (three.position == nine.position).all()
+    assert (three.distance == nine.distance[:, :3]).all()
+
+
+def test_a_quadratic_explains_its_own_values():
+    times = np.array([[0.1 * n * n + n + 3.0] * 2 for n in ROBOTS])
+    assert np.allclose(quadratic(times), times[:, 0])
+    assert explained(times) == pytest.approx(1.0)
 
 
 def test_a_short_run_puts_out_nothing():

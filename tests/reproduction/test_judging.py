@@ -3,12 +3,13 @@
 import math
 from itertools import product
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.errors import UnknownNameError
-from mesa_swarm.experiments.statistics import Interval
+from mesa_swarm.experiments.statistics import Interval, mean_interval
 from mesa_swarm.reproduction import judging
 from mesa_swarm.reproduction.judging import OUTCOMES, VERDICTS, Check, Result, verdict
 
@@ -52,7 +53,7 @@ class TestVerdict:
     def test_a_result_has_its_verdict_and_limits_and_writes_plain_claims(self):
         result = Result(checks=(check("passed"), check("failed", main=False)), pictures={}, settings="s")
         assert (result.verdict, result.limits) == ("confirmed with limits", ["c"])
-        assert result.csv().splitlines()[1:] == ["c,r,m,k,passed,True", "c,r,m,k,failed,False"]
+        assert result.csv().splitlines()[1:] == ["c,r,m,k,passed,exact,True", "c,r,m,k,failed,exact,False"]
 
 
 class TestPlaced:
@@ -92,3 +93,40 @@ class TestChecks:
     def test_a_number_without_chance_passes_at_its_limits(self):
         outcomes = [judging.judged_number("c", "r", value, low=1, high=2).outcome for value in (0.999, 1, 2, 2.001)]
         assert outcomes == ["failed", "passed", "passed", "failed"]
+
+
+class TestPower:
+    @pytest.mark.parametrize("runs", [6, 24])
+    def test_a_mean_that_far_beyond_its_limit_passes_in_four_of_five_repetitions(self, runs):
+        beyond = float(judging.detectable_mean(scaled(runs)).split()[0])
+        samples = np.random.default_rng(1).normal(beyond, 1.0, (2_000, runs))
+        passed = [judging.placed(mean_interval(sample), low=0.0) == "passed" for sample in samples]
+        assert 0.76 < np.mean(passed) < 0.86
+
+    @pytest.mark.parametrize(("runs", "low", "high"), [(40, 0.5, 1.0), (200, 0.8, 1.0), (60, 0.0, 0.2)])
+    def test_the_share_that_is_detectable_passes_in_four_of_five_repetitions_and_a_nearer_one_does_not(
+        self, runs, low, high
+    ):
+        share = float(judging.detectable_share(runs, low, high).split()[0])
+        nearer = share + (-0.02 if low else 0.02)
+        assert chance_to_pass(share, runs, low, high) >= 0.8 - 1e-9
+        assert chance_to_pass(nearer, runs, low, high) < 0.8
+
+    def test_too_few_runs_detect_nothing(self):
+        assert judging.detectable_share(12, 0.9, 1.0) == "none: too few runs"
+        assert judging.detectable_mean([1.0]) == "unknown"
+
+
+def scaled(count):
+    """Return as many numbers of standard deviation 1."""
+    values = np.arange(float(count))
+    return values / values.std(ddof=1)
+
+
+def chance_to_pass(share, runs, low, high):
+    """Return the probability of a check of shares to pass, summed over all counts."""
+    return sum(
+        math.comb(runs, k) * share**k * (1 - share) ** (runs - k)
+        for k in range(runs + 1)
+        if judging.judged_share("c", "r", [True] * k + [False] * (runs - k), low=low, high=high).outcome == "passed"
+    )

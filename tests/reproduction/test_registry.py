@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm.errors import UnknownNameError
 from mesa_swarm.reproduction.judging import VERDICTS
 from mesa_swarm.reproduction.laboratory import Laboratory
-from mesa_swarm.reproduction.registry import find_item, items
+from mesa_swarm.reproduction.registry import Made, find_item, items, report
 
 FIGURES = [
     *(f"4.{i}" for i in range(12, 17)),
@@ -55,6 +55,16 @@ def test_a_figure_is_made_quickly(figure, laboratory):
 @pytest.mark.parametrize("figure", FAST)
 def test_what_chance_has_no_part_in_does_not_fail_in_the_main(figure, laboratory):
     assert find_item(figure).make(laboratory).verdict != "not confirmed"
+
+
+def test_quick_verdicts_are_marked_everywhere_and_the_page_counts_its_runs(laboratory):
+    item = find_item("D.3")
+    made = [Made(item=item, result=item.make(laboratory), seconds=60.0)]
+    page = report(made, quick=True, runs=(3, 2))
+    assert page.count("onfirmed (quick)") == 2
+    assert "in 1 minutes" in page
+    assert "3 runs were made, and 2 of an earlier call were reused." in page
+    assert "(quick)" not in report(made)
 
 
 def test_the_page_has_every_figure_once_with_its_verdict_and_was_made_with_all_seeds():
