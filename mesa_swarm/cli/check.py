@@ -86,6 +86,7 @@ def reproduce(
     published: Annotated[bool, typer.Option("--published", help="All of published papers instead.")] = False,
     readings: Annotated[bool, typer.Option("--readings", help="How much depends on how one reads, instead.")] = False,
     names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
+    contents: Annotated[bool, typer.Option("--items", help="List what the thesis contains, with its state.")] = False,
     out: Folder = Path("results", "reproduction"),
     quick: Annotated[bool, typer.Option("--quick", help="A trial: few seeds, short runs, other files.")] = False,
     jobs: Jobs = -1,
@@ -93,10 +94,15 @@ def reproduce(
     quiet: Quiet = False,
 ) -> None:
     """Reproduce results of the thesis or of papers, each with a verdict; continue an interrupted call."""
-    options = {"--all": every, "--published": published, "--readings": readings, "--figure": figure}
+    options = {
+        "--all": every, "--published": published, "--readings": readings, "--figure": figure, "--items": contents
+    }  # fmt: skip
     given = [name for name, used in options.items() if used]
     if len(given) > 1:
         raise InvalidValueError(f"{' and '.join(given)} are given at once; leave one out")
+    if contents:
+        _list_contents(report)
+        return
     from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.reproduction import registry
     from mesa_swarm.reproduction.laboratory import Laboratory
@@ -126,6 +132,16 @@ def reproduce(
     if report is not None:
         _write_pictures(made, report.parent / "pictures")
         print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
+
+
+def _list_contents(report: Path | None) -> None:
+    """Print the state of everything that the thesis contains, or write the page of it."""
+    from mesa_swarm.reproduction import differences
+
+    if report is None:
+        print("\n".join(differences.lines()))
+    else:
+        print(write_whole(checked_file(report, ".md", "report"), differences.page()))
 
 
 def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Made]":

@@ -130,7 +130,7 @@ GROUPS = {
     "World": ("map", "load", "resistance", "initial_temperature", "history_every"),
     "Fires and heat": ("k1", "k2", "k3", "k4", "leave", "join"),
     "Communication": ("communication", "communication_range"),
-    "Disturbances": ("slip_probability", "error_probability"),
+    "Disturbances": ("noise", "slip", "imperfections", "slip_probability", "error_probability"),
 }
 OTHERS = "Behaviour"
 ORDER = ("World", "Robots", OTHERS, "Communication", "Fires and heat", "Disturbances")

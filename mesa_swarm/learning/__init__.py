@@ -1,5 +1,6 @@
 """Learners: networks, policies, and how they are trained."""
 
+from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness, floreano
 from mesa_swarm.learning.hebbian import HebbianLearning
@@ -12,6 +13,7 @@ from mesa_swarm.learning.rewards import reward
 from mesa_swarm.learning.wire_learning import WireFittedQ, WirePolicy, wire_value
 
 __all__ = [
+    "ApproachValues",
     "Evolution",
     "Fitness",
     "HebbianLearning",
@@ -24,6 +26,7 @@ __all__ = [
     "SensorLayout",
     "WireFittedQ",
     "WirePolicy",
+    "approach_values",
     "fit",
     "floreano",
     "load_policy",

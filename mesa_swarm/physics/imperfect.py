@@ -17,7 +17,7 @@ from mesa_swarm.robots.swarm import LAST_READ, LASTING, Swarm
 from mesa_swarm.world.statics import OBSTACLE
 
 # Purposes of random numbers: independent draws.
-FATE, PLACE, PHASE, LENGTH = range(4)
+FATE, PLACE, PHASE, LENGTH, SLIP = range(5)
 # Channels: proximity sensors from 0, radiation sensors from here, then wheels, the robot as a whole, line sensors.
 RADIATION, WHEEL, BODY, LINE = 1_000, 2_000, 3_000, 4_000
 # Those of custom sensors follow from their names, so that adding one does not change another.
@@ -49,7 +49,8 @@ class Imperfect:
             swarm.remember(f"{LASTING}{name}", *column)
         self._version, self._ends = -1, {}  # type: ignore[var-annotated]  # of custom sensors, by name
         self._reads = not is_ideal(imperfections.sensing)
-        self._drives = not is_ideal(imperfections.driving) or imperfections.battery > 0 or imperfections.failure > 0
+        wears = imperfections.battery > 0 or imperfections.failure > 0 or imperfections.slip_probability > 0
+        self._drives = wears or not is_ideal(imperfections.driving)
 
     def spoil_readings(self, swarm: Swarm, step: int) -> None:
         """Disturb the readings of all sensors in this step."""
@@ -102,7 +103,8 @@ class Imperfect:
         worn = [kept(swarm, name) for name in ("told", "wheels", "used", "broken")]
         table = swarm.table
         bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
-        limits = given.driving.limits, (float(given.battery), float(given.failure))
+        slips = float(given.slip_probability), float(given.slip_magnitude)
+        limits = given.driving.limits, (float(given.battery), float(given.failure), *slips)
         spoil_wheels(command, *worn, *bodies, *limits, step, np.uint64(self.key))
         try:
             yield rolled
@@ -204,7 +206,7 @@ def spoil_wheels(
 ):
     """Replace commands by disturbed wheel speeds; add up the charge used, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
-    battery, failure = wear
+    battery, failure, slip_probability, slip_magnitude = wear
     moment, share = step // hold, 1.0 - math.exp(-1.0 / lag) if lag > 0.0 else 1.0
     for i in range(command.shape[0]):
         if chance(key, number[i], BODY, step, FATE) < failure:
@@ -227,6 +229,7 @@ def spoil_wheels(
         if sideways[design[i]]:
             wheels[i, 0], wheels[i, 1] = no_longer(wheels[i, 0], wheels[i, 1], max_speed[i])
         for w in range(count):
-            command[i, w] = wheels[i, w]
+            slips = slip_probability > 0.0 and chance(key, number[i], WHEEL + w, step, SLIP) < slip_probability
+            command[i, w] = wheels[i, w] * (1.0 - slip_magnitude) if slips else wheels[i, w]
             if max_speed[i] > 0.0:
                 used[i] += (1.0 / count) * abs(wheels[i, w]) / max_speed[i]

@@ -1,7 +1,7 @@
 """Figures 8.1 to 8.5, and equation 8.3: robots that learn collision avoidance."""
 
 import math
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,10 @@ from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.rewards import reward
-from mesa_swarm.reproduction.drawing import column, count_steps, draw_bundle, draw_means, plain_axes
+from mesa_swarm.reproduction.drawing import column, count_steps, draw_bundle, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
-from mesa_swarm.robots.design import AGENT9
-from mesa_swarm.swarm_model import SwarmModel
 
 STEPS = 33_000
 # Of the whole run: the first 1,000 steps of 33,000, the last 3,000, a third.
@@ -26,9 +24,6 @@ FIRST, LAST, THIRD = 1 / 33, 1 / 11, 1 / 3
 POINTS, ONE_POINTS = 330, 3300
 # Windows of the thesis, for many robots and for one.
 MANY_WINDOW, ONE_WINDOW = 1001, 11
-FORWARD = 3
-# Distances from a wall at which a robot is asked, map units: up to where its sensors see nothing.
-PLACES = np.linspace(0.5, 55.0, 110)
 
 
 def learning_run(rng: int, *, steps: int = STEPS, **settings: Any) -> dict[str, Any]:
@@ -66,41 +61,6 @@ def correlation(a: np.ndarray, b: np.ndarray) -> float | None:
     return round(float(np.corrcoef(a, b)[0, 1]), 12)
 
 
-def avoidance_run(rng: int, *, steps: int = STEPS, gamma: float, **settings: Any) -> dict[str, float | None]:
-    """Let one robot learn; return at which distance from a wall ahead it no longer drives forward, map units.
-
-    The value of every action is computed from far to near: the distance is the one from which forward is
-    no longer the best. None if forward never is.
-    """
-    model = find_model("q_learning")(rng=rng, gamma=gamma, n_robots=1, **settings).run(steps)
-    distance, kind = readings_before_a_wall()
-    best = model.learner.policy().values(distance, kind).argmax(axis=1)
-    return {"distance": turning_distance(best == FORWARD), "collisions": float(model.total_collisions)}
-
-
-def turning_distance(forward: np.ndarray) -> float | None:
-    """Return the least of `PLACES` down to which, coming from far, forward is the best action at each."""
-    if not forward[-1]:
-        return None
-    turned = np.flatnonzero(~forward)
-    return float(PLACES[turned[-1] + 1]) if len(turned) else 0.0
-
-
-@cache
-def readings_before_a_wall() -> tuple[np.ndarray, np.ndarray]:
-    """Return the readings of an AGENT9 in front of a long wall at each of `PLACES`: distances and kinds (110, 9)."""
-    model = SwarmModel(map="openspace", rng=1)
-    (robot,) = model.add_robots(AGENT9, poses=[(400.0, 300.0, 0.0)])
-    distances, kinds = [], []
-    for place in PLACES:
-        robot.position = (780.0 - AGENT9.radius - place, 300.0)
-        model.sense()
-        distances.append(model.swarm.distance[0].copy())
-        kinds.append(model.swarm.kind[0].copy())
-    return np.array(distances), np.array(kinds)
-
-
-SEEDS = 8
 SLOW, FAST = 1e-4, 5e-3
 RUNS = 30
 # d_crit of the figure of rewards, in the thesis's unit, which it does not state.
@@ -117,7 +77,6 @@ LEARNING = (
 FALL, FAST_FALL = 0.25, 0.5
 # Collisions of 15 robots per robot and 1,000 steps in the thesis's curve, as we read it: at first, and in the end.
 LEVELS = (20.0, 30.0), (3.0, 6.0)
-GAMMAS = (0.0, 0.3, 0.5, 0.7, 0.9)
 ROUNDING = 1e-9
 
 
@@ -323,49 +282,6 @@ def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> F
     return figure
 
 
-def avoidance(laboratory: Laboratory) -> Result:
-    """Make figure 8.7: at which distance robots turn, over gamma."""
-    steps, seeds = laboratory.pick(STEPS, 3_300), laboratory.seeds(SEEDS)
-    rows = laboratory.grid(avoidance_run, [{"gamma": gamma, "steps": steps} for gamma in GAMMAS], seeds)
-    distances = dict(zip(GAMMAS, (column(runs, "distance") for runs in rows), strict=True))
-    checks = (
-        judged_mean(
-            "at gamma 0 robots turn at d_crit (20 units): distance",
-            "d_crit",
-            distances[0.0],
-            low=15.0,
-            high=25.0,
-        ),
-        judged_difference(
-            "with gamma they turn at a larger distance: distance",
-            "farther than d_crit",
-            distances[0.0],
-            distances[0.7],
-            names=("gamma 0", "0.7"),
-        ),
-        judged_difference(
-            "the more, the larger gamma is",
-            "to infinity as gamma nears 1",
-            distances[0.5],
-            distances[0.9],
-            names=("gamma 0.5", "0.9"),
-            main=False,
-        ),
-    )
-    figure, axes = plain_axes("gamma", "distance from the wall at which forward is no longer best")
-    draw_means(axes, GAMMAS, list(distances.values()), "one robot", 0)
-    axes.axhline(50 * CRITICAL, color=COLOURS[1], linestyle="--", label="d_crit")
-    axes.legend(frameon=False)
-    never = {gamma: values.count(None) for gamma, values in distances.items() if None in values}
-    counted = ", ".join(f"{n} of {len(seeds)} at gamma {gamma:g}" for gamma, n in never.items())
-    return Result(
-        checks=checks,
-        pictures={"": figure},
-        settings=f"{LEARNING}; one robot, beta 1e-4; measured facing a wall, from far to near, greedy",
-        remarks=(f"In some runs forward is not the best action far from everything: {counted}.",) if counted else (),
-    )
-
-
 ONE = partial(frequency, robots=1, beta=SLOW, share=FALL)
 SLOWLY = partial(frequency, robots=15, beta=SLOW, share=FALL)
 QUICKLY = partial(frequency, robots=15, beta=FAST, share=FAST_FALL)
@@ -376,5 +292,4 @@ ITEMS = (
     Item(figure="8.3", title="collisions of 15, temperature falling slowly", section="8.3", make=SLOWLY),
     Item(figure="8.4", title="collisions of 15, temperature falling fast", section="8.3", make=QUICKLY),
     Item(figure="8.5", title="cumulative collisions, for both", section="8.3", make=totals),
-    Item(figure="8.7", title="distance at which robots turn, over gamma", section="8.4", make=avoidance),
 )

@@ -16,7 +16,10 @@ from mesa_swarm.reproduction.laboratory import Laboratory
 
 PACKAGE = "mesa_swarm.reproduction"
 # A module for each subject, in the thesis's order.
-CHAPTERS = ("complexity", "swarms", "networks", "learning", "oscillations", "fire_fighting", "fire_growth", "maps")
+CHAPTERS = (
+    *("complexity", "avoidance", "swarms", "networks", "learning", "oscillations", "foresight"),
+    *("fire_fighting", "fire_growth", "maps"),
+)
 # Modules whose names begin with this hold the results of papers.
 PUBLISHED = "published"
 THESIS, PAPER, READING = "thesis", "paper", "reading"

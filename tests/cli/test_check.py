@@ -7,6 +7,7 @@ from mesa_swarm.cli.check import MOST_EPISODES, described_episodes
 from mesa_swarm.experiments import bench
 from mesa_swarm.experiments.bench import Goal, Measurement
 from mesa_swarm.gallery import find_model
+from mesa_swarm.reproduction import differences
 from mesa_swarm.reproduction.registry import items
 from mesa_swarm.world.map import Map
 
@@ -121,6 +122,15 @@ def test_reproduce_lists_a_line_for_every_figure(typed, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_reproduce_lists_the_state_of_every_item_or_writes_their_page(typed, tmp_path):
+    status, out, err = typed("reproduce --items")
+    assert (status, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()[:-1]] == [str(number) for number in range(1, 206)]
+    assert not list(tmp_path.iterdir())
+    assert typed("reproduce --items --report page.md")[:2] == (0, "page.md\n")
+    assert (tmp_path / "page.md").read_text() == differences.page()
+
+
 def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(typed, tmp_path):
     status, out, err = typed("reproduce --figure D.3 --figure 8.1 --quick --quiet --jobs 1")
     assert (status, err) == (0, "")
@@ -164,6 +174,8 @@ def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
         ("reproduce --readings --published", "--published and --readings are given at once"),
         ("reproduce --figure 6.3", "unknown figure '6.3'; what earlier versions called so is '6.5'"),
         ("reproduce --published --figure 8.2", "--published and --figure are given at once"),
+        ("reproduce --items --figure 8.2", "--figure and --items are given at once"),
+        ("reproduce --items --report page.html", "expected the name of a .md file"),
         ("reproduce --figure 8.2 --report page.html", "expected the name of a .md file"),
         ("reproduce --figure 8.2 --jobs 0", "jobs is 0"),
         ("reproduce --figure 8.2 --out /proc/nowhere", "results cannot be written to"),

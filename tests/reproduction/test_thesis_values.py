@@ -1,0 +1,58 @@
+"""Numbers that the thesis gives, where they are defaults here."""
+
+import inspect
+import math
+
+import pytest
+
+from mesa_swarm import AGENT3, AGENT6, AGENT9, AGENT_FIRE
+from mesa_swarm.experiments.jobs import read_job
+from mesa_swarm.learning.q_learning import QLearning as QLayer
+from mesa_swarm.models.q_learning import QLearning
+
+LEARNING = {
+    "first_temperature": 1.0,
+    "last_temperature": 0.2,
+    "alpha": 0.4,
+    "eta": 0.1,
+    "gamma": 0.7,
+}
+
+
+def test_the_thesis_s_robot_is_ten_units_across():
+    assert {2 * design.radius for design in (AGENT3, AGENT6, AGENT9, AGENT_FIRE)} == {10.0}
+
+
+def test_the_defaults_of_learning_are_the_values_of_the_thesis():
+    model = {name: one.default for name, one in inspect.signature(QLearning).parameters.items()}
+    assert {name: model[name] for name in LEARNING} == LEARNING
+    assert (model["n_robots"], model["map"]) == (15, "original")
+    assert model["beta"] in QLearning.compares[1] == (1e-4, 5e-3)
+    assert QLearning.steps_to_compare == 33_000
+    layer = QLayer()
+    assert [getattr(layer, name) or 1.0 for name in LEARNING] == list(LEARNING.values())
+    built = QLearning(n_robots=1, rng=1)
+    assert len(built.swarm.designs[0].proximity) == 9
+
+
+@pytest.mark.parametrize(("job", "robots"), [("q_learning_single", 1), ("q_learning_multi", 15)])
+def test_the_jobs_of_learning_are_those_of_the_thesis(job, robots):
+    (experiment,) = read_job(f"{job}.toml").experiments
+    settings = next(experiment.runs()).settings
+    assert (settings["n_robots"], settings["map"], experiment.steps) == (robots, "original", 33_000)
+
+
+def test_the_two_jobs_of_fire_fighting_differ_in_the_strategy_alone():
+    jobs = [read_job(f"fire_fighting_{number}.toml").experiments[0] for number in (1, 2)]
+    first, second = (next(job.runs()).settings for job in jobs)
+    assert {name for name in first.keys() | second.keys() if first.get(name) != second.get(name)} == {"strategy"}
+    assert (first["strategy"], second["strategy"]) == ("A", "B")
+    assert jobs[0].steps == jobs[1].steps
+
+
+def test_the_temperature_needs_43819_steps_to_come_within_5_percent_of_its_end():
+    def temperature(steps):
+        return 0.2 + 0.8 * (1 - 1e-4) ** steps
+
+    assert math.floor(1000 * (1 - temperature(33_000)) / 0.8) == 963
+    assert temperature(43_818) > 1.05 * 0.2 >= temperature(43_819)
