@@ -262,13 +262,22 @@ def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> F
     """Return a figure of how often robots collide, smoothed, and of T."""
     figure, axes = plain_axes("step", "collisions a robot and 1,000 steps")
     curves = np.array(column(rows, "curve"))
-    draw_bundle(axes, np.linspace(0, last, curves.shape[1]), curves, COLOURS[0], "mean of runs")
+    steps = np.linspace(0, last, curves.shape[1])
+    if robots > 1:
+        draw_bundle(axes, steps, curves, COLOURS[0], "mean of runs")
+    else:
+        axes.plot(steps, curves[0], color=COLOURS[0], alpha=0.4, linewidth=0.6)
+        window = MANY_WINDOW * curves.shape[1] // STEPS
+        axes.plot(steps, central_moving_average(curves.mean(axis=0), window | 1), color=COLOURS[0], linewidth=2.0)
     warmth = axes.twinx()
     warmth.plot(np.linspace(0, last, POINTS), rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
     warmth.set(ylabel="T", ylim=(0, 1.05))
     axes.set_ylim(0, max(3.0 * float(curves.mean(axis=0).max()), 1.0))
     axes.set_title(
-        f"beta {beta:g}, {robots} robots, {len(rows)} runs: blue collisions and their mean, orange T", fontsize=10
+        f"beta {beta:g}, {len(rows)} runs of {robots} robots: blue collisions and their mean, orange T"
+        if robots > 1
+        else f"beta {beta:g}, one robot: blue collisions of one run and their mean in {len(rows)} runs, orange T",
+        fontsize=10,
     )
     count_steps(axes)
     return figure
