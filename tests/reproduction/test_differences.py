@@ -65,6 +65,14 @@ def test_deviations_that_items_refer_to_exist():
     assert named <= known
 
 
+def test_equations_that_the_code_calls_corrected_are_among_the_deviations():
+    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "mesa_swarm").rglob("*.py")]
+    corrected = {number for text in sources for number in re.findall(r"([AB5-9]\.\d+),\s+(?:signs )?corrected", text)}
+    assert len(corrected) > 4
+    listed = {number for one in deviations() for number in re.findall(r"\b[AB5-9]\.\d+", one.section)}
+    assert corrected <= listed
+
+
 @pytest.mark.parametrize("place", WHERE)
 def test_what_is_named_as_the_place_of_an_item_exists(place):
     module, colon, name = place.partition(":")

@@ -2,12 +2,15 @@
 
 import inspect
 import math
+import warnings
 
 import pytest
 
 from mesa_swarm import AGENT3, AGENT6, AGENT9, AGENT_FIRE
 from mesa_swarm.control import Gather
+from mesa_swarm.errors import FireConstantsWarning
 from mesa_swarm.experiments.jobs import read_job, sample_jobs
+from mesa_swarm.fire.constants import design_constants, robots_needed
 from mesa_swarm.learning.q_learning import QLearning as QLayer
 from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.world.map import Map
@@ -102,3 +105,11 @@ def test_nine_sensors_leave_no_gap_in_front_and_blind_spots_behind():
     assert all(seen(bearing) for bearing in range(-90, 91))
     behind = [seen(bearing) for bearing in range(91, 270)]
     assert 0.25 < sum(behind) / len(behind) < 0.75
+
+
+@pytest.mark.parametrize(("share", "suffices"), [(0.321, True), (0.323, False)])
+def test_one_robot_puts_out_what_three_are_to_put_out_in_less_than_0_32_of_the_growth_time(share, suffices):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FireConstantsWarning)
+        constants = design_constants(robots=3, growth_time=1_000, extinguish_time=1_000 * share)
+    assert (robots_needed(constants, area=16) < 1) == suffices
