@@ -27,6 +27,18 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.gripper import Carried, Gripper
     from mesa_swarm.robots.radio import Radio
+    from mesa_swarm.robots.real_robots import (
+        E_PUCK,
+        I_SWARM,
+        KHEPERA_4,
+        KILOBOT,
+        REAL_ROBOTS,
+        S_BOT,
+        THYMIO_2,
+        TURTLEBOT_3,
+        RealRobot,
+        Scale,
+    )
     from mesa_swarm.robots.sensors import (
         FieldSensor,
         LineSensor,
@@ -55,6 +67,7 @@ _MODULES = {
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.gripper": "Carried Gripper",
     "robots.radio": "Radio",
+    "robots.real_robots": "E_PUCK I_SWARM KHEPERA_4 KILOBOT REAL_ROBOTS RealRobot S_BOT Scale THYMIO_2 TURTLEBOT_3",
     "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
     "swarm_model": "SwarmModel show",
     "world.fields": "Field ScalarField",
@@ -67,6 +80,14 @@ __all__ = [
     "AGENT6",
     "AGENT9",
     "AGENT_FIRE",
+    "E_PUCK",
+    "I_SWARM",
+    "KHEPERA_4",
+    "KILOBOT",
+    "REAL_ROBOTS",
+    "S_BOT",
+    "THYMIO_2",
+    "TURTLEBOT_3",
     "Actuator",
     "Carried",
     "Chart",
@@ -87,9 +108,11 @@ __all__ = [
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
+    "RealRobot",
     "Recording",
     "RobotDesign",
     "ScalarField",
+    "Scale",
     "Sensor",
     "Shape",
     "SwarmModel",

@@ -84,6 +84,7 @@ def reproduce(
     figure: Annotated[list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3 or task_allocation.")] = None,
     every: Annotated[bool, typer.Option("--all", help="All of the thesis, which is the default.")] = False,
     published: Annotated[bool, typer.Option("--published", help="All of published papers instead.")] = False,
+    readings: Annotated[bool, typer.Option("--readings", help="How much depends on how one reads, instead.")] = False,
     names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
     contents: Annotated[bool, typer.Option("--items", help="List what the thesis contains, with its state.")] = False,
     out: Folder = Path("results", "reproduction"),
@@ -93,8 +94,10 @@ def reproduce(
     quiet: Quiet = False,
 ) -> None:
     """Reproduce results of the thesis or of papers, each with a verdict; continue an interrupted call."""
-    chosen_by = {"--all": every, "--published": published, "--figure": figure, "--items": contents}
-    given = [name for name, used in chosen_by.items() if used]
+    options = {
+        "--all": every, "--published": published, "--readings": readings, "--figure": figure, "--items": contents
+    }  # fmt: skip
+    given = [name for name, used in options.items() if used]
     if len(given) > 1:
         raise InvalidValueError(f"{' and '.join(given)} are given at once; leave one out")
     if contents:
@@ -109,7 +112,7 @@ def reproduce(
             print(f"{item.figure:5} {item.title} ({item.place})")
         return
     numbers = {registry.find_item(number).figure for number in figure or ()}
-    source = registry.PAPER if published else registry.THESIS
+    source = registry.PAPER if published else registry.READING if readings else registry.THESIS
     chosen = [i for i in registry.items().values() if (i.figure in numbers if numbers else i.source == source)]
     workers, folder = checked_jobs(jobs), check_writable(out)
     if report is not None:
@@ -162,10 +165,11 @@ def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Mad
 
 
 def _write_pictures(made: "Sequence[Made]", folder: Path) -> None:
-    """Write the pictures to which the page of papers refers, beside it."""
+    """Write the pictures to which a page refers, beside it."""
+    from mesa_swarm.reproduction.registry import THESIS
     from mesa_swarm.viewing.pictures import png
 
-    contents = {f"{one.item.figure}.png": png(one.result.pictures[""]) for one in made if one.item.paper}
+    contents = {f"{one.item.figure}.png": png(one.result.pictures[""]) for one in made if one.item.source != THESIS}
     if contents:
         write_all(check_writable(folder), contents)
 

@@ -29,6 +29,7 @@ from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.parts import RobotPart
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent
@@ -39,7 +40,7 @@ from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
 SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, FieldSensor, Carried)
 OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
-OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
+OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections, Scale)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
 LAYERS = (*FLOCKING, *TOWARDS_BODIES, controls.Avoid, controls.Explore, controls.Respond, FightFire)

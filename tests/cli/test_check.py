@@ -132,14 +132,14 @@ def test_reproduce_lists_the_state_of_every_item_or_writes_their_page(typed, tmp
 
 
 def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(typed, tmp_path):
-    status, out, err = typed("reproduce --figure D.3 --figure 8.2 --quick --quiet --jobs 1")
+    status, out, err = typed("reproduce --figure D.3 --figure 8.1 --quick --quiet --jobs 1")
     assert (status, err) == (0, "")
     made = tmp_path / "results" / "reproduction"
     names = {path.name for path in made.iterdir()}
-    assert {f"figure_{f}_quick.{end}" for f in ("8.2", "D.3") for end in ("png", "svg", "csv")} <= names
-    assert (made / "figure_8.2_quick.png").read_bytes()[1:4] == b"PNG"
+    assert {f"figure_{f}_quick.{end}" for f in ("8.1", "D.3") for end in ("png", "svg", "csv")} <= names
+    assert (made / "figure_8.1_quick.png").read_bytes()[1:4] == b"PNG"
     verdicts = [line.split(":")[0] for line in out.splitlines() if line[:1] in "8D"]
-    assert verdicts == ["8.2   confirmed with limits (quick)", "D.3   confirmed (quick)"]
+    assert verdicts == ["8.1   confirmed with limits (quick)", "D.3   confirmed (quick)"]
 
 
 def test_the_same_figure_gives_the_same_files(typed, tmp_path):
@@ -171,6 +171,8 @@ def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
     [
         ("reproduce --figure 8.9", "unknown figure '8.9'; did you mean"),
         ("reproduce --all --figure 8.2", "--all and --figure are given at once"),
+        ("reproduce --readings --published", "--published and --readings are given at once"),
+        ("reproduce --figure 6.3", "unknown figure '6.3'; what earlier versions called so is '6.5'"),
         ("reproduce --published --figure 8.2", "--published and --figure are given at once"),
         ("reproduce --items --figure 8.2", "--figure and --items are given at once"),
         ("reproduce --items --report page.html", "expected the name of a .md file"),
