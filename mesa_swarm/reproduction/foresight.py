@@ -177,9 +177,10 @@ def utility(laboratory: Laboratory) -> Result:
         checks=(*exact_checks(exact), *learned_checks(rows)),
         pictures={"": utility_figure(exact, rows), "gamma": gamma_figure(exact, rows)},
         settings=(
-            "AGENT9, reward (b) of the state of the choice, eight actions, d_crit of 4 units (0.4 of a robot's diameter); "
-            "exact: value iteration before an endless wall, state distance and heading; learned: map original, one robot, "
-            f"alpha 0.4, eta 0.1, beta 1e-4, T from 1 to {T_C}, {steps:,} steps, asked facing a wall"
+            "AGENT9, reward (b) of the state of the choice, eight actions, d_crit of 4 units (0.4 of a robot's "
+            "diameter); exact: value iteration before an endless wall, state distance and heading; learned: map "
+            f"original, one robot, alpha 0.4, eta 0.1, beta 1e-4, T from 1 to {T_C}, {steps:,} steps, asked facing a "
+            "wall"
         ),
         remarks=(
             even_remark(exact, rows),
