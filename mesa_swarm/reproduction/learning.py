@@ -113,7 +113,7 @@ def temperatures(laboratory: Laboratory) -> Result:
         checks=checks,
         pictures={"": figure},
         settings="T from 1 to 0.2",
-        remarks=(f"At beta 1e-4, T is within 5 % of its end after {needed:,.0f} steps.",),
+        remarks=(f"At beta 1e-4, T is within 5 % of its end after {math.ceil(needed):,} steps.",),
     )
 
 
