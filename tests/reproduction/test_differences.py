@@ -19,7 +19,8 @@ from mesa_swarm.reproduction.differences import (
     deviations,
     page,
     thesis_items,
-)from mesa_swarm.reproduction.registry import items
+)
+from mesa_swarm.reproduction.registry import items
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "differences.md"
