@@ -113,18 +113,19 @@ def temperatures(laboratory: Laboratory) -> Result:
         checks=checks,
         pictures={"": figure},
         settings="T from 1 to 0.2",
-        remarks=(f"At beta 1e-4, T is within 5 % of its end after {needed:,.0f} steps.",),
+        remarks=(f"At beta 1e-4, T is within 5 % of its end after {math.ceil(needed):,} steps.",),
     )
 
 
 def rewards(laboratory: Laboratory) -> Result:
     """Make figure 8.1: the rewards over the nearest reading."""
-    readings, paid = np.linspace(0, 1, 501), partial(reward, critical=CRITICAL)
-    leaps = {kind: paid(kind, CRITICAL, 1, 1) - paid(kind, CRITICAL - 1e-9, 1, 1) for kind in "abc"}
+    readings = np.linspace(0, 1, 501)
+    worth = partial(reward, critical=CRITICAL)
+    leaps = {kind: worth(kind, CRITICAL, 1, 1) - worth(kind, CRITICAL - 1e-9, 1, 1) for kind in "abc"}
     checks = (
         judged_number("q for d_crit 0.4", "4.2957", (math.e - 1) / CRITICAL, low=4.29565, high=4.29575),
-        judged_number("reward when touching", "-1", paid("b", 0.0, 1, 1), low=-1, high=-1),
-        judged_number("reward just below d_crit", "0", paid("b", CRITICAL - 1e-12, 1, 1), low=-1e-9, high=1e-9),
+        judged_number("reward when touching", "-1", worth("b", 0.0, 1, 1), low=-1, high=-1),
+        judged_number("reward just below d_crit", "0", worth("b", CRITICAL - 1e-12, 1, 1), low=-1e-9, high=1e-9),
         judged_number("jump of (b) at d_crit, driving ahead", "discontinuity (8.3)", leaps["b"], low=0.99, high=1.01),
         judged_number("jump of (c), its remedy", "proposed", leaps["c"], low=-1e-6, high=1e-6),
         judged_number("largest Q at gamma 0.7 (8.4)", "3.3", 1 / (1 - 0.7), low=3.25, high=3.35),
@@ -140,7 +141,7 @@ def rewards(laboratory: Laboratory) -> Result:
     )
     figure, axes = plain_axes("nearest reading, in the unit of d_crit", "reward")
     for kind, wheels, style in (("b", (1, 1), "-"), ("c", (1, 1), "--"), ("a", (1, 0), "-."), ("b", (1, 0), ":")):
-        values = [paid(kind, float(reading), *wheels) for reading in readings]
+        values = [worth(kind, float(reading), *wheels) for reading in readings]
         way = "ahead" if wheels == (1, 1) else "turning"
         axes.plot(readings, values, style, linewidth=1.8, label=f"({kind}), {way}")
     axes.legend(frameon=False)
