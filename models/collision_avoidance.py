@@ -58,6 +58,10 @@ class CollisionAvoidance(SwarmModel):
         design: Annotated[str, Choice(tuple(DESIGNS), "the robots' bodies and sensors")] = "AGENT9",
         distance: Annotated[float, Slider(0, 50, 1, "distance below which robots turn away, map units")] = 15.0,
         turn: Annotated[str, Choice(("translational", "stationary"), "how robots turn away")] = "translational",
+        front: Annotated[
+            str, Choice(("tendency", "random", "back up"), "what something ahead makes it do")
+        ] = "tendency",
+        sides: Annotated[str, Choice(("last", "ignore both"), "which of two activated sides counts")] = "last",
         spot_distance: Annotated[
             float, Slider(0, 20, 0.5, "distance below which robots turn on the spot, map units")
         ] = 0.0,
@@ -81,7 +85,8 @@ class CollisionAvoidance(SwarmModel):
         self.add_robots(built, check_count("n_robots", n_robots))
         self.robot_steps = 0
         spot = (Avoid(distance=spot_distance, turn="stationary", name="AvoidOnTheSpot"),) if spot_distance else ()
-        self.control = Subsumption(*spot, Avoid(distance=distance, turn=turn), Explore(turn_interval=turn_interval))
+        avoid = Avoid(distance=distance, turn=turn, front=front, sides=sides)
+        self.control = Subsumption(*spot, avoid, Explore(turn_interval=turn_interval))
 
     def step(self) -> None:
         """Advance by one step, and count robot-steps, since the number of robots may change."""

@@ -4,23 +4,23 @@ WHAT IS IT? A task shared by robots, by default without communication. A robot a
 by it; too hot, it must leave until it has cooled down. One robot alone cannot extinguish the large central fire.
 
 HOW IT WORKS. Layers: Avoid, FightFire, Explore. Under strategy A a robot that is too hot turns away and explores,
-ignoring all fires. Under strategy B it backs off until it takes no more heat, waits, and
-returns to the same fire. The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the robots H <- H + k3 T A - k4.
+ignoring all fires. Under strategy B it backs off until it takes no more heat, waits, and returns to the same fire.
+The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the robots H <- H + k3 T A - k4.
 
-HOW TO USE IT. Choose a strategy and the number of robots. k1 is the growth of fires, k2 extinguishing,
-k3 heating of robots, k4 their cooling; `leave` and `join` are the heats at which a robot leaves and may return.
-`design_constants` computes all six from requirements, and reports the consequences. With communication
-robots within range go to one that fights a fire or waits at one (state), or to the fire that it sees (goal).
+HOW TO USE IT. Choose a strategy and the number of robots. k1 is the growth of fires, k2 extinguishing, k3 heating of
+robots, k4 their cooling; `leave` and `join` are the heats at which a robot leaves and may return. `design_constants`
+computes all six from requirements, and reports the consequences. With communication robots within range go to one that
+fights a fire or waits at one (state), or to the fire that it sees (goal). With `follow` they follow robots ahead.
 
 THINGS TO NOTICE. Under B robots gather at the large fire without being called: waiting near it is enough.
 Under A they leave one after the other, and the fire recovers between their visits, unless they call for help.
 
-THINGS TO TRY. Fires that start at T = 0.3 are put out by their first visitor, whatever the strategy. Find the
-number of robots, and the range of communication, from which A is as good as B.
+THINGS TO TRY. Fires that start at T = 0.3 fall to their first visitor. With how many robots is A as good as B? Where
+no fire falls to a single robot, by `design_constants(areas=model.fires.area, robots=17, alone=False)`, with 30 robots?
 
 EXTENDING IT. Let exploring robots prefer places that they have not visited.
 
-REFERENCE. Thesis, chapter 9 and appendix B. Communication as in Balch and Arkin, Autonomous Robots 1 (1994).
+REFERENCE. Thesis, chapter 9, appendix B. Communication as in Balch and Arkin, Autonomous Robots 1 (1994).
 """
 
 from typing import Annotated
@@ -28,7 +28,7 @@ from typing import Annotated
 import numpy as np
 
 from mesa_swarm import AGENT_FIRE, Radio, SwarmModel
-from mesa_swarm.control import Avoid, Explore, Respond, Subsumption
+from mesa_swarm.control import Avoid, Explore, Follow, Respond, Subsumption
 from mesa_swarm.control.respond import TO
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
@@ -70,6 +70,7 @@ class FireFighting(SwarmModel):
         join: Annotated[float, Slider(0, 999, 1, "heat at which it may fight again")] = DEFAULT.join,
         communication: Annotated[str, Choice(("none", *TO), "what robots at fires broadcast")] = "none",
         communication_range: Annotated[float, Slider(0, FARTHEST, 10, "range of broadcasts, map units")] = 200.0,
+        follow: Annotated[str, Choice(("off", "on"), "whether robots follow the nearest robot ahead")] = "off",
         initial_temperature: Annotated[float, Slider(0.01, 1, 0.01, "temperature of all fires at the start")] = 1.0,
         history_every: Annotated[int, Slider(1, 100, 1, "steps between rows of the fires' history")] = 10,
         rng: Seed = None,
@@ -89,7 +90,9 @@ class FireFighting(SwarmModel):
         if check_choice("communication", communication, ("none", *TO)) != "none":
             self.communication = Radio(range=reach, state=communication == "state", goal=communication == "goal")
         helps = () if self.communication is None else (Respond(to=communication),)
-        self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), *helps, Explore())
+        follows = check_choice("follow", follow, ("off", "on")) == "on"
+        more = (*helps, Follow(gap=None, cruise_speed=1.0)) if follows else helps
+        self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), *more, Explore())
 
     @property
     def fires_burning(self) -> int:
@@ -109,11 +112,8 @@ class FireFighting(SwarmModel):
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: fires out, and the step at which each and all were out, or None."""
         last = int(self.fires.out_step.max()) if len(self.fires) and self.fires.out.all() else None
-        areas = self.fires.area
-        out = {
-            f"fire {i + 1}{' (largest)' if (areas[i] > np.delete(areas, i)).all() else ''} out at": (
-                int(step) if step >= 0 else None
-            )
-            for i, step in enumerate(self.fires.out_step)
-        }
+        out = {}
+        for i, step in enumerate(self.fires.out_step):
+            is_largest = (self.fires.area[i] > np.delete(self.fires.area, i)).all()
+            out[f"fire {i + 1}{' (largest)' if is_largest else ''} out at"] = int(step) if step >= 0 else None
         return {"fires out": int(self.fires.out.sum()), **out, "all fires out at": last}

@@ -9,13 +9,11 @@ from numpy.typing import ArrayLike
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, as_floats, boltzmann, checked_actions, described
 from mesa_swarm.learning.reward_lab import wall_readings
-from mesa_swarm.learning.rewards import REWARDS, rewarded
+from mesa_swarm.learning.rewards import CRITICAL, REWARD_STATES, REWARDS, STATE, rewarded
 from mesa_swarm.robots.design import AGENT9, RobotDesign
 
 FORWARD = ACTION_NAMES.index("forward")
 TURNING = ("exact", "leave", "stand")
-# The reward is of the state in which an action was chosen, or of the next one.
-STATE, NEXT_STATE = REWARD_OF = ("state", "next state")
 # Values are exact to this, and equal if they differ by less than a hundred times as much.
 TOLERANCE = 1e-9
 EQUAL = 100 * TOLERANCE
@@ -77,7 +75,7 @@ def approach_values(
     gamma: float,
     *,
     reward: str = "b",
-    critical: float = 0.08,
+    critical: float = CRITICAL,
     actions: int = 8,
     reward_of: str = STATE,
     turning: str = "exact",
@@ -133,7 +131,7 @@ def approach_values(
     number = REWARDS.index(check_choice("reward", reward, REWARDS))
     critical = check_number("critical", critical, above=0, maximum=1)
     moves = ACTIONS[: checked_actions(actions)]
-    check_choice("reward_of", reward_of, REWARD_OF)
+    check_choice("reward_of", reward_of, REWARD_STATES)
     check_choice("turning", turning, TURNING)
     wall = _Wall(_checked(design), check_count("cells", cells, minimum=1, maximum=100), turning)
     following, share = wall.following(moves)
