@@ -3,8 +3,11 @@
 Settings and criterion were committed before the judged runs, which have seeds from 1,001 on.
 """
 
+import pytest
+
 from mesa_swarm.experiments.statistics import paired_difference
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.reproduction.laboratory import FRESH
 
 STEPS, SEEDS, SPREADS = 15_000, 24, (0.0, 0.0003)
 
@@ -30,3 +33,9 @@ def test_a_difference_is_stated_only_where_its_interval_excludes_0():
 def measured(seeds, spread):
     """Return the steps of both choices for every seed."""
     return [[last_out(rng, choice, spread) for rng in seeds] for choice in ("nearest", "hottest")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spread", SPREADS)
+def test_no_difference_is_shown_between_the_hottest_and_the_nearest_fire(spread):
+    assert judged(*measured(range(FRESH, FRESH + SEEDS), spread)) == "no difference shown"
