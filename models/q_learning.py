@@ -13,7 +13,7 @@ jump at the critical distance. `critical` is that distance, as a share of the se
 unit; 0.08 is 0.4 of a robot's diameter, chosen because it reproduces the thesis's curves. `reward_of` is the state
 whose readings decide the reward: that in which the action was chosen, or the next. `beta` is the rate at which T
 falls. `gamma` is the discount factor. `shared` lets all robots learn with one set of networks, `self_adjusting` lets
-each adapt T to its rate of collisions, and `typed` distinguishes robots, fires and loads from obstacles.
+each adapt T, and gamma, to its rate of collisions, and `typed` distinguishes robots, fires and loads from obstacles.
 
 THINGS TO NOTICE. Collisions become rarer as T falls. Some recur, long after: what a network
 learns in one situation changes its values in others. With beta 0.005 collisions end sooner than with 0.0001.
@@ -33,12 +33,24 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.learning import q_learning
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, STATE
 from mesa_swarm.parameters import YES_NO, Choice, Slider, is_yes
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
+
+ADJUSTING = (*YES_NO, "with gamma")
+# The gamma of a robot that bumps often; the largest of the thesis (8.2).
+ALERT_GAMMA = 0.9
+
+
+def adjusted(answer: str | bool) -> tuple[bool, float | None]:
+    """Return whether a robot adapts T to its collisions, and the gamma of one that collides often (None: the same)."""
+    if isinstance(answer, bool | np.bool_):
+        return bool(answer), None
+    chosen = check_choice("self_adjusting", answer, ADJUSTING)
+    return chosen != "no", ALERT_GAMMA if chosen == ADJUSTING[-1] else None
 
 
 class QLearning(SwarmModel):
@@ -70,17 +82,18 @@ class QLearning(SwarmModel):
         reward_of: Annotated[str, Choice(REWARD_STATES, "whose readings count: before or after the action")] = STATE,
         encoding: Annotated[str, Choice(("distance", "typed"), "inputs: distances, or also body kinds")] = "distance",
         shared: Annotated[str, Choice(YES_NO, "whether all robots share one set of networks")] = "no",
-        self_adjusting: Annotated[str, Choice(YES_NO, "whether a robot adapts T to its collisions")] = "no",
+        self_adjusting: Annotated[str, Choice(ADJUSTING, "what a robot adapts to its collisions: T, gamma")] = "no",
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("temperature", "reward", "forward_speed"))
         self.add_robots(AGENT9, check_count("n_robots", n_robots, minimum=1))
+        adjusting, alert_gamma = adjusted(self_adjusting)
         layer = q_learning.QLearning(
             reward=reward, actions=actions, encoding=encoding, alpha=alpha, eta=eta, gamma=gamma, beta=beta,
             first_temperature=first_temperature, last_temperature=last_temperature, critical=critical,
             reward_of=reward_of, shared=is_yes("shared", shared),
-            self_adjusting=is_yes("self_adjusting", self_adjusting),
+            self_adjusting=adjusting, alert_gamma=alert_gamma,
         )  # fmt: skip
         self.control = Subsumption(layer)
 

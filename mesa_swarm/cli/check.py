@@ -121,17 +121,23 @@ def reproduce(
     with Laboratory(folder, quick=quick, jobs=workers, progress=not quiet) as laboratory, resumable(folder):
         for one in made_by(laboratory, chosen):
             made.append(one)
-            picture = _written(one, folder, "_quick" if quick else "")[0]
-            print(f"{one.item.figure:5} {registry.marked(one.result, quick)}: {one.item.title} ({one.seconds:.0f} s)")
-            for check in one.result.checks:
-                reported = f"the {one.item.source}: {check.reported}"
-                print(f"        {check.outcome}: {check.claim}: {check.measured} ({reported})")
-            print(f"        {picture}", flush=True)
+            _print_made(one, _written(one, folder, "_quick" if quick else "")[0], quick)
     if quick:
         print("Few seeds and short runs: this shows that it works; the verdicts mean nothing.")
     if report is not None:
         _write_pictures(made, report.parent / "pictures")
         print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
+
+
+def _print_made(one: "Made", picture: Path, quick: bool) -> None:
+    """Print the verdict of a result, its checks, and where its picture is."""
+    from mesa_swarm.reproduction.registry import marked
+
+    print(f"{one.item.figure:5} {marked(one.result, quick)}: {one.item.title} ({one.seconds:.0f} s)")
+    for check in one.result.checks:
+        reported = f"the {one.item.source}: {check.reported}"
+        print(f"        {check.outcome}: {check.claim}: {check.measured} ({reported})")
+    print(f"        {picture}", flush=True)
 
 
 def _list_contents(report: Path | None) -> None:

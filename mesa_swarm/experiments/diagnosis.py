@@ -85,16 +85,16 @@ MEASURES = ("turns to and fro", "back and forth", CORRIDOR, THRESHOLD)
 
 
 def trained(
-    reward: str, actions: int, rng: int, *, steps: int = 20_000, n_robots: int = 15, beta: float = 5e-3
+    reward: str, actions: int, rng: int, *, steps: int = 20_000, n_robots: int = 15, beta: float = 5e-3, **settings: Any
 ) -> QPolicy:
-    """Let robots learn on the map `original`, as in the thesis, and return their policy.
+    """Let robots of the model `QLearning`, with these settings, learn as in the thesis, and return their policy.
 
     Examples
     --------
     >>> trained("b", 4, 1, steps=20, n_robots=2).copies
     2
     """
-    model = find_model("q_learning")(reward=reward, actions=actions, beta=beta, n_robots=n_robots, rng=rng)
+    model = find_model("q_learning")(reward=reward, actions=actions, beta=beta, n_robots=n_robots, rng=rng, **settings)
     return model.run(check_count("steps", steps, minimum=1)).learner.policy()
 
 

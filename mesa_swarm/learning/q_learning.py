@@ -19,7 +19,7 @@ from mesa_swarm.learning.actions import (
     least_of,
     write_inputs,
 )
-from mesa_swarm.learning.learner import Learner, cool, is_bounded
+from mesa_swarm.learning.learner import Learner, cool, discount_of, is_bounded, regulate
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
@@ -188,6 +188,14 @@ class QLearning(Learner):
         Steps, at least 1.
     bump_distance : float
         Map units, at least 0.
+    alert_gamma : float, optional
+        The gamma of a self-adjusting robot whose rate of bumps is `bump_rate` or more, 0 to below 1; between that and
+        `gamma`, which applies to a robot that does not bump, it is in proportion. `gamma` by default: it is constant.
+    least_speed : float, optional
+        The mean forward speed that a self-adjusting robot is to drive at, a share of max_speed, -1 to 1. Instead of
+        following bumps, its temperature then grows by the share 1 / `bump_window` in each step while the mean of
+        recent steps, about the last `bump_window`, is at least this, up to the larger of T_0 and T_c; otherwise it
+        falls by as much, down to the smaller: the robot chooses as much at random as its speed permits.
     frozen : bool
         Whether it only acts, at each robot's temperature, without learning; this requires a trained `start`.
     start : QPolicy, optional
@@ -270,8 +278,8 @@ def learn_and_choose(
     reward, rates, cooling, bumping, options, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
-    rewards, temperature, bumps = memory
-    rate, gamma, critical = rates
+    rewards, temperature, bumps, pace = memory
+    rate, gamma, alert, critical = rates
     shared, self_adjusting, frozen, afterwards = options
     robots = layer.shape[0]
     count = weights[3].shape[0] // max(robots, 1)
@@ -285,14 +293,19 @@ def learn_and_choose(
         if a >= 0:
             reading = nearest if afterwards else least_of(inputs, i, distance.shape[1])
             rewards[i] = rewarded(reward, reading, ACTIONS[a, 0], ACTIONS[a, 1], critical)
-            target = rewards[i] + gamma * values[best_of(values)]
+            discount = discount_of(gamma, alert, bumps[i], bumping[0], self_adjusting)
+            target = rewards[i] + discount * values[best_of(values)]
             if not frozen and not learn_one(weights, first + a, inputs, i, hidden, target, rate):
                 diverged = i if diverged < 0 else diverged
             elif not frozen:
                 lessons[i] += 1
             action_values(weights, first + a, now, 0, hidden, values[a : a + 1])
         if not frozen:
+            before = temperature[i]
             cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
+            if pace.shape[0]:
+                ahead = 0.5 * (ACTIONS[a, 0] + ACTIONS[a, 1]) if a >= 0 else bumping[3]
+                regulate(pace, i, ahead, before, temperature, cooling, bumping)
         action[i] = -1
         if layer[i] < 0:
             action[i] = chosen(values, temperature[i], chance[i])

@@ -113,18 +113,19 @@ def temperatures(laboratory: Laboratory) -> Result:
         checks=checks,
         pictures={"": figure},
         settings="T from 1 to 0.2",
-        remarks=(f"At beta 1e-4, T is within 5 % of its end after {needed:,.0f} steps.",),
+        remarks=(f"At beta 1e-4, T is within 5 % of its end after {math.ceil(needed):,} steps.",),
     )
 
 
 def rewards(laboratory: Laboratory) -> Result:
     """Make figure 8.1: the rewards over the nearest reading."""
     readings = np.linspace(0, 1, 501)
-    leaps = {kind: reward(kind, CRITICAL, 1, 1) - reward(kind, CRITICAL - 1e-9, 1, 1) for kind in "abc"}
+    worth = partial(reward, critical=CRITICAL)
+    leaps = {kind: worth(kind, CRITICAL, 1, 1) - worth(kind, CRITICAL - 1e-9, 1, 1) for kind in "abc"}
     checks = (
         judged_number("q for d_crit 0.4", "4.2957", (math.e - 1) / CRITICAL, low=4.29565, high=4.29575),
-        judged_number("reward when touching", "-1", reward("b", 0.0, 1, 1), low=-1, high=-1),
-        judged_number("reward just below d_crit", "0", reward("b", CRITICAL - 1e-12, 1, 1), low=-1e-9, high=1e-9),
+        judged_number("reward when touching", "-1", worth("b", 0.0, 1, 1), low=-1, high=-1),
+        judged_number("reward just below d_crit", "0", worth("b", CRITICAL - 1e-12, 1, 1), low=-1e-9, high=1e-9),
         judged_number("jump of (b) at d_crit, driving ahead", "discontinuity (8.3)", leaps["b"], low=0.99, high=1.01),
         judged_number("jump of (c), its remedy", "proposed", leaps["c"], low=-1e-6, high=1e-6),
         judged_number("largest Q at gamma 0.7 (8.4)", "3.3", 1 / (1 - 0.7), low=3.25, high=3.35),
@@ -140,7 +141,7 @@ def rewards(laboratory: Laboratory) -> Result:
     )
     figure, axes = plain_axes("nearest reading, in the unit of d_crit", "reward")
     for kind, wheels, style in (("b", (1, 1), "-"), ("c", (1, 1), "--"), ("a", (1, 0), "-."), ("b", (1, 0), ":")):
-        values = [reward(kind, float(reading), *wheels) for reading in readings]
+        values = [worth(kind, float(reading), *wheels) for reading in readings]
         way = "ahead" if wheels == (1, 1) else "turning"
         axes.plot(readings, values, style, linewidth=1.8, label=f"({kind}), {way}")
     axes.legend(frameon=False)
@@ -261,13 +262,22 @@ def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> F
     """Return a figure of how often robots collide, smoothed, and of T."""
     figure, axes = plain_axes("step", "collisions a robot and 1,000 steps")
     curves = np.array(column(rows, "curve"))
-    draw_bundle(axes, np.linspace(0, last, curves.shape[1]), curves, COLOURS[0], "mean of runs")
+    steps = np.linspace(0, last, curves.shape[1])
+    if robots > 1:
+        draw_bundle(axes, steps, curves, COLOURS[0], "mean of runs")
+    else:
+        axes.plot(steps, curves[0], color=COLOURS[0], alpha=0.4, linewidth=0.6)
+        window = MANY_WINDOW * curves.shape[1] // STEPS
+        axes.plot(steps, central_moving_average(curves.mean(axis=0), window | 1), color=COLOURS[0], linewidth=2.0)
     warmth = axes.twinx()
     warmth.plot(np.linspace(0, last, POINTS), rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
     warmth.set(ylabel="T", ylim=(0, 1.05))
     axes.set_ylim(0, max(3.0 * float(curves.mean(axis=0).max()), 1.0))
     axes.set_title(
-        f"beta {beta:g}, {robots} robots, {len(rows)} runs: blue collisions and their mean, orange T", fontsize=10
+        f"beta {beta:g}, {len(rows)} runs of {robots} robots: blue collisions and their mean, orange T"
+        if robots > 1
+        else f"beta {beta:g}, one robot: blue collisions of one run and their mean in {len(rows)} runs, orange T",
+        fontsize=10,
     )
     count_steps(axes)
     return figure

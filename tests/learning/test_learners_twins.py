@@ -228,7 +228,7 @@ def test_a_temperature_follows_time_or_the_share_of_steps_that_ended_near_someth
     heated = 0.2 + 0.8 * np.minimum(1, recent / 0.05)
     wanted = heated if self_adjusting else temperature - 0.3 * (temperature - 0.2)
     for i in range(20):
-        cool(distance, i, temperature, bumps, (0.3, 1.0, 0.2), (0.05, 0.1, 0.5), self_adjusting)
+        cool(distance, i, temperature, bumps, (0.3, 1.0, 0.2), (0.05, 0.1, 0.5, 0.0), self_adjusting)
     np.testing.assert_allclose(bumps, recent)
     np.testing.assert_allclose(temperature, wanted)
 

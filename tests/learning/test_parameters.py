@@ -31,6 +31,8 @@ RATES = [
     ("bump_rate", 0.02, ABOVE_0, 1.0),
     ("bump_window", 1000, 1.0, 1e9),
     ("bump_distance", 0.5, 0.0, 1e6),
+    ("alert_gamma", None, 0.0, 0.999),
+    ("least_speed", None, -1.0, 1.0),
 ]
 NUMBERS = [
     *((learner, *row) for learner in (QLearning, WireFittedQ) for row in RATES),

@@ -247,6 +247,52 @@ def test_self_adjusting_robots_keep_trying_while_they_bump_and_cool_when_they_do
     assert layer.temperature == pytest.approx([0.2, 0.6, 1.0], abs=0.21)
 
 
+def test_gamma_follows_bumps_too_where_robots_adapt_it():
+    model = learning(self_adjusting=True, gamma=0.5, alert_gamma=0.9)
+    model.swarm.columns["0.QLearning.bumps"][:] = [0.0, 0.01, 1.0]
+    assert layer_of(model).discount == pytest.approx([0.5, 0.7, 0.9])
+    assert layer_of(learning(gamma=0.5, alert_gamma=0.9)).discount == pytest.approx([0.5] * 3)
+
+
+@pytest.mark.parametrize("bumps", [0.0, 0.01, 1.0])
+def test_a_lesson_discounts_by_the_gamma_of_the_robot(bumps):
+    twins = [
+        learning(robots=1, self_adjusting=True, gamma=0.5, alert_gamma=0.9),
+        learning(robots=1, self_adjusting=True, gamma=0.5 + 0.4 * min(1.0, bumps / 0.02)),
+    ]
+    for model in twins:
+        model.step()
+        model.swarm.columns["0.QLearning.bumps"][:] = bumps
+        model.step()
+    assert columns(twins[0], *PARTS)[0] == pytest.approx(columns(twins[1], *PARTS)[0], abs=1e-12)
+
+
+def test_an_alert_gamma_equal_to_gamma_changes_no_bit():
+    plain, same = (learning(self_adjusting=True, **more).run(30) for more in ({}, {"alert_gamma": 0.7}))
+    assert plain.state_hash() == same.state_hash()
+
+
+def test_robots_with_a_least_speed_grow_hotter_while_they_are_fast_and_cooler_while_they_are_slow():
+    model = learning(robots=2, self_adjusting=True, least_speed=0.3, bump_window=100, first_temperature=2.0)
+    for _ in range(400):
+        model.swarm.columns["0.QLearning.pace"][:] = [1.0, -1.0]
+        model.step()
+    assert layer_of(model).temperature == pytest.approx([2.0, 0.2])
+    model.swarm.columns["0.QLearning.temperature"][:] = 1.0
+    model.swarm.columns["0.QLearning.pace"][:] = [1.0, -1.0]
+    model.step()
+    assert layer_of(model).temperature == pytest.approx([1.01, 0.99])
+
+
+def test_what_a_robot_remembers_of_its_speed_is_the_mean_of_its_actions():
+    model = learning(robots=1, self_adjusting=True, least_speed=0.3, bump_window=10)
+    model.step()
+    action = int(columns(model, "action")[0][0])
+    model.step()
+    assert columns(model, "pace")[0] == pytest.approx(0.3 + 0.1 * (ACTIONS[action].mean() - 0.3))
+    assert "0.QLearning.pace" not in learning(least_speed=0.3).swarm.columns
+
+
 def test_divergence_names_the_robot_and_the_step_and_keeps_what_was_learned():
     model = learning().run(5)
     model.swarm.columns["0.QLearning.outer"][1, 0] = np.inf

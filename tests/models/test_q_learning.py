@@ -16,10 +16,16 @@ def test_yes_and_true_switch_on_and_no_and_false_switch_off(answer, meant):
 
 
 @pytest.mark.parametrize("wrong", ["maybe", 1, "True", None])
-@pytest.mark.parametrize("name", ["shared", "self_adjusting"])
-def test_what_is_neither_is_refused_by_name(name, wrong):
-    with pytest.raises(SwarmError, match=rf"^unknown {name} .*known: no, yes$"):
+@pytest.mark.parametrize(("name", "known"), [("shared", "no, yes"), ("self_adjusting", "no, yes, with gamma")])
+def test_what_is_neither_is_refused_by_name(name, known, wrong):
+    with pytest.raises(SwarmError, match=rf"^unknown {name} .*known: {known}$"):
         QLearning(n_robots=2, rng=1, **{name: wrong})
+
+
+def test_robots_may_adapt_gamma_too_to_how_often_they_collide():
+    learner = QLearning(n_robots=2, rng=1, self_adjusting="with gamma").learner
+    assert (learner.self_adjusting, learner.gamma, learner.alert_gamma) == (True, 0.7, 0.9)
+    assert QLearning(n_robots=2, rng=1, self_adjusting="yes").learner.alert_gamma is None
 
 
 def test_a_reflex_above_the_learner_is_driven_by_and_the_model_goes_on_measuring_what_is_learned():

@@ -20,6 +20,7 @@ from mesa_swarm.reproduction.differences import (
     page,
     thesis_items,
 )
+from mesa_swarm.reproduction.registry import items
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "differences.md"
@@ -63,6 +64,20 @@ def test_deviations_that_items_refer_to_exist():
     named = {number for item in thesis_items() for number in re.findall(r"\b[EF]\d+\b", item.here)}
     assert named
     assert named <= known
+
+
+def test_figures_that_entries_refer_to_are_reproduced():
+    named = {figure for entry in ENTRIES for figure in re.findall(r"figures? (\d\.[\d.]*\d)", entry.here)}
+    assert named
+    assert named <= items().keys()
+
+
+def test_equations_that_the_code_calls_corrected_are_among_the_deviations():
+    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "mesa_swarm").rglob("*.py")]
+    corrected = {number for text in sources for number in re.findall(r"([AB5-9]\.\d+),\s+(?:signs )?corrected", text)}
+    assert len(corrected) > 4
+    listed = {number for one in deviations() for number in re.findall(r"\b[AB5-9]\.\d+", one.section)}
+    assert corrected <= listed
 
 
 @pytest.mark.parametrize("place", WHERE)

@@ -16,7 +16,7 @@ FIGURES = [
     "6.5",
     "7.3",
     "eq8.3",
-    *(f"8.{i}" for i in (1, 2, 3, 4, 5, 7, 6)),
+    *(f"8.{i}" for i in range(1, 8)),
     *(f"9.{i}" for i in range(1, 4)),
     "B.1",
     *(f"D.{i}" for i in range(1, 5)),
