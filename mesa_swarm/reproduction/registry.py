@@ -16,7 +16,17 @@ from mesa_swarm.reproduction.laboratory import Laboratory
 
 PACKAGE = "mesa_swarm.reproduction"
 # A module for each subject, in the thesis's order.
-CHAPTERS = ("complexity", "swarms", "networks", "learning", "foresight", "fire_fighting", "fire_growth", "maps")
+CHAPTERS = (
+    "complexity",
+    "swarms",
+    "networks",
+    "learning",
+    "foresight",
+    "tuning",
+    "fire_fighting",
+    "fire_growth",
+    "maps",
+)
 # Modules whose names begin with this hold the results of papers.
 PUBLISHED = "published"
 THESIS, PAPER = "thesis", "paper"
