@@ -13,6 +13,7 @@ from mesa_swarm.open_model import OpenModel
 from mesa_swarm.parameters import Dial, Noise, Slip
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections, together
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.streams import Seed
 from mesa_swarm.world.map import Map
 
@@ -56,11 +57,12 @@ class ImperfectModel(OpenModel):
         noise: Noise = 0.0,
         slip: Slip = 0.0,
         imperfections: Dial = 0.0,
+        scale: Scale | None = None,
     ) -> None:
         given = {"noise": noise, "slip": slip, "imperfections": imperfections, **self.__dict__.pop("_common", {})}
         for name, value in given.items():
             check_number(name, value, minimum=0, maximum=1)
-        super().__init__(map=map, rng=rng)
+        super().__init__(map=map, rng=rng, scale=scale)
         self._imperfect: Imperfect | None = None
         disturbed = Imperfections(
             sensing=Imperfection(error=given["noise"]), slip_probability=given["slip"], slip_magnitude=SLIP_MAGNITUDE

@@ -36,6 +36,7 @@ from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
 from mesa_swarm.state import add_to, attributes_of
@@ -84,11 +85,12 @@ class EngineModel(ImperfectModel):
         imperfections: Dial = 0.0,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
+        scale: Scale | None = None,
     ) -> None:
         self._turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         self.threads = checked_threads(threads)
-        super().__init__(map=map, rng=rng, noise=noise, slip=slip, imperfections=imperfections)
+        super().__init__(map=map, rng=rng, noise=noise, slip=slip, imperfections=imperfections, scale=scale)
         self.observers = ()
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication

@@ -47,6 +47,8 @@ class SwarmModel(FireModel):
     model_reporters, agent_reporters : dict, optional
         More of what Mesa's DataCollector collects, besides `collisions` and
         `total_collisions`.
+    scale : Scale, optional
+        How long a metre and a step are, which pictures, charts and tables show.
 
     Attributes
     ----------

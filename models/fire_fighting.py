@@ -4,40 +4,41 @@ WHAT IS IT? A task shared by robots, by default without communication. A robot a
 by it; too hot, it must leave until it has cooled down. One robot alone cannot extinguish the large central fire.
 
 HOW IT WORKS. Layers: Avoid, FightFire, Explore. Under strategy A a robot that is too hot turns away and explores,
-ignoring all fires. Under strategy B it backs off until it takes no more heat, waits, and
-returns to the same fire. The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the robots H <- H + k3 T A - k4.
+ignoring all fires. Under strategy B it backs off until it takes no more heat, waits, and returns to the same fire.
+The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the robots H <- H + k3 T A - k4.
 
-HOW TO USE IT. Choose a strategy and the number of robots. k1 is the growth of fires, k2 extinguishing,
-k3 heating of robots, k4 their cooling; `leave` and `join` are the heats at which a robot leaves and may return.
-`design_constants` computes all six from requirements, and reports the consequences. With communication
-robots within range go to one that fights a fire or waits at one (state), or to the fire that it sees (goal).
+HOW TO USE IT. k1 is the growth of fires, k2 extinguishing, k3 heating of robots, k4 their cooling; `leave` and `join`
+are the heats at which a robot leaves and may return. `design_constants` computes all six from requirements. With
+communication robots within range go to one that is at a fire (state), or to the fire that it sees (goal). With `follow`
+they follow robots ahead; with `choice` they go to the hottest fire that they feel; with `spread` fires ignite others.
 
 THINGS TO NOTICE. Under B robots gather at the large fire without being called: waiting near it is enough.
 Under A they leave one after the other, and the fire recovers between their visits, unless they call for help.
 
-THINGS TO TRY. Fires that start at T = 0.3 are put out by their first visitor, whatever the strategy. Find the
-number of robots, and the range of communication, from which A is as good as B.
+THINGS TO TRY. Fires that start at T = 0.3 fall to their first visitor. With how many robots is A as good as B? Where
+no fire falls to a single robot, by `design_constants(areas=model.fires.area, robots=17, alone=False)`, with 30 robots?
 
 EXTENDING IT. Let exploring robots prefer places that they have not visited.
 
-REFERENCE. Thesis, chapter 9 and appendix B. Communication as in Balch and Arkin, Autonomous Robots 1 (1994).
+REFERENCE. Thesis, chapter 9, appendix B. Communication as in Balch and Arkin, Autonomous Robots 1 (1994).
 """
 
 from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT_FIRE, Radio, SwarmModel
-from mesa_swarm.control import Avoid, Explore, Respond, Subsumption
+from mesa_swarm import AGENT_FIRE, AGENT_HEAT, Radio, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Follow, Respond, Subsumption
 from mesa_swarm.control.respond import TO
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
-from mesa_swarm.fire import FightFire, FireConstants, design_constants
+from mesa_swarm.fire import FightFire, FireConstants, SeekHeat, Spreading, design_constants
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.streams import Seed
 
 DEFAULT = design_constants()
 # Under A a hot robot flees fires; under B it waits in front of one.
 FLEES = {"A": "when hot", "B": "never"}
+DESIGNS = {"nearest": AGENT_FIRE, "hottest": AGENT_HEAT}
 FARTHEST = 1000.0
 
 
@@ -61,6 +62,8 @@ class FireFighting(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 10,
         strategy: Annotated[str, Choice(("A", "B"), "what a hot robot does: A leaves, B waits nearby")] = "B",
+        choice: Annotated[str, Choice(tuple(DESIGNS), "the fire that a robot goes to")] = "nearest",
+        spread: Annotated[float, Slider(0, 0.01, 0.0001, "probability of a spark per step, of a fire at T = 1")] = 0.0,
         map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
         k1: Annotated[float, Slider(0.0001, 0.003, 0.0001, "growth of fires per step")] = DEFAULT.k1,
         k2: Annotated[float, Slider(0.001, 0.05, 0.001, "extinguishing per robot and step, over area")] = DEFAULT.k2,
@@ -70,26 +73,29 @@ class FireFighting(SwarmModel):
         join: Annotated[float, Slider(0, 999, 1, "heat at which it may fight again")] = DEFAULT.join,
         communication: Annotated[str, Choice(("none", *TO), "what robots at fires broadcast")] = "none",
         communication_range: Annotated[float, Slider(0, FARTHEST, 10, "range of broadcasts, map units")] = 200.0,
+        follow: Annotated[str, Choice(("off", "on"), "whether robots follow the nearest robot ahead")] = "off",
         initial_temperature: Annotated[float, Slider(0.01, 1, 0.01, "temperature of all fires at the start")] = 1.0,
         history_every: Annotated[int, Slider(1, 100, 1, "steps between rows of the fires' history")] = 10,
         rng: Seed = None,
     ) -> None:
-        constants = FireConstants(k1, k2, k3, k4, leave, join)
         reporters = {"fires_burning": "fires_burning", "robots_at_fires": "robots_at_fires"}
-        super().__init__(
-            map=map, rng=rng, fire_constants=constants, history_every=history_every, model_reporters=reporters
-        )
+        super().__init__(map=map, rng=rng, history_every=history_every, model_reporters=reporters)
+        self.fire_constants = FireConstants(k1, k2, k3, k4, leave, join)
         if not len(self.fires):
             raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
         for fire in self.fires:
             fire.temperature = initial_temperature
-        self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
-        fires = FLEES[check_choice("strategy", strategy, FLEES)]
+        if check_number("spread", spread, minimum=0, maximum=1):
+            self.add_process(Spreading(rate=spread))
+        self.add_robots(DESIGNS[check_choice("choice", choice, DESIGNS)], check_count("n_robots", n_robots))
+        seeks = (SeekHeat(),) if choice == "hottest" else ()
         reach = check_number("communication_range", communication_range, minimum=0, maximum=FARTHEST)
         if check_choice("communication", communication, ("none", *TO)) != "none":
             self.communication = Radio(range=reach, state=communication == "state", goal=communication == "goal")
         helps = () if self.communication is None else (Respond(to=communication),)
-        self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), *helps, Explore())
+        follows = (Follow(gap=None, cruise_speed=1.0),) * (check_choice("follow", follow, ("off", "on")) == "on")
+        fights = *seeks, FightFire(strategy=strategy), *helps, *follows
+        self.control = Subsumption(Avoid(fires=FLEES[check_choice("strategy", strategy, FLEES)]), *fights, Explore())
 
     @property
     def fires_burning(self) -> int:
@@ -109,11 +115,5 @@ class FireFighting(SwarmModel):
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: fires out, and the step at which each and all were out, or None."""
         last = int(self.fires.out_step.max()) if len(self.fires) and self.fires.out.all() else None
-        areas = self.fires.area
-        out = {
-            f"fire {i + 1}{' (largest)' if (areas[i] > np.delete(areas, i)).all() else ''} out at": (
-                int(step) if step >= 0 else None
-            )
-            for i, step in enumerate(self.fires.out_step)
-        }
-        return {"fires out": int(self.fires.out.sum()), **out, "all fires out at": last}
+        own = len(self.map.fires) if any(isinstance(one, Spreading) for one in self.processes) else None
+        return {"fires out": int(self.fires.out.sum()), **self.fires.times_out(own), "all fires out at": last}

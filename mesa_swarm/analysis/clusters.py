@@ -63,6 +63,20 @@ class Clusters:
         return self.grouped / self.count if self.count else 0.0
 
     @property
+    def own_size(self) -> float:
+        """Mean over robots of the number of robots in its own group, a robot in no group being one; 0 without robots.
+
+        It is never below `mean_size` where all robots are in groups: large groups hold more of the robots.
+
+        Examples
+        --------
+        >>> clusters([[0, 0], [10, 0], [20, 0], [200, 0]], 15).own_size
+        2.5
+        """
+        n = len(self.label)
+        return float((self.sizes * self.sizes).sum() + n - self.grouped) / n if n else 0.0
+
+    @property
     def alone(self) -> float:
         """Share of all robots that are in no group, in [0, 1]; 0 without robots."""
         return 1.0 - self.grouped / len(self.label) if len(self.label) else 0.0

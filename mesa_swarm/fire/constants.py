@@ -2,11 +2,14 @@
 
 import math
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, check_number
+from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, check_flag, check_number, shortened
 
 LONGEST = 1e12
+# Of the extinguishing with which one robot just holds the smallest fire: rounding must not tip the balance.
+HELD = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +77,8 @@ def design_constants(
     balance_temperature: float = 0.6,
     stay_time: float = 100.0,
     rest_time: float = 60.0,
+    areas: Iterable[float] | None = None,
+    alone: bool = True,
 ) -> FireConstants:
     """Return the constants that give fires and robots the required properties, with remarks.
 
@@ -93,13 +98,18 @@ def design_constants(
         Steps that a cold robot can stay at the largest fire at T = 1: the shortest stay there is.
     rest_time : float
         Steps that a robot rests before it may fight again.
+    areas : iterable of float or None
+        Of all fires in the world, such as ``model.fires.area``: the largest is then both `area` and `largest_area`.
+    alone : bool
+        Whether a fire may fall to a single robot. If not, k2 is at most 0.95 k1 A (T0 + 1) for the smallest area A and
+        the initial temperature T0: one robot, even at the fire all the time, cannot stop its growth.
 
     Returns
     -------
     FireConstants
-        Its `remarks` state whether one robot suffices, no number of robots can put out the largest fire, a robot
-        must cool down completely, or fires never heat a robot. A remark about requirements that contradict
-        each other is also issued as a `FireConstantsWarning`.
+        Its `remarks` state which fires fall to a single robot, whether one suffices for the largest, no number of
+        robots can put that out, a robot must cool down completely, or fires never heat a robot. A remark about
+        requirements that contradict each other is also issued as a `FireConstantsWarning`.
 
     Notes
     -----
@@ -112,7 +122,16 @@ def design_constants(
     >>> constants = design_constants(growth_time=1000, robots=3, extinguish_time=1000)
     >>> round(constants.k2, 5)
     0.01109
+
+    That the smallest fire takes two robots means that the largest takes many::
+
+    >>> constants = design_constants(areas=(2, 4, 16), robots=20, alone=False)
+    >>> [round(robots_needed(constants, area), 1) for area in (2, 4, 16)]
+    [1.5, 3.0, 11.9]
     """
+    if areas is not None:
+        listed = _checked_areas(areas)
+        area = largest_area = max(listed)
     growth_time = check_number("growth_time", growth_time, above=0, maximum=LONGEST)
     robots = check_number("robots", robots, above=0, maximum=1e9)
     extinguish_time = check_number("extinguish_time", extinguish_time, above=0, maximum=LONGEST)
@@ -125,12 +144,34 @@ def design_constants(
     k1 = math.log(2) / growth_time
     # E / (E - 1), written so that it neither overflows for long times nor cancels for short ones.
     share = -1.0 / math.expm1(-k1 * extinguish_time)
-    k2 = k1 * area / robots * (1.0 + initial_temperature * share)
+    required = k1 * area / robots * (1.0 + initial_temperature * share)
+    held = HELD * k1 * (area if areas is None else min(listed)) * (initial_temperature + 1.0)
+    k2 = required if check_flag("alone", alone) else min(required, held)
     k3 = 1.0 / (largest_area * (1.0 - balance_temperature))
     k4 = balance_temperature * largest_area * k3
     join = max(stay_time - k4 * rest_time, 0.0)
-    remarks = _remarks(k1, k2, k4, largest_area, balance_temperature, stay_time, rest_time, join)
-    return FireConstants(k1, k2, k3, k4, stay_time, join, remarks)
+    of_one = (
+        f"one robot, at a fire of T = {initial_temperature:g} all the time, puts it out if its area is below "
+        f"{k2 / (k1 * (initial_temperature + 1.0)):.2f}"
+    )
+    too_few = (
+        f"{robots:g} robots cannot put out area {area:g} in {extinguish_time:g} steps where no fire falls to one; "
+        f"ask for at least {math.ceil(robots * required / k2)} robots"
+    )
+    warned = [too_few] if k2 < required else []
+    remarks = _remarks(k1, k2, k4, largest_area, balance_temperature, stay_time, rest_time, join, warned)
+    return FireConstants(k1, k2, k3, k4, stay_time, join, (of_one, *remarks))
+
+
+def _checked_areas(areas: Iterable[float]) -> list[float]:
+    """Return the areas of fires, at least one of them."""
+    try:
+        listed = list(areas)
+    except TypeError:
+        listed = []
+    if isinstance(areas, (str, bytes)) or not listed:
+        raise InvalidValueError(f"areas is {shortened(areas)}; expected the areas of all fires, such as (2, 4, 16)")
+    return [check_number("each of areas", area, above=0, maximum=LONGEST) for area in listed]
 
 
 def robots_needed(constants: FireConstants, area: float, temperature: float = 1.0) -> float:
@@ -145,14 +186,21 @@ def robots_needed(constants: FireConstants, area: float, temperature: float = 1.
 
 
 def _remarks(
-    k1: float, k2: float, k4: float, largest_area: float, balance: float, stay: float, rest: float, join: float
+    k1: float,
+    k2: float,
+    k4: float,
+    largest_area: float,
+    balance: float,
+    stay: float,
+    rest: float,
+    join: float,
+    warned: list[str],
 ) -> tuple[str, ...]:
-    """Return what follows from the constants, and warn of what defeats their purpose."""
+    """Return what follows from the constants, and warn of what defeats their purpose; `warned` is known before."""
     needed = 2.0 * k1 * largest_area / k2
     # Hot, a robot rests until join; cold again, it can stay (leave - join) steps at least.
     away = (stay - join) / k4
     duty = (stay - join) / (stay - join + away)
-    warned = []
     if needed <= duty:
         warned.append(
             f"one robot suffices for the largest fire at T = 1 (it takes {needed:.2f} robots, and one with its "

@@ -13,6 +13,7 @@ from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.model import EngineModel
 from mesa_swarm.parameters import Dial, Noise, Slip
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
@@ -47,6 +48,7 @@ class FireModel(EngineModel):
         imperfections: Dial = 0.0,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
+        scale: Scale | None = None,
     ) -> None:
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every)
@@ -63,6 +65,7 @@ class FireModel(EngineModel):
             imperfections=imperfections,
             model_reporters=model_reporters,
             agent_reporters=agent_reporters,
+            scale=scale,
         )
         self.space.attach(self.fires)
         for spot in self.map.fires:

@@ -84,6 +84,7 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
         "history": [model.fires.history.every, list(model.fires.history._places), model.fires.history._fires],
         "constants": part_to_json(model.fire_constants),
         "radio": part_to_json(model.communication),
+        **({"scale": part_to_json(model.scale)} if model.scale else {}),
         "imperfect": model._imperfect and [part_to_json(model.imperfections), model._imperfect.key],
         "control": control_to_json(model.control),
         "control_state": _control_state(model, packed),
@@ -278,6 +279,7 @@ def _restore_imperfect(model: FireModel, stored: list | None) -> None:
 def _restore_control(model: FireModel, facts: dict) -> None:
     """Restore the radio and the control, unless the model's constructor has made the same."""
     _restore_imperfect(model, facts.get("imperfect"))
+    model.scale = part_from_json(facts.get("scale"))
     radio = part_from_json(facts["radio"])
     if model.communication != radio:
         model.communication = radio

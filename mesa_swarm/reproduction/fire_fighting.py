@@ -1,6 +1,6 @@
-"""Figures 9.1 to 9.3: strategies A and B, and where A wins, if anywhere."""
+"""Figures 9.2 and 9.3: strategies A and B, and where A wins, if anywhere; single robots (9.4) and followers (9.5)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,33 +14,45 @@ from mesa_swarm.experiments.figures import fires_figure
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, mean_interval, paired_difference
 from mesa_swarm.experiments.tables import with_limits
 from mesa_swarm.fire.burning import is_hot, next_temperature
-from mesa_swarm.fire.constants import design_constants, robots_needed
+from mesa_swarm.fire.constants import FireConstants, design_constants, robots_needed
 from mesa_swarm.gallery import find_model
-from mesa_swarm.reproduction.drawing import column, world_picture
+from mesa_swarm.reproduction.drawing import column, plain_axes, world_picture
+from mesa_swarm.reproduction.fire_company import ITEMS as OF_COMPANY
+from mesa_swarm.reproduction.fire_company import LARGEST
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_share
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.robots.design import AGENT_FIRE
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import final_state_of
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.world.map import Map
 
 MOST_STEPS = 15_000
-# The second fire of the map, large and in the middle.
-LARGEST = 1
 # Steps of work per step of rest, at the largest fire: of the default constants.
 WORK_TO_REST = 100.0 / 60.0
 
 
 def fire_run(
-    rng: int, *, strategy: str, robots: int = 10, size: float = 1.0, rest: float = 60.0, steps: int = MOST_STEPS
+    rng: int,
+    *,
+    strategy: str,
+    robots: int = 10,
+    size: float = 1.0,
+    rest: float = 60.0,
+    steps: int = MOST_STEPS,
+    alone: bool = True,
 ) -> dict[str, Any]:
     """Let robots fight the seven fires; return how many they put out, when, and how many robots were at the largest.
 
     `size` is a factor of all fires' areas; robots and constants are the same. A robot that rests longer works in
-    proportion, as with the default constants, so that only the rhythm changes.
+    proportion, as with the default constants, so that only the rhythm changes. `alone` is whether fires may fall to a
+    single robot.
     """
-    model = fire_model(rng, strategy, robots, size, rest).run(steps)
+    model = fire_model(rng, strategy, robots, size, rest)
+    if not alone:
+        model.fire_constants = shared_constants(model.fires.area)
+    model.run(steps)
     out = model.fires.out_step
     history = model.fires.history.robots
     others = np.delete(model.fires.out, LARGEST)
@@ -58,6 +70,11 @@ def fire_run(
 def fire_model(rng: int, strategy: str, robots: int = 10, size: float = 1.0, rest: float = 60.0) -> SwarmModel:
     """Return the model of a run before its first step."""
     return find_model("fire_fighting")(rng=rng, strategy=strategy, n_robots=robots, map=grown_map(size), **rhythm(rest))
+
+
+def shared_constants(areas: Iterable[float]) -> FireConstants:
+    """Return constants by which no fire falls to one robot, and the largest to 17 at once."""
+    return design_constants(areas=areas, robots=17, alone=False)
 
 
 def grown_map(size: float) -> Map | str:
@@ -207,7 +224,7 @@ FIGHTING = (
 
 
 def fires(laboratory: Laboratory) -> Result:
-    """Make figure 9.1: fires as they are drawn, and the requirements of their rules (9.2)."""
+    """Make a picture of fires as they are drawn, and judge the requirements of their rules (9.2)."""
     model = fire_model(1, "B").run(laboratory.pick(600, 60))
     area = model.fires.area
     drawn = model.fires.radius**2 / area
@@ -376,8 +393,154 @@ def history_figure(laboratory: Laboratory, strategy: str) -> Figure:
     return fires_figure({f"strategy {strategy}, seed 1, fire {LARGEST + 1} is the large one": final_state_of(model)})
 
 
+SHARED_SEEDS = 100
+# Of the runs under both constants; as many as are needed where no fire falls to one robot (seeds 10,000 to 10,003).
+TEAM = 30
+
+
+def shared(laboratory: Laboratory) -> Result:
+    """Judge whether a single robot can put out a fire (9.4), and A against B where it cannot."""
+    steps, seeds = laboratory.pick(MOST_STEPS, 2_000), laboratory.fresh_seeds(SHARED_SEEDS)
+    one = {"robots": 1, "strategy": "B", "steps": steps}
+    several = [{"robots": TEAM, "strategy": side, "alone": False, "steps": steps} for side in SIDES]
+    points = [one, {**one, "strategy": "A"}, {**one, "alone": False}, {**one, "strategy": "A", "alone": False}]
+    *single, leaving, waiting = laboratory.grid(fire_run, [*points, *several], seeds)
+    plain, held = [*single[0], *single[1]], [*single[2], *single[3]]
+    return Result(
+        checks=(*alone_checks(plain, held), *strategy_checks(leaving, waiting)),
+        pictures={
+            "": outs_figure(
+                {f"{side}, {TEAM} robots": rows for side, rows in zip(SIDES, (leaving, waiting), strict=True)}
+            )
+        },
+        settings=(
+            "design_constants(areas=..., robots=17, alone=False): even the smallest fire grows while one robot fights "
+            f"it; {TEAM} robots, map openspace_fire, at most {MOST_STEPS:,} steps. A single robot: {len(held)} runs, "
+            "half of them with each strategy"
+        ),
+        remarks=(
+            f"With the default constants a single robot puts out {min(column(plain, 'out'))} to "
+            f"{max(column(plain, 'out'))} of the seven fires. Where even the smallest (area 1.69) takes two "
+            "robots, the largest (area 16) takes 17 that work and rest: more than the ten of 9.2 and 9.3.",
+        ),
+    )
+
+
+def alone_checks(plain: list[dict], held: list[dict]) -> list[Check]:
+    """Return the checks of a single robot, with the default constants and where no fire falls to one."""
+
+    def none_out(claim: str, rows: list[dict], *, main: bool) -> Check:
+        return judged_share(claim, "cannot (9.4)", [out == 0 for out in column(rows, "out")], low=0.9, main=main)
+
+    return [
+        none_out("a single robot puts out no fire, by the constants of 9.4", held, main=True),
+        none_out("a single robot puts out no fire, by the default constants", plain, main=False),
+    ]
+
+
+def strategy_checks(leaving: list[dict], waiting: list[dict]) -> list[Check]:
+    """Return the checks of A and B in the main."""
+    return [
+        judged_share(
+            "A leaves the large central fire burning", "left burning (one run)",
+            [not out for out in column(leaving, "largest out")], low=0.8,
+        ),
+        judged_mean("A puts out most others: of 6", "the others out (one run)", column(leaving, "others out"), low=5.0),
+        judged_share(
+            "B puts out all seven fires", "all out (one run)", [out == FIRES for out in column(waiting, "out")], low=0.9
+        ),
+        judged_difference(
+            "B puts out more fires than A", "7 against 6 (one run each)", column(leaving, "out"),
+            column(waiting, "out"), names=SIDES,
+        ),
+    ]  # fmt: skip
+
+
+def outs_figure(runs: Mapping[str, list[dict]]) -> Figure:
+    """Return a figure of how many runs put out how many fires."""
+    figure, axes = plain_axes("fires out", "runs")
+    for place, (label, rows) in enumerate(runs.items()):
+        counts = np.bincount(column(rows, "out"), minlength=FIRES + 1)
+        axes.bar(np.arange(FIRES + 1) + 0.4 * (place - 0.5), counts, 0.38, label=label)
+    axes.set_xticks(range(FIRES + 1))
+    axes.legend(frameon=False)
+    return figure
+
+
+SEARCHING_STEPS = 4_000
+SEARCHING_SEEDS = 200
+
+
+def search_run(rng: int, *, team: str, steps: int = SEARCHING_STEPS) -> dict[str, Any]:
+    """Let robots look for fires; return the mean steps until a robot first fights one, `steps` where it does not.
+
+    In the team "half" the last half of the robots follow.
+    """
+    model = searching_model(rng, team)
+    found = np.full(len(model.swarm), steps)
+    while model.steps < steps and (found == steps).any():
+        model.step()
+        found[(model.swarm.fire >= 0) & (found == steps)] = model.steps
+    half = len(found) // 2
+    groups = {"all": found, "explorers": found[:half], "followers": found[half:]}
+    return {name: float(times.mean()) for name, times in groups.items()}
+
+
+TEAMS: dict[str, dict[str, Any]] = {"explore": {}, "follow": {"follow": "on"}, "respond": {"communication": "goal"}}
+
+
+def searching_model(rng: int, team: str) -> SwarmModel:
+    """Return a model of robots that explore, follow, go where fires are broadcast, or half of which follow."""
+    if team != "half":
+        return find_model("fire_fighting")(rng=rng, **TEAMS[team])
+    model = find_model("fire_fighting")(rng=rng, n_robots=0)
+    following = find_model("fire_fighting")(rng=rng, n_robots=0, follow="on").control
+    model.control = {"explorers": model.control, "followers": following}
+    for group in model.control:
+        model.add_robots(AGENT_FIRE, 5, group=group)
+    return model
+
+
+def followers(laboratory: Laboratory) -> Result:
+    """Judge whether robots that follow find fires sooner than those that explore (9.5, 10.4)."""
+    steps, seeds = laboratory.pick(SEARCHING_STEPS, 500), laboratory.fresh_seeds(SEARCHING_SEEDS)
+    teams = ("half", *TEAMS)
+    points = [{"team": team, "steps": steps} for team in teams]
+    rows = dict(zip(teams, laboratory.grid(search_run, points, seeds), strict=True))
+
+    def sooner(claim: str, team: str, group: str, other: str, against: str, *, main: bool = False) -> Check:
+        pair = column(rows[team], group), column(rows[other], against)
+        names = (f"{team}, {group}", f"{other}, {against}")
+        return judged_difference(claim, "may be faster (9.5)", *pair, names=names, main=main)
+
+    return Result(
+        checks=(
+            sooner("followers find their first fire sooner than the explorers of their team",
+                   "half", "followers", "half", "explorers", main=True),
+            sooner("a team of followers finds fires sooner than one of explorers", "follow", "all", "explore", "all"),
+            sooner("robots that go where others broadcast a fire find one sooner", "respond", "all", "explore", "all"),
+        ),
+        pictures={"": search_figure({team: column(rows[team], "all") for team in teams})},
+        settings=(
+            f"10 robots, strategy B, default constants; mean steps until a robot first fights a fire, {steps:,} "
+            "where it has not; followers drive after the nearest robot ahead, as fast as explorers, and fight what "
+            "they see"
+        ),
+    )  # fmt: skip
+
+
+def search_figure(times: Mapping[str, list[float]]) -> Figure:
+    """Return a figure of the steps until robots find a fire, a box for each team."""
+    figure, axes = plain_axes("team", "steps until a robot finds a fire")
+    axes.boxplot(list(times.values()), tick_labels=list(times))
+    return figure
+
+
 ITEMS = (
-    Item(figure="9.1", title="fires, and their requirements", section="9.2, 9.3", make=fires),
+    *OF_COMPANY,
     Item(figure="9.2", title="robots at each fire, strategy A", section="9.4", make=strategy_a),
     Item(figure="9.3", title="robots at each fire, strategy B", section="9.4", make=strategy_b),
+    Item(figure="req9.2", title="fires, and their requirements", section="9.2, 9.3", make=fires),
+    Item(figure="9.4", title="fires that no single robot can put out", section="9.4", make=shared),
+    Item(figure="9.5", title="followers and explorers", section="9.5, 10.4", make=followers),
 )

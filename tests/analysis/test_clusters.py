@@ -154,3 +154,10 @@ def test_groups_that_only_merge_or_are_renumbered_are_kept_together(before):
 def test_labels_of_another_number_of_robots_are_refused():
     with pytest.raises(InvalidValueError, match=r"after has the shape \(1,\); expected an array of shape \(2,\)"):
         kept_together([0, 0], [0])
+
+
+@given(swarms, st.floats(1, 40))
+def test_the_own_size_is_the_mean_over_robots_of_how_many_share_their_group(position, distance):
+    found = clusters(position, distance)
+    shared = [1 if label < 0 else int((found.label == label).sum()) for label in found.label]
+    assert found.own_size == pytest.approx(np.mean(shared) if shared else 0.0)

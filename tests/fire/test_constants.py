@@ -237,3 +237,56 @@ def test_a_warning_points_at_the_line_that_asked_for_the_constants():
     with pytest.warns(FireConstantsWarning, match="one robot") as caught:
         design_constants(robots=1, extinguish_time=100)
     assert [warning.filename for warning in caught] == [__file__]
+
+
+@given(
+    areas=st.lists(st.floats(0.5, 50), min_size=1, max_size=9),
+    robots=st.floats(1, 100),
+    initial=st.floats(0.05, 1),
+    larger=st.floats(1, 3),
+    hotter=st.floats(0, 1),
+)
+def test_where_no_fire_shall_fall_to_one_robot_one_cannot_stop_any_growing(areas, robots, initial, larger, hotter):
+    c = quiet(areas=areas, robots=robots, initial_temperature=initial, alone=False)
+    values = (c.k1, c.k2, 0.0, 0.0, 1.0, 0.0)
+    temperature = initial + hotter * (1 - initial)
+    for area in (larger * min(areas), *areas):
+        assert robots_needed(c, area, temperature) > 1.0
+        now = next_temperature(temperature, area, 1, values)
+        assert now > temperature or now == 1.0
+
+
+def test_where_no_fire_shall_fall_to_one_robot_the_smallest_needs_just_more_than_one():
+    assert robots_needed(quiet(areas=(16, 1.69), alone=False), 1.69) == pytest.approx(1 / 0.95)
+
+
+def test_enough_robots_meet_both_requirements_and_too_few_are_remarked_on():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        enough = design_constants(areas=(16, 1.69), robots=17, alone=False)
+    assert enough == design_constants(robots=17)
+    with pytest.warns(FireConstantsWarning, match="2 robots cannot put out area 16 in 1600 .* at least 17"):
+        design_constants(areas=(16, 1.69), alone=False)
+
+
+def test_areas_are_those_of_the_largest_fire_and_of_the_one_that_is_put_out():
+    assert quiet(areas=[4, 9]) == quiet(area=9, largest_area=9)
+
+
+def test_the_first_remark_names_the_area_that_falls_to_one_robot():
+    c = design_constants()
+    area = float(re.search(r"below (\d+\.\d+)$", next(r for r in c.remarks if r.startswith("one robot, at")))[1])
+    assert robots_needed(c, area) == pytest.approx(1.0, abs=0.001)
+    assert steps_until_out(c, 0.99 * area, 1, 1.0) is not None
+    assert steps_until_out(c, 1.01 * area, 1, 1.0) is None
+
+
+@pytest.mark.parametrize("areas", [(), 5, "16", [0.0], [math.nan], [4, None]])
+def test_wrong_areas_are_refused_in_one_line(areas):
+    with pytest.raises(InvalidValueError, match="areas"):
+        design_constants(areas=areas)
+
+
+def test_alone_is_true_or_false():
+    with pytest.raises(InvalidValueError, match="alone"):
+        design_constants(alone="no")
