@@ -18,7 +18,7 @@ PACKAGE = "mesa_swarm.reproduction"
 # A module for each subject, in the thesis's order.
 CHAPTERS = (
     *("complexity", "avoidance", "swarms", "networks", "learning", "oscillations", "foresight"),
-    *("fire_fighting", "fire_growth", "maps"),
+    *("tuning", "fire_fighting", "fire_growth", "maps"),
 )
 # Modules whose names begin with this hold the results of papers.
 PUBLISHED = "published"
