@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
-    from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
+    from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, AGENT_HEAT, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.gripper import Carried, Gripper
     from mesa_swarm.robots.radio import Radio
@@ -64,7 +64,7 @@ _MODULES = {
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
     "robots.actuators": "Actuator Emitter Lamp",
-    "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
+    "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE AGENT_HEAT RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.gripper": "Carried Gripper",
     "robots.radio": "Radio",
@@ -82,6 +82,7 @@ __all__ = [
     "AGENT6",
     "AGENT9",
     "AGENT_FIRE",
+    "AGENT_HEAT",
     "E_PUCK",
     "I_SWARM",
     "KHEPERA_4",

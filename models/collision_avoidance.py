@@ -14,9 +14,8 @@ E_PUCK, KILOBOT and other real robots are 10 units wide too; pictures show how m
 THINGS TO NOTICE. Robots that turn on the spot swing to and fro for ever in a corridor that activates both
 their sides; those that turn with one wheel stopped get out. A single robot does not reach parts of the map.
 
-THINGS TO TRY. Obstacles at random places, some of which move; more robots; random turns; a distance larger than
-the corridors. One robot, design WIDE3, max_speed 4, distance 7 and spot_distance 3.5 covers nearly the whole map in
-60,000 steps without a collision.
+THINGS TO TRY. Obstacles at random places, some of which move; more robots; random turns; a distance larger than the
+corridors. One robot, with slip and sensor errors and without: why does it visit more of the map with them?
 
 EXTENDING IT. Put a custom rule between the layers with `behaviour`.
 

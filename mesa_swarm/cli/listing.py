@@ -138,7 +138,8 @@ def _common() -> list[tuple[str, Any, str]]:
     model = _only(node for node in module.body if isinstance(node, ast.ClassDef))
     start = _only(node for node in model.body if isinstance(node, ast.FunctionDef) and node.name == "__init__").args
     pairs = zip(start.kwonlyargs, start.kw_defaults, strict=True)
-    return [(one.arg, ast.literal_eval(first), _help(hints[one.annotation.id], True)) for one, first in pairs if first]
+    named = [(one.arg, first, hints.get(getattr(one.annotation, "id", ""))) for one, first in pairs if first]
+    return [(name, ast.literal_eval(first), _help(hint, True)) for name, first, hint in named if hint]
 
 
 def _is_alias(line: ast.stmt) -> bool:

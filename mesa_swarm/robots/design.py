@@ -227,6 +227,9 @@ AGENT3 = RobotDesign(name="AGENT3", sensors=_infrared([0, 40, -40], 40))
 AGENT6 = RobotDesign(name="AGENT6", sensors=_infrared([0, 60, -60, 120, -120, 180], 40))
 AGENT9 = RobotDesign(name="AGENT9", sensors=_infrared([0, 30, -30, 60, -60, 90, -90, 140, -140], 30))
 AGENT_FIRE = RobotDesign(name="AGENT_FIRE", sensors=(*AGENT9.sensors, RadiationSensor()))
+# Feels heat as far as AGENT9 sees, ahead and on both sides.
+_FEELERS = (RadiationSensor(bearing_degrees=b, range=50.0, field_of_view_degrees=60.0) for b in (0, 60, -60))
+AGENT_HEAT = RobotDesign(name="AGENT_HEAT", sensors=(*AGENT9.sensors, *_FEELERS))
 
 
 # Columns of `proximity` and `radiation`; the compiled functions take them as constants.
