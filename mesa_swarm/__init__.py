@@ -48,6 +48,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
         bump_sensor,
         laser_sensor,
     )
+    from mesa_swarm.scattering import Wander, scatter
     from mesa_swarm.swarm_model import SwarmModel, show
     from mesa_swarm.world.fields import Field, ScalarField
     from mesa_swarm.world.map import Map
@@ -69,6 +70,7 @@ _MODULES = {
     "robots.radio": "Radio",
     "robots.real_robots": "E_PUCK I_SWARM KHEPERA_4 KILOBOT REAL_ROBOTS RealRobot S_BOT Scale THYMIO_2 TURTLEBOT_3",
     "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
+    "scattering": "Wander scatter",
     "swarm_model": "SwarmModel show",
     "world.fields": "Field ScalarField",
     "world.map": "Map",
@@ -117,6 +119,7 @@ __all__ = [
     "Sensor",
     "Shape",
     "SwarmModel",
+    "Wander",
     "all_round",
     "bump_sensor",
     "compare",
@@ -125,6 +128,7 @@ __all__ = [
     "omni_speeds",
     "polygon",
     "rectangle",
+    "scatter",
     "show",
     "sweep",
     "warm_up",

@@ -5,7 +5,8 @@ of them end up in many groups rather than in one, which the thesis calls local c
 
 HOW IT WORKS. Three layers; the first active layer drives. Avoid turns away from very near bodies. Gather turns on the
 spot towards the perceived centroid of the visible robots when its bearing exceeds the critical angle, and stays when
-it is ahead and near. Explore drives straight on.
+it is ahead and near. Explore drives straight on. With `moving`, groups do not stay: a robot of the lowest rank within
+range leads (lead), robots drive as those do that they see (match), or both with the head-on rule (together).
 
 HOW TO USE IT. `sight` is the range at which robots see each other, `stop_distance` the distance of the centroid at
 which they stay, `avoid_distance` the range of Avoid: above `stop_distance` minus a radius, robots never come to rest.
@@ -16,9 +17,9 @@ fro between two sensors. A robot that is followed by all others, until it turns 
 THINGS TO TRY. Longer sight: are there fewer groups? Random turns: do groups grow afterwards? A larger stop distance:
 why are there only pairs?
 
-EXTENDING IT. Let groups move (a slow Explore above Gather) and see whether they merge into one.
+EXTENDING IT. Let a leader that has met nobody for long turn by chance.
 
-REFERENCE. Thesis, sections 5.2.3.1 and 5.3.2.
+REFERENCE. Thesis, sections 5.2.3.1, 5.3.2 and 5.3.4.
 """
 
 import math
@@ -26,16 +27,20 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, Radio, SwarmModel
 from mesa_swarm.analysis import clusters, nearest_neighbour_distances
-from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
-from mesa_swarm.errors import check_count
+from mesa_swarm.control import Avoid, Explore, Gather, HeadOn, Lead, MatchVelocity, Subsumption
+from mesa_swarm.control.head_on import NUMBERS
+from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
 
 # Greatest distance between the centres of linked robots: two robot diameters and a margin.
 LINK = 25.0
+# What robots broadcast where groups move; it carries as far as two sights.
+RANK = Radio(range=100.0, state=False, goal=False, message=("rank", *NUMBERS), most=50)
+MOVING = "off", "lead", "match", "together"
 
 
 class Agglomeration(SwarmModel):
@@ -59,13 +64,19 @@ class Agglomeration(SwarmModel):
         critical_angle: Annotated[float, Slider(0, 90, 1, "centroid bearing that makes robots turn, degrees")] = 10.0,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 4.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
+        moving: Annotated[str, Choice(MOVING, "how groups move")] = "off",
         map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("groups", "largest_group", "neighbour_distance"))
+        together = check_choice("moving", moving, MOVING) == "together"
+        self.communication = RANK if together or moving == "lead" else None
         self.add_robots(AGENT9.with_proximity(range=sight), check_count("n_robots", n_robots))
         self.control = Subsumption(
+            *((HeadOn(leader="number", distance=40.0),) if together else ()),
             Avoid(distance=avoid_distance),
+            *((Lead(speed=0.3),) if together or moving == "lead" else ()),
+            *((MatchVelocity(),) if together or moving == "match" else ()),
             Gather(critical_angle_degrees=critical_angle, stop_distance=stop_distance),
             Explore(turn_interval=turn_interval),
         )

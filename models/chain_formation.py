@@ -3,13 +3,14 @@
 WHAT IS IT? A robot follows the nearest robot ahead; no robot is designated as leader. A robot that follows none and is
 followed is a leader, without knowing it.
 
-HOW IT WORKS. Layers; the first active layer drives. HeadOn (if switched on) turns round on the spot, at a random
-speed, when another robot approaches head-on: the slower one follows. Avoid turns away from very near bodies. Follow
-turns on the spot towards the nearest robot ahead and drives after it: at full speed while it is farther than the gap,
-otherwise at cruise speed. Explore drives straight on at cruise speed, so that followers can catch up.
+HOW IT WORKS. Layers; the first active layer drives. HeadOn (if switched on) turns round on the spot when another robot
+approaches head-on: at a random speed, so that the slower one follows, or by a number that both broadcast. Avoid turns
+away from very near bodies. Follow turns on the spot towards the nearest robot ahead and drives after it: at full speed
+while it is farther than the gap, otherwise at cruise speed. Explore drives straight on at cruise speed, so that
+followers can catch up.
 
 HOW TO USE IT. `gap` and `gap_rule`: without the rule all robots drive equally fast and followers remain at the limit
-of their sight. `head_on` switches the leader rule on.
+of their sight. `head_on` chooses the leader rule: on for random turning speeds, number for communicated numbers.
 
 THINGS TO NOTICE. Chains bend at walls and stay intact if they arrive at an angle; a leader that turns for long meets
 its own followers. Chains that meet head-on split into two others. A ring can follow itself for ever.
@@ -24,9 +25,10 @@ REFERENCE. Thesis, sections 5.2.3.2, 5.3.3 and 10.2.
 
 from typing import Annotated
 
-from mesa_swarm import AGENT3, AGENT6, AGENT9, SwarmModel
+from mesa_swarm import AGENT3, AGENT6, AGENT9, Radio, SwarmModel
 from mesa_swarm.analysis import Chains, chains
 from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
+from mesa_swarm.control.head_on import NUMBERS
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.reporters import held
@@ -34,6 +36,8 @@ from mesa_swarm.streams import Seed
 
 DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9}
 SWITCH = ("on", "off")
+# The parameters of HeadOn, if any.
+LEADERS: dict[str, dict] = {"off": {}, "on": {"leader": "speed"}, "number": {"leader": "number", "distance": 40.0}}
 
 
 class ChainFormation(SwarmModel):
@@ -54,7 +58,7 @@ class ChainFormation(SwarmModel):
         n_robots: Annotated[int, Slider(2, 200, 1, "robots")] = 50,
         gap_rule: Annotated[str, Choice(SWITCH, "whether distant followers drive faster")] = "on",
         gap: Annotated[float, Slider(0, 50, 1, "distance above which followers drive faster, map units")] = 15.0,
-        head_on: Annotated[str, Choice(SWITCH, "whether robots that meet head-on choose a leader")] = "off",
+        head_on: Annotated[str, Choice(tuple(LEADERS), "how robots that meet head-on choose a leader")] = "off",
         cruise_speed: Annotated[float, Slider(0.1, 1, 0.05, "fraction of the maximum speed")] = 0.7,
         design: Annotated[str, Choice(tuple(DESIGNS), "the robots' bodies and sensors")] = "AGENT3",
         sight: Annotated[float, Slider(10, 200, 5, "range of the infrared sensors, map units")] = 50.0,
@@ -67,7 +71,10 @@ class ChainFormation(SwarmModel):
         self.add_robots(body, check_count("n_robots", n_robots))
         self.link_distance = sight + 2.0 * body.radius
         hurries = check_choice("gap_rule", gap_rule, SWITCH) == "on"
-        chooses = (HeadOn(),) if check_choice("head_on", head_on, SWITCH) == "on" else ()
+        rule = LEADERS[check_choice("head_on", head_on, LEADERS)]
+        if head_on == "number":
+            self.communication = Radio(range=self.link_distance, state=False, goal=False, message=NUMBERS)
+        chooses = (HeadOn(**rule),) if rule else ()
         self.control = Subsumption(
             *chooses,
             Avoid(distance=avoid_distance),

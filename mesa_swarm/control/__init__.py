@@ -11,7 +11,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.control.explore import Explore
     from mesa_swarm.control.flocking import Align, Cohere, Cruise, MatchVelocity, Separate
     from mesa_swarm.control.follow import Follow
-    from mesa_swarm.control.gather import Gather
+    from mesa_swarm.control.gather import Gather, Lead
     from mesa_swarm.control.head_on import HeadOn
     from mesa_swarm.control.layer import Layer, Senses
     from mesa_swarm.control.perimeter import Perimeter
@@ -27,7 +27,7 @@ _MODULES = {
     "control.explore": "Explore",
     "control.flocking": "Align Cohere Cruise MatchVelocity Separate",
     "control.follow": "Follow",
-    "control.gather": "Gather",
+    "control.gather": "Gather Lead",
     "control.head_on": "HeadOn",
     "control.layer": "Layer Senses",
     "control.perimeter": "Perimeter",
@@ -49,6 +49,7 @@ __all__ = [
     "Gather",
     "HeadOn",
     "Layer",
+    "Lead",
     "MatchVelocity",
     "Moment",
     "Perimeter",

@@ -1,16 +1,18 @@
-"""Gather: go to the robots that are seen, and stay near them (thesis 5.2.3.1)."""
+"""Gather: go to the robots that are seen, and stay near them (thesis 5.2.3.1); Lead: what makes groups move (5.3.2)."""
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Memoryless, Senses, centroids
-from mesa_swarm.errors import check_name, check_number
+from mesa_swarm.control.layer import Memoryless, Senses, centroids, draw_once
+from mesa_swarm.errors import InvalidValueError, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
 
@@ -72,4 +74,64 @@ def gather(centroid, seen, max_speed, radius, critical_angle, stop_distance, com
             layer[i] = index
         elif math.hypot(centroid[i, 0], centroid[i, 1]) <= stop_distance:
             command[i, 0], command[i, 1] = 0.0, 0.0
+            layer[i] = index
+
+
+@dataclass(kw_only=True)
+class Lead:
+    """Drive slowly straight on where no robot within range has a lower rank, so that the others move after it.
+
+    Each robot draws a rank at random once, and broadcasts it: it needs ``communication = Radio(message=("rank",))``.
+    Above `Gather` the robot of the lowest rank leads those that gather about it; groups that meet merge, and one leader
+    remains. Active where others are heard, all of higher rank.
+
+    Parameters
+    ----------
+    speed : float
+        Share of max_speed, 0 to 1: low, so that the others keep up.
+
+    Examples
+    --------
+    >>> Lead(speed=0.2).name
+    'Lead'
+    """
+
+    speed: float = 0.3
+    name: str = "Lead"
+    commands_wheels: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        check_name("name", self.name)
+        check_number("Lead's speed", self.speed, minimum=0, maximum=1)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Remember the rank."""
+        self._swarm, self._prefix, self._rng = swarm, prefix, rng
+        swarm.remember(f"{prefix}.rank", (), np.float64, 0.0)
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that lead."""
+        if "rank" not in senses.send:
+            raise InvalidValueError(
+                'Lead compares ranks, but robots broadcast none; set model.communication = Radio(message=("rank",))'
+            )
+        rank = draw_once(self._swarm.columns[f"{self._prefix}.rank"], self._rng)
+        np.copyto(senses.send["rank"], rank)
+        heard = senses.heard
+        lead(rank, heard["n"], heard["rank"], senses.max_speed, float(self.speed), command, layer, index)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Return that it leads."""
+        return Reason("no robot that it hears has a lower rank: it leads")
+
+
+@compiled
+def lead(rank, count, heard, max_speed, share, command, layer, index):
+    """Write the commands of robots that hear others, all of higher rank, and are driven by no earlier layer."""
+    for i in range(layer.shape[0]):
+        leads = layer[i] < 0 and count[i] > 0
+        for k in range(count[i]):
+            leads = leads and not heard[i, k] < rank[i]
+        if leads:
+            command[i, 0], command[i, 1] = share * max_speed[i], share * max_speed[i]
             layer[i] = index

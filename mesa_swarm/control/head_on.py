@@ -1,4 +1,4 @@
-"""HeadOn: two robots that meet head-on decide by chance who leads (thesis 5.3.3, 10.2, its open problem)."""
+"""HeadOn: two robots that meet head-on decide which leads (thesis 5.2.3.2, 5.3.3, 10.2, its open problem)."""
 
 import math
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses, nearest_ahead
-from mesa_swarm.errors import check_name, check_number
+from mesa_swarm.control.layer import Senses, draw_once, nearest_ahead
+from mesa_swarm.errors import InvalidValueError, check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -15,14 +15,29 @@ from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
+LEADERS = ("speed", "number")
+# What robots broadcast that decide by numbers: one drawn once, below 0 while it is followed; how far away, from centre
+# to centre, the robot is that it follows.
+NUMBERS = ("number", "follows")
+# A sender this near straight ahead is the robot that the front sensor sees.
+AHEAD = math.radians(25.0)
+
 
 @dataclass(kw_only=True)
 class HeadOn:
-    """Turn round on the spot, at a speed drawn for this encounter, when another robot comes head-on.
+    """Turn round on the spot when another robot comes head-on, so that one leads and the other follows.
 
-    Of two robots that meet both turn round, each at its own random speed. The faster one has turned away
-    first and leads; the slower one then still sees it, going away, and follows (with a layer such as
-    `Follow` below). Put this layer above `Avoid`, which would make both turn aside.
+    By speed, without communication (10.2): both turn round, each at a random speed drawn for this encounter. The
+    faster one has turned away first and leads; the slower one then still sees it, going away, and follows (with a layer
+    such as `Follow` below). In chains both meet their own followers next, so that chains become shorter.
+
+    By number (5.2.3.2): each robot broadcasts a number, drawn once at random. Of two robots that nothing follows the
+    one with the higher number turns round and leads, the lower one waits and follows. A robot that others follow does
+    not turn round: it waits for one that none follows to do so, which thereby becomes the head of its chain. Where both
+    are followed both go on. A robot is followed if it hears, from behind, the number's sender follow something as
+    far away as itself. Needs ``communication = Radio(message=("number", "follows"))``.
+
+    Put this layer above `Avoid`, which would make both turn aside.
 
     Active from when the front sensor sees a robot nearer than `distance` that closes faster than the
     robot's own driving explains, until the robot has turned round by half a turn, or sees ahead a robot that
@@ -40,6 +55,11 @@ class HeadOn:
     parting : float
         The other goes away when it is read this much farther than at its nearest, map units, above 0: more than
         the readings of a turning robot differ from sector to sector.
+    leader : str
+        "speed" or "number": how it is decided which of two robots leads.
+    tolerance : float
+        By number: a distance that is heard and one that is sensed, both from centre to centre, are the same if they
+        differ by less, map units, above 0.
 
     Examples
     --------
@@ -51,6 +71,8 @@ class HeadOn:
     slowest: float = 0.1
     margin: float = 0.25
     parting: float = 1.0
+    leader: str = "speed"
+    tolerance: float = 6.0
     name: str = "HeadOn"
     commands_wheels: ClassVar[bool] = True
 
@@ -60,6 +82,8 @@ class HeadOn:
         check_number("slowest", self.slowest, above=0, maximum=1)
         check_number("margin", self.margin, minimum=0, maximum=2)
         check_number("parting", self.parting, above=0, maximum=LARGEST_RANGE)
+        check_choice("leader", self.leader, LEADERS)
+        check_number("tolerance", self.tolerance, above=0, maximum=LARGEST_RANGE)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Remember the last reading ahead and, of an encounter, the least reading, the speed, the turn that is left."""
@@ -68,43 +92,49 @@ class HeadOn:
             swarm.remember(f"{prefix}.{memory}", (), np.float64, -1.0)
         for memory in ("speed", "left"):
             swarm.remember(f"{prefix}.{memory}", (), np.float64, 0.0)
+        if self.leader == "number":
+            swarm.remember(f"{prefix}.number", (), np.float64, 0.0)
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that meet another head-on."""
         nearest = np.empty(len(layer), np.int64)
         nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
         columns = self._swarm.columns
-        front, least, speed, left = (columns[f"{self._prefix}.{m}"] for m in ("front", "least", "speed", "left"))
-        draws = float(self.slowest) ** self._rng.random(len(layer))
-        head_on(
-            nearest,
-            senses.distance,
-            senses.kind,
-            senses.design,
-            senses.forward,
-            senses.last_command,
-            senses.max_speed,
-            senses.radius,
-            senses.tendency,
-            draws,
-            float(self.distance),
-            float(self.margin),
-            float(self.parting),
-            front,
-            least,
-            speed,
-            left,
-            command,
-            layer,
-            index,
-        )
+        memory = tuple(columns[f"{self._prefix}.{m}"] for m in ("front", "least", "speed", "left"))
+        sensed = nearest, senses.distance, senses.kind, senses.design, senses.forward, senses.last_command
+        robots = senses.max_speed, senses.radius, senses.tendency
+        limits = float(self.distance), float(self.margin), float(self.parting)
+        if self.leader == "speed":
+            draws = float(self.slowest) ** self._rng.random(len(layer))
+            head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
+        else:
+            heard = self._exchanged(senses, nearest)
+            lead_by_number(*sensed, *robots, *heard, *limits, *memory, command, layer, index)
+
+    def _exchanged(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Send this robot's number and how far what it follows is; return what is heard, and the number sent."""
+        if not set(NUMBERS) <= senses.send.keys():
+            raise InvalidValueError(
+                "HeadOn decides by number, but robots broadcast none; set model.communication = "
+                f"Radio(message={NUMBERS})"
+            )
+        number, heard = self._swarm.columns[f"{self._prefix}.number"], senses.heard
+        sent, follows = (senses.send[name] for name in NUMBERS)
+        draw_once(number, self._rng)
+        announce(
+            nearest, senses.distance, senses.radius, number, heard["n"], heard["range"], heard["bearing"],
+            heard["follows"], float(self.tolerance), sent, follows,
+        )  # fmt: skip
+        return heard["n"], heard["range"], heard["bearing"], heard["number"], sent
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robot it meets."""
         front = moment.forward[0]
         seeing = (front,) if front >= 0 and moment.kind[front] == ROBOT else ()
         seen = f" ({moment.reading(front)})" if seeing else ""
-        return Reason(f"it met a robot head-on{seen}: it turns round to lead or to follow", seeing)
+        waits = moment.command[0] == 0.0 == moment.command[1]
+        does = "waits for that to turn round, and follows" if waits else "turns round to lead or to follow"
+        return Reason(f"it met a robot head-on{seen}: it {does}", seeing)
 
 
 @compiled
@@ -130,3 +160,57 @@ def head_on(
             command[i, 0], command[i, 1] = turn_towards(tendency[i] * left[i], speed[i], radius[i])
             left[i] -= abs(command[i, 1]) / radius[i]
             layer[i] = index
+
+
+@compiled
+def announce(nearest, distance, radius, number, count, away, bearing, heard_follows, tolerance, sent, follows):
+    """Write what robots broadcast: their number, negative while another follows, and how far what they follow is."""
+    for i in range(nearest.shape[0]):
+        s = nearest[i]
+        follows[i] = distance[i, s] + 2.0 * radius[i] if s >= 0 else math.nan
+        sent[i] = number[i]
+        for k in range(count[i]):
+            behind = abs(bearing[i, k]) > 0.5 * math.pi
+            if behind and abs(heard_follows[i, k] - away[i, k]) < tolerance:
+                sent[i] = -number[i]
+
+
+@compiled
+def lead_by_number(
+    nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, count, away, bearing, heard,
+    sent, near, margin, parting, front, least, speed, left, command, layer, index,
+):  # fmt: skip
+    """Begin, go on with and end encounters; a robot that turns round has a `speed` above 0, one that waits below."""
+    for i in range(layer.shape[0]):
+        f = forward[design[i], 0]
+        reading = distance[i, f] if f >= 0 and kind[i, f] == ROBOT else -1.0
+        if speed[i] != 0.0:
+            if reading >= 0.0:
+                least[i] = min(least[i], reading)
+            if left[i] <= 0.0 or (speed[i] < 0.0 and reading > least[i] + parting):
+                speed[i] = 0.0
+        elif 0.0 <= reading < near and front[i] >= 0.0 and layer[i] < 0:
+            own = 0.5 * (last_command[i, 0] + last_command[i, 1])
+            if front[i] - reading > own + margin * max_speed[i]:
+                other = number_ahead(count[i], away[i], bearing[i], heard[i], reading + 2.0 * radius[i])
+                if not math.isnan(other) and (sent[i] > 0.0 or other > 0.0):
+                    # One that waits does so for as long as the other needs to turn round.
+                    speed[i] = max_speed[i] if sent[i] > other else -max_speed[i]
+                    left[i], least[i] = math.pi, reading
+        front[i] = reading
+        if speed[i] != 0.0 and layer[i] < 0:
+            turn_left, turn_right = turn_towards(tendency[i] * left[i], max_speed[i], radius[i])
+            waits = speed[i] < 0.0
+            command[i, 0], command[i, 1] = (0.0, 0.0) if waits else (turn_left, turn_right)
+            left[i] -= abs(turn_right) / radius[i]
+            layer[i] = index
+
+
+@compiled
+def number_ahead(count, away, bearing, heard, far):
+    """Return the number of the sender ahead whose distance is nearest to `far`, NaN if none is ahead."""
+    number, least = math.nan, math.inf
+    for k in range(count):
+        if abs(bearing[k]) < AHEAD and abs(away[k] - far) < least:
+            number, least = heard[k], abs(away[k] - far)
+    return number

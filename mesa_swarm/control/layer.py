@@ -146,6 +146,12 @@ class Memoryless:
         """Remember nothing."""
 
 
+def draw_once(number: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Draw a number in (0, 1] for each robot that has none yet, which is 0, in place; return all of them."""
+    np.copyto(number, 1.0 - rng.random(len(number)), where=number == 0.0)
+    return number
+
+
 def centroids(senses: Senses) -> tuple[np.ndarray, np.ndarray]:
     """Return where each robot perceives the centroid of the robots that it sees, and by how many sensors.
 

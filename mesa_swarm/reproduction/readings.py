@@ -106,6 +106,17 @@ def holding(checks: tuple[Check, ...]) -> str:
     return f"{len(main) - len(failed)} of {len(main)}" + (f" ({'; '.join(failed)})" if failed else "")
 
 
+def remark(figure: str, claims: dict[Reading, tuple[Check, ...]]) -> str:
+    """Return with which readings all main claims of a figure hold."""
+    held = [
+        name_of(reading)
+        for reading, checks in claims.items()
+        if all(check.outcome == PASSED for check in checks if check.main)
+    ]
+    listed = f": {'; '.join(held)}" if 0 < len(held) < len(claims) else ""
+    return f"All main claims of figure {figure} hold with {len(held)} of {len(claims)} readings{listed}."
+
+
 def readings_figure(rows: Rows) -> Figure:
     """Return a figure of early and late collisions, their correlation with T, and speed, by reading."""
     figure = Figure(figsize=(11.0, 5.2), layout="constrained")
@@ -161,6 +172,7 @@ def result(rows: Rows, claims: dict[str, dict[Reading, tuple[Check, ...]]], sett
             f"{settings}; {RUNS} runs of 33,000 steps for each of 12 readings; map original, AGENT9, alpha 0.4, eta "
             "0.1, gamma 0.7, T from 1 to 0.2, reward (b); collisions are per robot and 1,000 steps, in all per robot"
         ),
+        remarks=tuple(remark(figure, checks) for figure, checks in claims.items()),
         table=table(rows, claims),
     )
 

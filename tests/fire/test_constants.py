@@ -265,9 +265,7 @@ def test_enough_robots_meet_both_requirements_and_too_few_are_remarked_on():
         warnings.simplefilter("error")
         enough = design_constants(areas=(16, 1.69), robots=17, alone=False)
     assert enough == design_constants(robots=17)
-    with pytest.warns(
-        FireConstantsWarning, match="2 robots cannot put out area 16 in 1600 steps .* at least 17 robots"
-    ):
+    with pytest.warns(FireConstantsWarning, match="2 robots cannot put out area 16 in 1600 .* at least 17"):
         design_constants(areas=(16, 1.69), alone=False)
 
 

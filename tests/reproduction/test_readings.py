@@ -20,6 +20,7 @@ from mesa_swarm.reproduction.readings import (
     compared,
     holding,
     readings_figure,
+    remark,
     settings_of,
     table,
 )
@@ -70,6 +71,14 @@ def test_a_reading_has_a_line_with_its_measures_and_the_claims_that_do_not_hold(
     assert next(line for line in lines if line.startswith("| **")).startswith(
         "| **0.4 of a diameter, 8 actions, r(s, a)** | 10."
     )
+
+
+def test_a_remark_lists_the_readings_with_which_all_main_claims_hold():
+    held, not_held = (judged_fact("claim", "", word == "a", measured="") for word in "ab")
+    claims = dict.fromkeys(ALL, (held, not_held))
+    assert remark("8.3", claims) == "All main claims of figure 8.3 hold with 0 of 12 readings."
+    claims[DEFAULT] = (held,)
+    assert remark("8.3", claims).endswith("hold with 1 of 12 readings: 0.4 of a diameter, 8 actions, r(s, a).")
 
 
 def test_a_figure_has_a_line_for_every_reading():
