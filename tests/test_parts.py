@@ -15,7 +15,7 @@ MUTABLE = {
 # Layers and policies inherit from classes without slots, or compute attributes once; tasks check what they inherit with
 # super(), which slots break.
 WITHOUT_SLOTS = MUTABLE | {
-    *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "Separate"),
+    *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "SeekHeat", "Separate"),
     *("CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Task"),
     "Scene",
     *("NetworkPolicy", "Networks", "QPolicy", "ReflexPolicy", "WirePolicy"),
