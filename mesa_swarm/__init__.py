@@ -23,10 +23,22 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
-    from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, RobotDesign, all_round
+    from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, AGENT_HEAT, RobotDesign, all_round
     from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.gripper import Carried, Gripper
     from mesa_swarm.robots.radio import Radio
+    from mesa_swarm.robots.real_robots import (
+        E_PUCK,
+        I_SWARM,
+        KHEPERA_4,
+        KILOBOT,
+        REAL_ROBOTS,
+        S_BOT,
+        THYMIO_2,
+        TURTLEBOT_3,
+        RealRobot,
+        Scale,
+    )
     from mesa_swarm.robots.sensors import (
         FieldSensor,
         LineSensor,
@@ -36,6 +48,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
         bump_sensor,
         laser_sensor,
     )
+    from mesa_swarm.scattering import Wander, scatter
     from mesa_swarm.swarm_model import SwarmModel, show
     from mesa_swarm.world.fields import Field, ScalarField
     from mesa_swarm.world.map import Map
@@ -51,11 +64,13 @@ _MODULES = {
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
     "robots.actuators": "Actuator Emitter Lamp",
-    "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE RobotDesign all_round",
+    "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE AGENT_HEAT RobotDesign all_round",
     "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
     "robots.gripper": "Carried Gripper",
     "robots.radio": "Radio",
+    "robots.real_robots": "E_PUCK I_SWARM KHEPERA_4 KILOBOT REAL_ROBOTS RealRobot S_BOT Scale THYMIO_2 TURTLEBOT_3",
     "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
+    "scattering": "Wander scatter",
     "swarm_model": "SwarmModel show",
     "world.fields": "Field ScalarField",
     "world.map": "Map",
@@ -67,6 +82,15 @@ __all__ = [
     "AGENT6",
     "AGENT9",
     "AGENT_FIRE",
+    "AGENT_HEAT",
+    "E_PUCK",
+    "I_SWARM",
+    "KHEPERA_4",
+    "KILOBOT",
+    "REAL_ROBOTS",
+    "S_BOT",
+    "THYMIO_2",
+    "TURTLEBOT_3",
     "Actuator",
     "Carried",
     "Chart",
@@ -87,12 +111,15 @@ __all__ = [
     "ProximitySensor",
     "RadiationSensor",
     "Radio",
+    "RealRobot",
     "Recording",
     "RobotDesign",
     "ScalarField",
+    "Scale",
     "Sensor",
     "Shape",
     "SwarmModel",
+    "Wander",
     "all_round",
     "bump_sensor",
     "compare",
@@ -101,6 +128,7 @@ __all__ = [
     "omni_speeds",
     "polygon",
     "rectangle",
+    "scatter",
     "show",
     "sweep",
     "warm_up",

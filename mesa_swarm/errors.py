@@ -173,8 +173,7 @@ def unknown_name(what: str, got: object, known: Iterable[str], *, beside: int = 
     Known names are listed as far as a message of 300 characters has room, with `beside` characters of other text.
     """
     names = list(known)
-    near = get_close_matches(got[:80] if isinstance(got, str) else shortened(got), names, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    hint = f"did you mean {near!r}? " if (near := _nearest(got, names)) else ""
     begin = f"unknown {what} {shortened(got)}; {hint}known: "
     room = LONGEST - beside - len(begin)
     listed = ", ".join(names)
@@ -182,6 +181,16 @@ def unknown_name(what: str, got: object, known: Iterable[str], *, beside: int = 
         names.pop()
         listed = ", ".join([*names, "..."])
     return begin + listed
+
+
+def _nearest(got: object, names: list[str]) -> str:
+    """Return the known name that is most like another one, in any case, or an empty text."""
+    text = got[:80] if isinstance(got, str) else shortened(got)
+    if near := get_close_matches(text, names, n=1, cutoff=0.5):
+        return near[0]
+    by_folded = {name.casefold(): name for name in reversed(names)}
+    near = get_close_matches(text.casefold(), by_folded, n=1, cutoff=0.5)
+    return by_folded[near[0]] if near else ""
 
 
 def asked(value: object, name: str, default: Any = None) -> Any:

@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import BinaryIO
 
-from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
+from mesa_swarm.errors import InvalidValueError, SwarmError, shortened, without_middle
 
 try:
     import fcntl
@@ -25,6 +25,17 @@ LONGEST_NAME = 100
 # Characters of a path in an error.
 LONGEST_SHOWN = 120
 CURE = "make room or choose another place"
+# What replaces the kinds of files of RAS2D, the thesis's simulator, and of Scilab, by their endings.
+SCILAB = "a Scilab file, which is not read or written; 'mesa-swarm export run.arrow table.csv' writes tables"
+FORMER = {
+    ".sim": "drawing commands of RAS2D, which are not read; run the model again with 'mesa-swarm run MODEL --record "
+    "run.arrow' and look at it with 'mesa-swarm replay run.arrow'",
+    ".job": "a job of RAS2D, which is not read; 'mesa-swarm run collision_avoidance.toml' runs a sample job",
+    ".instr": "instructions of RAS2D, which are not read; see 'mesa-swarm --help'",
+    ".sce": SCILAB,
+    ".sci": SCILAB,
+    ".sod": SCILAB,
+}
 
 
 def check_writable(folder: str | os.PathLike[str]) -> Path:
@@ -90,6 +101,13 @@ def shown_path(path: str | os.PathLike[str]) -> str:
     """Return a path as errors show it: on one line, a long one by its end, where the name of the file is."""
     text = repr(os.fspath(path))[1:-1].replace("\\\\", "\\")
     return text if len(text) <= LONGEST_SHOWN else f"...{text[-LONGEST_SHOWN:]}"
+
+
+def check_present_format(path: str | os.PathLike[str], error: type[SwarmError] = InvalidValueError) -> None:
+    """Raise an error that names what replaces a file of RAS2D or Scilab, if the ending is one of theirs."""
+    ending = os.path.splitext(os.fspath(path))[1].lower()
+    if isinstance(ending, str) and ending in FORMER:
+        raise error(without_middle(f"{shown_path(path)}: {FORMER[ending]}"))
 
 
 def write_whole(

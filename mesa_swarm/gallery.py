@@ -30,6 +30,7 @@ from mesa_swarm.errors import (
     unknown_name,
     without_middle,
 )
+from mesa_swarm.files import check_present_format
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -72,6 +73,8 @@ def check_model(name: str) -> str:
     """Return a name or an address of a model if it can be one, without importing anything."""
     if isinstance(name, str) and (name in gallery_names() or is_address(name) or name in _installed(tuple(sys.path))):
         return name
+    if isinstance(name, str):
+        check_present_format(name)
     raise UnknownNameError(f"{unknown_name('model', name, model_names(), beside=4 + len(FORMS))}; or {FORMS}")
 
 

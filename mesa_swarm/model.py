@@ -22,12 +22,12 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
+from mesa_swarm.imperfect_model import ImperfectModel
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
-from mesa_swarm.open_model import OpenModel
+from mesa_swarm.parameters import Dial, Noise, Slip
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine, begin_way
-from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.physics.own_parts import OwnParts, clear_actions
 from mesa_swarm.physics.radio import Channel, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
@@ -35,8 +35,8 @@ from mesa_swarm.physics.threads import checked_threads
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
-from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
 from mesa_swarm.state import add_to, attributes_of
@@ -50,14 +50,14 @@ ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": Shape
 NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
 
-class EngineModel(OpenModel):
+class EngineModel(ImperfectModel):
     """A world of robots, bodies and processes, advanced step by step; `SwarmModel` adds recordings."""
 
     _control: Arbiter | None = None
     _completed: int = 0
     _snapshots: Snapshots | None = None
     _stored_apart: ClassVar[tuple[str, ...]] = (
-        *("_engine", "_own_parts", "_channel", "_imperfect", "_control", "_senses", "_senses_version", "_sensed"),
+        *("_engine", "_own_parts", "_channel", "_control", "_senses", "_senses_version", "_sensed"),
         *("_noise", "_snapshots", "observers", "datacollector", "_collect_every"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (
@@ -80,18 +80,21 @@ class EngineModel(OpenModel):
         turn_angle_degrees: float = 60.0,
         collect_every: int | Trigger = 1,
         communication: Radio | None = None,
+        noise: Noise = 0.0,
+        slip: Slip = 0.0,
+        imperfections: Dial = 0.0,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
+        scale: Scale | None = None,
     ) -> None:
         self._turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
         self._engine: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
         self.threads = checked_threads(threads)
-        super().__init__(map=map, rng=rng)
+        super().__init__(map=map, rng=rng, noise=noise, slip=slip, imperfections=imperfections, scale=scale)
         self.observers = ()
         self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication
         self.collect_every = collect_every
-        self._imperfect: Imperfect | None = None
         self._own_parts = OwnParts()
         self.collisions = 0
         self.total_collisions = 0
@@ -169,31 +172,6 @@ class EngineModel(OpenModel):
         self._channel = None if radio is None else Channel(radio)
         self.swarm.set_messages({} if radio is None else radio.columns())
         self.swarm.clear_messages()
-
-    @property
-    def imperfections(self) -> Imperfections | None:
-        """How the robots differ from ideal ones, or None; may be changed between steps.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> from mesa_swarm.robots.imperfections import ROBOTARIUM
-        >>> model = SwarmModel(rng=1)
-        >>> model.imperfections = ROBOTARIUM.at(0.5)
-        >>> model.imperfections.sensing.dropout
-        0.0175
-        """
-        return None if self._imperfect is None else self._imperfect.imperfections
-
-    @imperfections.setter
-    def imperfections(self, imperfections: Imperfections | None) -> None:
-        if imperfections is not None and not isinstance(imperfections, Imperfections):
-            raise InvalidValueError(f"imperfections is {shortened(imperfections)}; expected Imperfections(...) or None")
-        self._sensed, self._imperfect = None, None
-        self.swarm.drop_body_columns()
-        if imperfections is not None:
-            key = self.streams["imperfections"].integers(2**64, dtype=np.uint64)
-            self._imperfect = Imperfect(imperfections, self.swarm, int(key))
 
     @property
     def control(self) -> Arbiter | None:

@@ -5,7 +5,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from mesa_swarm.errors import (
     InvalidValueError,
@@ -16,10 +18,17 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.files import check_present_format
 from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.map import READABLE, Map
+from mesa_swarm.world.map import READABLE, Map, builtin_name
 
 LARGEST_WHOLE = 10**9
+YES_NO = ("no", "yes")
+
+
+def is_yes(name: str, answer: str | bool) -> bool:
+    """Return whether it is yes; sweeps and scripts may pass True and False."""
+    return bool(answer) if isinstance(answer, bool | np.bool_) else check_choice(name, answer, YES_NO) == "yes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +69,12 @@ class Choice:
     help: str = ""
 
 
+# The parameters that every model takes, see `ImperfectModel`; a model that declares one has a default of its own.
+Noise = Annotated[float, Slider(0, 1, 0.01, "relative error of every sensor, standard deviation")]
+Slip = Annotated[float, Slider(0, 1, 0.01, "probability, per wheel and step, of losing half its speed")]
+Dial = Annotated[float, Slider(0, 1, 0.05, "dial from ideal robots, 0, to imperfect ones, 1")]
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One keyword parameter of a model: its default, its type, and its Slider or Choice if it has one."""
@@ -80,6 +95,9 @@ class Parameter:
             return None
         if self.name == "map" and Path(text).suffix.lower() in READABLE:
             return text  # a file, which the model reads or refuses
+        if self.name == "map":
+            check_present_format(text)
+            text = builtin_name(text) or text
         if isinstance(self.control, Choice):
             return check_choice(self.name, text, self.control.options)
         if self.kind is bool:
@@ -125,6 +143,8 @@ def parameters_of(model: Callable) -> dict[str, Parameter]:
             continue
         default = None if parameter.default is parameter.empty else parameter.default
         hint = hints.get(name, object if default is None else type(default))
+        if name not in hints and get_origin(parameter.annotation) is Annotated:
+            hint = parameter.annotation  # one that every model takes
         extras = getattr(hint, "__metadata__", ())
         kind = _kind_of(getattr(hint, "__origin__", hint) if extras else hint)
         control = next((extra for extra in extras if isinstance(extra, (Slider, Choice))), None)

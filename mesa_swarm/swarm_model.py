@@ -40,9 +40,15 @@ class SwarmModel(FireModel):
         Steps between two rows of `datacollector`, 1 for each step; 0 collects nothing.
     communication : Radio, optional
         How robots broadcast to each other; by default they do not.
+    noise, slip, imperfections : float
+        Of imperfect robots, each 0 to 1: relative error of every sensor; probability, per wheel and step, that a wheel
+        loses half its speed; a place of the dial from ideal robots, 0, to `MEASURED`, 1. Every subclass takes these
+        three, whether it declares them or not.
     model_reporters, agent_reporters : dict, optional
         More of what Mesa's DataCollector collects, besides `collisions` and
         `total_collisions`.
+    scale : Scale, optional
+        How long a metre and a step are, which pictures, charts and tables show.
 
     Attributes
     ----------

@@ -20,6 +20,7 @@ from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
+from mesa_swarm.robots.real_robots import Scale, scale_or_none
 from mesa_swarm.robots.robot import SIDES, Robot, add_handles, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed, Streams
@@ -48,7 +49,7 @@ class World(BodyWorld):
     """
 
     _stored_apart: ClassVar[tuple[str, ...]] = (
-        *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_fields"),
+        *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_fields", "_scale"),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time")
 
@@ -62,8 +63,8 @@ class World(BodyWorld):
         world.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
         return world
 
-    def __init__(self, *, map: str | os.PathLike | Map, rng: Seed) -> None:
-        self.map = Map.load(map)
+    def __init__(self, *, map: str | os.PathLike | Map, rng: Seed, scale: Scale | None = None) -> None:
+        self.map, self.scale = Map.load(map), scale
         rng = _checked_seed(rng)
         super().__init__(rng=rng)
         hold_agents(self)
@@ -79,6 +80,24 @@ class World(BodyWorld):
         with uncollected():
             for shape in self.map.obstacles:
                 self.add_obstacle(shape)
+
+    @property
+    def scale(self) -> Scale | None:
+        """How long a metre and a step are, which pictures, charts and tables show; None if it has none.
+
+        Examples
+        --------
+        >>> from mesa_swarm import E_PUCK, SwarmModel
+        >>> model = SwarmModel(scale=E_PUCK.scale, rng=1)
+        >>> robots = model.add_robots(E_PUCK.design(), 5)
+        >>> round(model.scale.metres(model.map.width), 2)
+        5.92
+        """
+        return self._scale
+
+    @scale.setter
+    def scale(self, scale: Scale | None) -> None:
+        self._scale = scale_or_none(scale)
 
     @property
     def robots(self) -> Agents[Robot]:
@@ -143,10 +162,14 @@ class World(BodyWorld):
         else:
             position, heading = self._checked_poses(poses)
         sides = self._sides(len(position), tendency)
+        self._equip(design)
         self.swarm.add(design, position, heading, sides, group)
         robots = add_handles(self.space, self, self.swarm)
         self.swarm.disturbed |= poses is not None
         return robots
+
+    def _equip(self, design: RobotDesign) -> None:
+        """Prepare for robots of a design that are about to be added."""
 
     def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control cannot drive; a world without control accepts all."""

@@ -9,12 +9,13 @@ With a `spot_distance` there is a layer above them: Avoid on the spot, for bodie
 
 HOW TO USE IT. `distance` is the range of Avoid. `turn` stops one wheel ("translational") or turns on the spot
 ("stationary"). `turn_interval` is the number of steps between random turns. The design WIDE3 senses the full front.
+E_PUCK, KILOBOT and other real robots are 10 units wide too; pictures show how many metres and seconds that makes.
 
 THINGS TO NOTICE. Robots that turn on the spot swing to and fro for ever in a corridor that activates both
 their sides; those that turn with one wheel stopped get out. A single robot does not reach parts of the map.
 
-THINGS TO TRY. More robots; random turns; a distance larger than the corridors. One robot, with slip and sensor errors
-and without: why does it visit more of the map with them? Which share does the design WIDE3 visit?
+THINGS TO TRY. Obstacles at random places, some of which move; more robots; random turns; a distance larger than the
+corridors. One robot, with slip and sensor errors and without: why does it visit more of the map with them?
 
 EXTENDING IT. Put a custom rule between the layers with `behaviour`.
 
@@ -24,7 +25,7 @@ REFERENCE. Thesis, sections 5.2.2 and 5.3.1.
 from dataclasses import replace
 from typing import Annotated
 
-from mesa_swarm import AGENT3, AGENT6, AGENT9, ProximitySensor, RobotDesign, SwarmModel
+from mesa_swarm import AGENT3, AGENT6, AGENT9, REAL_ROBOTS, ProximitySensor, RobotDesign, SwarmModel, scatter
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_choice, check_count
 from mesa_swarm.parameters import Choice, Slider
@@ -34,6 +35,7 @@ WIDE3 = RobotDesign(
     name="WIDE3", sensors=tuple(ProximitySensor(bearing_degrees=b, field_of_view_degrees=60) for b in (0, 60, -60))
 )
 DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9, "WIDE3": WIDE3}
+DESIGNS |= {name: robot.design() for name, robot in REAL_ROBOTS.items()}
 
 
 class CollisionAvoidance(SwarmModel):
@@ -55,6 +57,10 @@ class CollisionAvoidance(SwarmModel):
         design: Annotated[str, Choice(tuple(DESIGNS), "the robots' bodies and sensors")] = "AGENT9",
         distance: Annotated[float, Slider(0, 50, 1, "distance below which robots turn away, map units")] = 15.0,
         turn: Annotated[str, Choice(("translational", "stationary"), "how robots turn away")] = "translational",
+        front: Annotated[
+            str, Choice(("tendency", "random", "back up"), "what something ahead makes it do")
+        ] = "tendency",
+        sides: Annotated[str, Choice(("last", "ignore both"), "which of two activated sides counts")] = "last",
         spot_distance: Annotated[
             float, Slider(0, 20, 0.5, "distance below which robots turn on the spot, map units")
         ] = 0.0,
@@ -63,16 +69,23 @@ class CollisionAvoidance(SwarmModel):
         slip_probability: Annotated[float, Slider(0, 1, 0.01, "probability of slip, per wheel and step")] = 0.0,
         error_probability: Annotated[float, Slider(0, 1, 0.01, "probability of an error, per sensor and step")] = 0.0,
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
+        obstacles: Annotated[int, Slider(0, 50, 1, "obstacles at random places besides those of the map")] = 0,
+        moving_obstacles: Annotated[int, Slider(0, 20, 1, "obstacles that move")] = 0,
+        obstacle_speed: Annotated[float, Slider(0.1, 2, 0.1, "speed of obstacles that move, map units per step")] = 0.5,
         rng: Seed = None,
     ) -> None:
-        super().__init__(map=map, rng=rng)
-        built = replace(DESIGNS[check_choice("design", design, DESIGNS)], max_speed=max_speed)
+        real = REAL_ROBOTS.get(check_choice("design", design, DESIGNS))
+        super().__init__(map=map, rng=rng, scale=None if real is None else real.scale)
+        built = replace(DESIGNS[design], max_speed=max_speed)
         built = built.with_proximity(error_probability=error_probability, error_magnitude=0.2)
         built = built.with_slip(probability=slip_probability, magnitude=0.5)
+        scatter(self, check_count("obstacles", obstacles))
+        scatter(self, check_count("moving_obstacles", moving_obstacles), speed=obstacle_speed)
         self.add_robots(built, check_count("n_robots", n_robots))
         self.robot_steps = 0
         spot = (Avoid(distance=spot_distance, turn="stationary", name="AvoidOnTheSpot"),) if spot_distance else ()
-        self.control = Subsumption(*spot, Avoid(distance=distance, turn=turn), Explore(turn_interval=turn_interval))
+        avoid = Avoid(distance=distance, turn=turn, front=front, sides=sides)
+        self.control = Subsumption(*spot, avoid, Explore(turn_interval=turn_interval))
 
     def step(self) -> None:
         """Advance by one step, and count robot-steps, since the number of robots may change."""

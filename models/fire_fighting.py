@@ -7,10 +7,10 @@ HOW IT WORKS. Layers: Avoid, FightFire, Explore. Under strategy A a robot that i
 ignoring all fires. Under strategy B it backs off until it takes no more heat, waits, and returns to the same fire.
 The fires follow T <- T + k1 (T + 1) - (k2 / A) n, the robots H <- H + k3 T A - k4.
 
-HOW TO USE IT. Choose a strategy and the number of robots. k1 is the growth of fires, k2 extinguishing, k3 heating of
-robots, k4 their cooling; `leave` and `join` are the heats at which a robot leaves and may return. `design_constants`
-computes all six from requirements, and reports the consequences. With communication robots within range go to one that
-fights a fire or waits at one (state), or to the fire that it sees (goal). With `follow` they follow robots ahead.
+HOW TO USE IT. k1 is the growth of fires, k2 extinguishing, k3 heating of robots, k4 their cooling; `leave` and `join`
+are the heats at which a robot leaves and may return. `design_constants` computes all six from requirements. With
+communication robots within range go to one that is at a fire (state), or to the fire that it sees (goal). With `follow`
+they follow robots ahead; with `choice` they go to the hottest fire that they feel; with `spread` fires ignite others.
 
 THINGS TO NOTICE. Under B robots gather at the large fire without being called: waiting near it is enough.
 Under A they leave one after the other, and the fire recovers between their visits, unless they call for help.
@@ -27,17 +27,18 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT_FIRE, Radio, SwarmModel
+from mesa_swarm import AGENT_FIRE, AGENT_HEAT, Radio, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Follow, Respond, Subsumption
 from mesa_swarm.control.respond import TO
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
-from mesa_swarm.fire import FightFire, FireConstants, design_constants
+from mesa_swarm.fire import FightFire, FireConstants, SeekHeat, Spreading, design_constants
 from mesa_swarm.parameters import Choice, Slider
 from mesa_swarm.streams import Seed
 
 DEFAULT = design_constants()
 # Under A a hot robot flees fires; under B it waits in front of one.
 FLEES = {"A": "when hot", "B": "never"}
+DESIGNS = {"nearest": AGENT_FIRE, "hottest": AGENT_HEAT}
 FARTHEST = 1000.0
 
 
@@ -61,6 +62,8 @@ class FireFighting(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 10,
         strategy: Annotated[str, Choice(("A", "B"), "what a hot robot does: A leaves, B waits nearby")] = "B",
+        choice: Annotated[str, Choice(tuple(DESIGNS), "the fire that a robot goes to")] = "nearest",
+        spread: Annotated[float, Slider(0, 0.01, 0.0001, "probability of a spark per step, of a fire at T = 1")] = 0.0,
         map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
         k1: Annotated[float, Slider(0.0001, 0.003, 0.0001, "growth of fires per step")] = DEFAULT.k1,
         k2: Annotated[float, Slider(0.001, 0.05, 0.001, "extinguishing per robot and step, over area")] = DEFAULT.k2,
@@ -75,24 +78,24 @@ class FireFighting(SwarmModel):
         history_every: Annotated[int, Slider(1, 100, 1, "steps between rows of the fires' history")] = 10,
         rng: Seed = None,
     ) -> None:
-        constants = FireConstants(k1, k2, k3, k4, leave, join)
         reporters = {"fires_burning": "fires_burning", "robots_at_fires": "robots_at_fires"}
-        super().__init__(
-            map=map, rng=rng, fire_constants=constants, history_every=history_every, model_reporters=reporters
-        )
+        super().__init__(map=map, rng=rng, history_every=history_every, model_reporters=reporters)
+        self.fire_constants = FireConstants(k1, k2, k3, k4, leave, join)
         if not len(self.fires):
             raise InvalidValueError(f"map {self.map.name} has no fires; choose one with fires, such as openspace_fire")
         for fire in self.fires:
             fire.temperature = initial_temperature
-        self.add_robots(AGENT_FIRE, check_count("n_robots", n_robots))
-        fires = FLEES[check_choice("strategy", strategy, FLEES)]
+        if check_number("spread", spread, minimum=0, maximum=1):
+            self.add_process(Spreading(rate=spread))
+        self.add_robots(DESIGNS[check_choice("choice", choice, DESIGNS)], check_count("n_robots", n_robots))
+        seeks = (SeekHeat(),) if choice == "hottest" else ()
         reach = check_number("communication_range", communication_range, minimum=0, maximum=FARTHEST)
         if check_choice("communication", communication, ("none", *TO)) != "none":
             self.communication = Radio(range=reach, state=communication == "state", goal=communication == "goal")
         helps = () if self.communication is None else (Respond(to=communication),)
-        follows = check_choice("follow", follow, ("off", "on")) == "on"
-        more = (*helps, Follow(gap=None, cruise_speed=1.0)) if follows else helps
-        self.control = Subsumption(Avoid(fires=fires), FightFire(strategy=strategy), *more, Explore())
+        follows = (Follow(gap=None, cruise_speed=1.0),) * (check_choice("follow", follow, ("off", "on")) == "on")
+        fights = *seeks, FightFire(strategy=strategy), *helps, *follows
+        self.control = Subsumption(Avoid(fires=FLEES[check_choice("strategy", strategy, FLEES)]), *fights, Explore())
 
     @property
     def fires_burning(self) -> int:
@@ -112,8 +115,5 @@ class FireFighting(SwarmModel):
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: fires out, and the step at which each and all were out, or None."""
         last = int(self.fires.out_step.max()) if len(self.fires) and self.fires.out.all() else None
-        out = {}
-        for i, step in enumerate(self.fires.out_step):
-            is_largest = (self.fires.area[i] > np.delete(self.fires.area, i)).all()
-            out[f"fire {i + 1}{' (largest)' if is_largest else ''} out at"] = int(step) if step >= 0 else None
-        return {"fires out": int(self.fires.out.sum()), **out, "all fires out at": last}
+        own = len(self.map.fires) if any(isinstance(one, Spreading) for one in self.processes) else None
+        return {"fires out": int(self.fires.out.sum()), **self.fires.times_out(own), "all fires out at": last}

@@ -121,3 +121,8 @@ def test_a_map_is_one_of_the_names_or_a_file():
         parameter.parse("spare")
     with pytest.raises(SwarmError, match="unknown strategy"):
         Parameter("strategy", "A", str, Choice(("A",))).parse("a.toml")
+
+
+def test_a_name_in_another_case_is_recognised_and_a_name_in_its_own_case_comes_first():
+    assert "did you mean 'AGENT9'? " in unknown_name("design", "agent9", ["AGENT3", "AGENT9"])
+    assert "did you mean 'agent'? " in unknown_name("design", "agnt", ["AGNTS", "AGENT", "agent"])

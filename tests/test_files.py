@@ -9,8 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.errors import ExportError, InvalidValueError
+from mesa_swarm.errors import LONGEST, ExportError, InvalidValueError, JobError, MapError, RecordingError, SwarmError
+from mesa_swarm.experiments.jobs import read_job
 from mesa_swarm.files import (
+    FORMER,
+    check_present_format,
     check_writable,
     checked_file,
     draft_name,
@@ -21,6 +24,9 @@ from mesa_swarm.files import (
     write_all,
     write_whole,
 )
+from mesa_swarm.recording.recording import Recording
+from mesa_swarm.viewing.export import export
+from mesa_swarm.world.map import Map
 from support.forks import forked
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
@@ -220,3 +226,31 @@ def test_a_folder_that_cannot_be_made_is_shown_by_the_end_of_its_path(tmp_path):
     folder = tmp_path / "taken" / ("a" * 60) / "the_end"
     with pytest.raises(InvalidValueError, match=r"the_end': .*; choose another folder"):
         check_writable(folder)
+
+
+@pytest.mark.parametrize("ending", FORMER)
+@pytest.mark.parametrize(
+    ("opened", "kind"),
+    [
+        (Map.load, MapError),
+        (read_job, JobError),
+        (Recording, RecordingError),
+        (lambda path: export("run.arrow", path), InvalidValueError),
+    ],
+    ids=["map", "job", "recording", "export"],
+)
+def test_a_file_of_the_thesis_or_of_scilab_is_refused_with_what_replaces_it(tmp_path, ending, opened, kind):
+    path = tmp_path / f"fire{ending.upper()}"
+    path.write_bytes(b"\x1f\x8b rectangle 0 0 20 600")
+    with pytest.raises(kind) as error:
+        opened(path)
+    assert FORMER[ending] in one_line(error)
+
+
+def test_a_recording_may_have_any_name_and_a_long_name_leaves_room_for_the_cure(tmp_path):
+    check_present_format("run.arrow")
+    check_present_format(b"bytes.png")
+    with pytest.raises(SwarmError) as error:
+        check_present_format("a" * 400 + ".sim")
+    assert len(str(error.value)) <= LONGEST
+    assert "mesa-swarm replay" in str(error.value)

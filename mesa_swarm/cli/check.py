@@ -84,7 +84,9 @@ def reproduce(
     figure: Annotated[list[str] | None, typer.Option(metavar="NUMBER", help="Such as 8.3 or task_allocation.")] = None,
     every: Annotated[bool, typer.Option("--all", help="All of the thesis, which is the default.")] = False,
     published: Annotated[bool, typer.Option("--published", help="All of published papers instead.")] = False,
+    readings: Annotated[bool, typer.Option("--readings", help="How much depends on how one reads, instead.")] = False,
     names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
+    contents: Annotated[bool, typer.Option("--items", help="List what the thesis contains, with its state.")] = False,
     out: Folder = Path("results", "reproduction"),
     quick: Annotated[bool, typer.Option("--quick", help="A trial: few seeds, short runs, other files.")] = False,
     jobs: Jobs = -1,
@@ -92,9 +94,15 @@ def reproduce(
     quiet: Quiet = False,
 ) -> None:
     """Reproduce results of the thesis or of papers, each with a verdict; continue an interrupted call."""
-    given = [name for name, used in (("--all", every), ("--published", published), ("--figure", figure)) if used]
+    options = {
+        "--all": every, "--published": published, "--readings": readings, "--figure": figure, "--items": contents
+    }  # fmt: skip
+    given = [name for name, used in options.items() if used]
     if len(given) > 1:
         raise InvalidValueError(f"{' and '.join(given)} are given at once; leave one out")
+    if contents:
+        _list_contents(report)
+        return
     from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.reproduction import registry
     from mesa_swarm.reproduction.laboratory import Laboratory
@@ -104,7 +112,7 @@ def reproduce(
             print(f"{item.figure:5} {item.title} ({item.place})")
         return
     numbers = {registry.find_item(number).figure for number in figure or ()}
-    source = registry.PAPER if published else registry.THESIS
+    source = registry.PAPER if published else registry.READING if readings else registry.THESIS
     chosen = [i for i in registry.items().values() if (i.figure in numbers if numbers else i.source == source)]
     workers, folder = checked_jobs(jobs), check_writable(out)
     if report is not None:
@@ -113,17 +121,33 @@ def reproduce(
     with Laboratory(folder, quick=quick, jobs=workers, progress=not quiet) as laboratory, resumable(folder):
         for one in made_by(laboratory, chosen):
             made.append(one)
-            picture = _written(one, folder, "_quick" if quick else "")[0]
-            print(f"{one.item.figure:5} {registry.marked(one.result, quick)}: {one.item.title} ({one.seconds:.0f} s)")
-            for check in one.result.checks:
-                reported = f"the {one.item.source}: {check.reported}"
-                print(f"        {check.outcome}: {check.claim}: {check.measured} ({reported})")
-            print(f"        {picture}", flush=True)
+            _print_made(one, _written(one, folder, "_quick" if quick else "")[0], quick)
     if quick:
         print("Few seeds and short runs: this shows that it works; the verdicts mean nothing.")
     if report is not None:
         _write_pictures(made, report.parent / "pictures")
         print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
+
+
+def _print_made(one: "Made", picture: Path, quick: bool) -> None:
+    """Print the verdict of a result, its checks, and where its picture is."""
+    from mesa_swarm.reproduction.registry import marked
+
+    print(f"{one.item.figure:5} {marked(one.result, quick)}: {one.item.title} ({one.seconds:.0f} s)")
+    for check in one.result.checks:
+        reported = f"the {one.item.source}: {check.reported}"
+        print(f"        {check.outcome}: {check.claim}: {check.measured} ({reported})")
+    print(f"        {picture}", flush=True)
+
+
+def _list_contents(report: Path | None) -> None:
+    """Print the state of everything that the thesis contains, or write the page of it."""
+    from mesa_swarm.reproduction import differences
+
+    if report is None:
+        print("\n".join(differences.lines()))
+    else:
+        print(write_whole(checked_file(report, ".md", "report"), differences.page()))
 
 
 def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Made]":
@@ -147,10 +171,11 @@ def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Mad
 
 
 def _write_pictures(made: "Sequence[Made]", folder: Path) -> None:
-    """Write the pictures to which the page of papers refers, beside it."""
+    """Write the pictures to which a page refers, beside it."""
+    from mesa_swarm.reproduction.registry import THESIS
     from mesa_swarm.viewing.pictures import png
 
-    contents = {f"{one.item.figure}.png": png(one.result.pictures[""]) for one in made if one.item.paper}
+    contents = {f"{one.item.figure}.png": png(one.result.pictures[""]) for one in made if one.item.source != THESIS}
     if contents:
         write_all(check_writable(folder), contents)
 

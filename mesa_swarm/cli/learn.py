@@ -1,4 +1,4 @@
-"""Robots that learn: reward-lab, learn-bench."""
+"""Robots that learn: reward-lab, tune, learn-bench."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet
-from mesa_swarm.errors import check_choice
+from mesa_swarm.errors import check_choice, check_number
 from mesa_swarm.files import check_writable, write_all
 
 if TYPE_CHECKING:
@@ -19,7 +19,8 @@ commands = typer.Typer()
 def reward_lab(
     *,
     rewards: Annotated[str, typer.Option(metavar="A,B,...", help="Of a, b and c.")] = "a,b,c",
-    actions: Annotated[int, typer.Option(help="How many actions robots choose from: 4 or 8.")] = 4,
+    actions: Annotated[int, typer.Option(help="How many actions robots choose from: 4 or 8.")] = 8,
+    critical: Annotated[float, typer.Option(help="Critical distance as a share of the range.")] = 0.08,
     steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="How long 15 robots learn.")] = 20_000,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs with each reward; the first is drawn.")] = 1,
     rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="The first seed.")] = 1,
@@ -39,21 +40,24 @@ def reward_lab(
 
     kinds = list(dict.fromkeys(check_choice("reward", part.strip(), REWARDS) for part in rewards.split(",")))
     checked_actions(actions)
+    check_number("critical", critical, above=0, maximum=1)
     folder = check_writable(out)
     profiles = {}
     rows: list[tuple] = [("reward", "actions", "seed", "scene", *MEASURES)]
     with progress_bar(len(kinds) * seeds, "runs", not quiet) as bar:
         for kind in kinds:
             for seed in range(rng, rng + seeds):
-                policy = trained(kind, actions, seed, steps=steps)
+                policy = trained(kind, actions, seed, steps=steps, critical=critical)
                 if seed == rng:
-                    profiles[kind] = reward_profile(kind, actions=actions), learned_profile(policy, AGENT9)
+                    paid = reward_profile(kind, actions=actions, critical=critical)
+                    profiles[kind] = paid, learned_profile(policy, AGENT9)
                 for scene in SCENES:
                     measured = oscillation(policy, scene=scene, rng=seed)
                     rows.append((kind, actions, seed, scene, *(round(measured[name], 6) for name in MEASURES)))
                 bar.update()
     print("\n".join(aligned(_summary(kinds, rows))))
-    figure = reward_figure({f"reward {kind}, {actions} actions": pair for kind, pair in profiles.items()})
+    titles = {f"reward {kind}, {actions} actions": pair for kind, pair in profiles.items()}
+    figure = reward_figure(titles, critical)
     contents: dict[str, str | bytes] = {
         "reward_lab.png": png(figure),
         "curves.csv": csv_text(curves(profiles)),
@@ -99,6 +103,40 @@ def marks(profiles: "dict[str, tuple[Profile, Profile]]") -> list[tuple]:
         for curve, profile in zip(("reward", "learned"), pair, strict=True):
             rows += [(kind, curve, m.kind, m.action, m.start, m.end, m.size) for m in profile.marks]
     return rows
+
+
+@commands.command("tune")
+def tune(
+    *,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="In which collisions count.")] = 1_000,
+    least_speed: Annotated[
+        float, typer.Option(min=-1, max=1, help="Mean forward speed, share of the full one.")
+    ] = 0.28,
+    robots: Annotated[int, typer.Option(min=1, max=1000, help="How many learn together.")] = 15,
+    generations: Annotated[int, typer.Option(min=1, max=10_000, help="Of CMA-ES.")] = 24,
+    population: Annotated[int, typer.Option(min=4, max=1000, help="Candidates a generation.")] = 8,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs of each candidate.")] = 6,
+    judged: Annotated[int, typer.Option(min=1, max=1000, help="Runs with other seeds that judge the result.")] = 24,
+    rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the search.")] = 1,
+    jobs: Jobs = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Tune temperature and gamma of the Q-learner to few collisions at a speed; compare with the thesis's values."""
+    from mesa_swarm.experiments import tuning
+    from mesa_swarm.experiments.tables import aligned
+
+    goal = tuning.LearningGoal(steps=steps, least_speed=least_speed, robots=robots)
+    found = tuning.tune(
+        goal,
+        generations=generations,
+        population=population,
+        seeds=range(tuning.FIRST_SEED, tuning.FIRST_SEED + seeds),
+        rng=rng,
+        jobs=jobs,
+        progress=not quiet,
+    )
+    print("\n".join(f"{name} = {value:.4g}" for name, value in found.settings.items()))
+    print("\n".join(aligned(tuning.comparison(found, seeds=range(1, judged + 1), jobs=jobs))))
 
 
 @commands.command("learn-bench")

@@ -3,7 +3,7 @@
 import ast
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -82,7 +82,10 @@ class Source:
         start = _only(node for node in model.body if isinstance(node, ast.FunctionDef) and node.name == "__init__")
         if model.decorator_list or start.decorator_list:
             raise NotPlainError
-        return _lines((ast.get_docstring(model) or "").partition("\n")[0], self._parameters(start.args))
+        own = list(self._parameters(start.args))
+        known = [name for name, _, _ in own]
+        others = [one for one in _common() if model.bases and one[0] not in known]
+        return _lines((ast.get_docstring(model) or "").partition("\n")[0], [*own, *others])
 
     def _parameters(self, given: ast.arguments) -> Iterator[tuple[str, Any, str]]:
         """Yield name, default and help of each parameter."""
@@ -123,6 +126,28 @@ class Source:
     def _bound(self) -> Counter[str]:
         """How often each name is assigned, imported or defined, anywhere in the module."""
         return Counter(name for node in ast.walk(self.module) if (name := _bound_by(node)))
+
+
+@cache
+def _common() -> list[tuple[str, Any, str]]:
+    """Return name, default and help of the parameters that every model takes."""
+    package = Path(__file__).parent.parent
+    texts = [Path(package, name).read_bytes() for name in ("imperfect_model.py", "parameters.py")]
+    module, declared = map(ast.parse, texts)
+    hints = {line.targets[0].id: line.value for line in declared.body if _is_alias(line)}  # type: ignore[attr-defined]
+    model = _only(node for node in module.body if isinstance(node, ast.ClassDef))
+    start = _only(node for node in model.body if isinstance(node, ast.FunctionDef) and node.name == "__init__").args
+    pairs = zip(start.kwonlyargs, start.kw_defaults, strict=True)
+    named = [(one.arg, first, hints.get(getattr(one.annotation, "id", ""))) for one, first in pairs if first]
+    return [(name, ast.literal_eval(first), _help(hint, True)) for name, first, hint in named if hint]
+
+
+def _is_alias(line: ast.stmt) -> bool:
+    """Return whether a line gives a name to an annotation."""
+    match line:
+        case ast.Assign([ast.Name()], ast.Subscript(ast.Name("Annotated"))):
+            return True
+    return False
 
 
 def _bound_by(node: ast.AST) -> str | None:

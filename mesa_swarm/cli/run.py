@@ -66,7 +66,8 @@ def run(
                 print(f"{built.completed} steps are recorded in {file}")
             raise
     results = built.results() if hasattr(built, "results") else {}
-    print_pairs({"steps": built.steps, **results, "state hash": built.state_hash()})
+    time = {} if built.scale is None else {"time (s)": built.scale.seconds(built.steps)}
+    print_pairs({"steps": built.steps, **time, **results, "state hash": built.state_hash()})
 
 
 def recording_named(path: Path, name: str, seed: int) -> Path:

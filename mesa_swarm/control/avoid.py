@@ -5,15 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Memoryless, Senses
-from mesa_swarm.errors import check_choice, check_name, check_number
+from mesa_swarm.errors import check_choice, check_count, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE, LOAD
 
 TURNS = ("translational", "stationary")
 FIRES = ("always", "never", "when hot")
 LOADS = ("always", "never")
+FRONTS = ("tendency", "random", "back up")
+SIDES = ("last", "ignore both")
+LONGEST_MANOEUVRE = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +26,9 @@ class Avoid(Memoryless):
 
     Active when one of the three is activated. They are checked in the order front, left, right, and the
     last that is activated wins: left turns the robot right, right turns it left, front turns it to the side
-    of its own tendency, which never changes (a side drawn in every step would turn it nowhere).
+    of its own tendency, which never changes.
+
+    The other values of `front` and `sides` are those that the thesis rejects (5.2.2): for comparison.
 
     Parameters
     ----------
@@ -35,6 +41,15 @@ class Avoid(Memoryless):
         Whether burning fires are avoided: "always", "never" or "when hot".
     loads : str
         Whether loads are avoided: "always" or "never".
+    front : str
+        What the front sensor does: "tendency" turns to the robot's own side; "random" to a side drawn anew in every
+        step, which turns it nowhere in the mean; "back up" drives back for `back_steps` and then turns to its own side
+        for `turn_steps`, whatever its sensors see meanwhile.
+    sides : str
+        What left and right sensor do when both are activated: of "last" the right one wins; "ignore both" leaves the
+        decision to the front sensor, so that a robot goes straight on in a narrow corridor.
+    back_steps, turn_steps : int
+        Of "back up", 0 to 1,000,000.
 
     Examples
     --------
@@ -46,6 +61,10 @@ class Avoid(Memoryless):
     turn: str = "translational"
     fires: str = "always"
     loads: str = "always"
+    front: str = "tendency"
+    sides: str = "last"
+    back_steps: int = 10
+    turn_steps: int = 10
     name: str = "Avoid"
 
     def __post_init__(self) -> None:
@@ -54,10 +73,53 @@ class Avoid(Memoryless):
         check_choice("turn", self.turn, TURNS)
         check_choice("fires", self.fires, FIRES)
         check_choice("loads", self.loads, LOADS)
+        check_choice("front", self.front, FRONTS)
+        check_choice("sides", self.sides, SIDES)
+        check_count("back_steps", self.back_steps, maximum=LONGEST_MANOEUVRE)
+        check_count("turn_steps", self.turn_steps, maximum=LONGEST_MANOEUVRE)
+
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Take the random stream of sides, and remember the steps that are left of backing up and turning."""
+        if self.front == "random":
+            object.__setattr__(self, "_rng", rng)
+        if self.front == "back up":
+            object.__setattr__(self, "_left", (swarm, f"{prefix}.left"))
+            swarm.remember(f"{prefix}.left", (), np.int64, 0)
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that are near something."""
+        tendency = senses.tendency
+        if self.front == "random":
+            tendency = np.where(self._rng.random(len(tendency)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
+        if self.front == "back up":
+            self._back_up(senses, command, layer, index)
         avoid(
+            senses.distance,
+            senses.kind,
+            senses.hot,
+            tendency,
+            senses.max_speed,
+            senses.design,
+            senses.forward,
+            float(self.distance),
+            FIRES.index(self.fires),
+            self.loads == "always",
+            self.sides == "ignore both",
+            self._inner,
+            command,
+            layer,
+            index,
+        )
+
+    @property
+    def _inner(self) -> float:
+        """The inner wheel's share of speed in a turn."""
+        return -1.0 if self.turn == "stationary" else 0.0
+
+    def _back_up(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that back up or turn, and those that begin to."""
+        swarm, name = self._left  # type: ignore[attr-defined]
+        back_up(
             senses.distance,
             senses.kind,
             senses.hot,
@@ -68,7 +130,8 @@ class Avoid(Memoryless):
             float(self.distance),
             FIRES.index(self.fires),
             self.loads == "always",
-            -1.0 if self.turn == "stationary" else 0.0,
+            (self.back_steps + self.turn_steps, self.turn_steps, self._inner),
+            swarm.columns[name],
             command,
             layer,
             index,
@@ -76,17 +139,31 @@ class Avoid(Memoryless):
 
     def reason(self, moment: Moment) -> Reason:
         """Return which sensor decided: of those that were activated, the last of front, left, right."""
-        fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
-        fears = fears_fire, self.loads == "always"
-        forward = [s for s in moment.forward if s >= 0]
-        near = [s for s in forward if is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)]
+        near = self._activated(moment)
+        if self.front == "back up" and (not near or moment.command[0] == moment.command[1]):
+            return Reason("it met something ahead and, for a time, does not look")
         rounds_up = round(float(moment.distance[near[-1]]), 1) >= self.distance
         below = "just under" if rounds_up else "<"
         return Reason(f"{moment.reading(near[-1])} {below} {self.distance:g}", tuple(near))
 
+    def _activated(self, moment: Moment) -> list[int]:
+        """Return which of the front, left and right sensor are activated, and count."""
+        fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
+        fears = fears_fire, self.loads == "always"
+        near = [
+            s
+            for s in moment.forward
+            if s >= 0 and is_activated(moment.distance[s], moment.kind[s], self.distance, *fears)
+        ]
+        both = self.sides == "ignore both" and {*moment.forward[1:]} <= {*near}
+        return [s for s in near if s == moment.forward[0]] if both else near
+
 
 @compiled
-def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires, loads, inner, command, layer, index):
+def avoid(
+    distance, kind, hot, tendency, max_speed, design, forward, near, fires, loads, ignores_both, inner,
+    command, layer, index,
+):  # fmt: skip
     """Write the turns of robots that no earlier layer drives; `inner` is the inner wheel's share of speed."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0:
@@ -94,17 +171,63 @@ def avoid(distance, kind, hot, tendency, max_speed, design, forward, near, fires
         d = design[i]
         front, left, right = forward[d, 0], forward[d, 1], forward[d, 2]
         fears_fire = fires == 0 or (fires == 2 and hot[i])
-        turn = 0.0
+        turn = ahead = 0.0
         if front >= 0 and is_activated(distance[i, front], kind[i, front], near, fears_fire, loads):
-            turn = tendency[i]
+            turn = ahead = tendency[i]
         if left >= 0 and is_activated(distance[i, left], kind[i, left], near, fears_fire, loads):
             turn = -1.0
         if right >= 0 and is_activated(distance[i, right], kind[i, right], near, fears_fire, loads):
-            turn = 1.0
+            both = (
+                ignores_both and left >= 0 and is_activated(distance[i, left], kind[i, left], near, fears_fire, loads)
+            )
+            turn = ahead if both else 1.0
         if turn != 0.0:
-            command[i, 0] = max_speed[i] * (inner if turn > 0.0 else 1.0)
-            command[i, 1] = max_speed[i] * (1.0 if turn > 0.0 else inner)
+            write_turn(command, i, turn, max_speed[i], inner)
             layer[i] = index
+
+
+@compiled
+def back_up(
+    distance,
+    kind,
+    hot,
+    tendency,
+    max_speed,
+    design,
+    forward,
+    near,
+    fires,
+    loads,
+    manoeuvre,
+    left,
+    command,
+    layer,
+    index,
+):
+    """Write the commands of robots that back up and turn; `manoeuvre` is its steps, those of the turn, and `inner`."""
+    steps, turn_steps, inner = manoeuvre
+    for i in range(layer.shape[0]):
+        front = forward[design[i], 0]
+        if layer[i] >= 0:
+            continue
+        fears_fire = fires == 0 or (fires == 2 and hot[i])
+        if left[i] == 0 and front >= 0 and is_activated(distance[i, front], kind[i, front], near, fears_fire, loads):
+            left[i] = steps
+        if left[i] == 0:
+            continue
+        if left[i] > turn_steps:
+            command[i, 0], command[i, 1] = -max_speed[i], -max_speed[i]
+        else:
+            write_turn(command, i, tendency[i], max_speed[i], inner)
+        left[i] -= 1
+        layer[i] = index
+
+
+@compiled
+def write_turn(command, i, side, speed, inner):
+    """Write the wheel speeds of a turn to the left (side above 0) or right."""
+    command[i, 0] = speed * (inner if side > 0.0 else 1.0)
+    command[i, 1] = speed * (1.0 if side > 0.0 else inner)
 
 
 @compiled

@@ -49,7 +49,8 @@ class Senses:
         Index of the front, left and right proximity sensors, -1 for none.
     sensors : ndarray, shape (d, s, 9)
         Mounts, axes and ranges, see `DesignTable`.
-    bearing : ndarray, shape (d, s), rad
+    bearing, radiation_bearing : ndarrays, shapes (d, s), (d, q), rad
+        Of the proximity and the radiation sensors.
     sideways : bool ndarray, shape (d,)
         Whether a command is speeds forward and sideways.
     own : dict
@@ -84,6 +85,7 @@ class Senses:
     forward: np.ndarray
     sensors: np.ndarray
     bearing: np.ndarray
+    radiation_bearing: np.ndarray
     sideways: np.ndarray
     own: dict[str, np.ndarray] = field(default_factory=dict)
     act: dict[str, np.ndarray] = field(default_factory=dict)
@@ -97,6 +99,7 @@ class Senses:
         known = {one.name for one in fields(cls)}
         columns: dict[str, Any] = {name: column for name, column in swarm.columns.items() if name in known}
         of_designs: dict[str, Any] = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
+        of_designs["radiation_bearing"] = np.arctan2(table.radiation[..., AXIS_Y], table.radiation[..., AXIS_X])
         more: dict[str, Any] = {"own": {name: swarm.columns[name] for name in table.readings}}
         for group in ("act", "send", "heard"):
             first = f"{group}."

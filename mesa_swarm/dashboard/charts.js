@@ -1,6 +1,6 @@
 /* Charts beside the canvas. Python sends the list (charts), the chosen ones (shown), and numbers as
-   { kind: "curves", charts, looked_at } with a float32 buffer each: steps, means, and of groups of rows
-   the least and the greatest of each. Numbers are acknowledged when drawn, and sent only while the page is visible.
+   { kind: "curves", charts, looked_at, seconds } with a float32 buffer each: steps, means, and of groups of rows
+   the least and the greatest of each; seconds are those of a step, null if they are not known. Numbers are acknowledged when drawn, and sent only while the page is visible.
    Before this text stands the constant PALETTE, see `script` in viewing/palette.py. */
 
 const DASHED = [[], [5, 3], [1.5, 2.5]];
@@ -25,7 +25,7 @@ function short(value) {
 
 /** One chart: its canvas, its key, what is drawn in it. */
 class ChartView {
-  #canvas; #values; #news = null; #data = null; #lookedAt = null; #pointed = null; #fresh = true;
+  #canvas; #values; #news = null; #data = null; #lookedAt = null; #seconds = null; #pointed = null; #fresh = true;
 
   constructor(title, ask) {
     const button = (kind) => make("button", { type: "button", title: `Download ${title} as ${kind.toUpperCase()}`, "aria-label": `Download ${title} as ${kind.toUpperCase()}`, click: () => ask(kind) }, kind.toUpperCase());
@@ -38,9 +38,9 @@ class ChartView {
     this.#canvas.addEventListener("pointerleave", () => this.#point(null));
   }
 
-  take(news, data, lookedAt) {
+  take(news, data, lookedAt, seconds) {
     if (!this.#news || this.#news.names.join() !== news.names.join()) this.#fresh = true;
-    [this.#news, this.#data, this.#lookedAt] = [news, data, lookedAt];
+    [this.#news, this.#data, this.#lookedAt, this.#seconds] = [news, data, lookedAt, seconds ?? null];
     this.element.dataset.points = news.points;
     this.name.textContent = news.unit && news.unit !== news.title ? `${news.title}, ${news.unit}` : news.title;
     this.draw();
@@ -128,11 +128,12 @@ class ChartView {
     }
     context.stroke();
     context.textBaseline = "alphabetic";
-    for (const value of ticks(x0, x1, 4)) {
-      if (!Number.isInteger(value)) continue;
-      const text = short(value), half = context.measureText(text).width / 2;
+    const seconds = this.#seconds ?? 1;
+    for (const value of ticks(x0 * seconds, x1 * seconds, 4)) {
+      if (this.#seconds === null && !Number.isInteger(value)) continue;
+      const text = this.#seconds === null ? short(value) : `${short(value)} s`, half = context.measureText(text).width / 2;
       context.textAlign = "center";
-      context.fillText(text, Math.min(place.x(value), width - half - 1), height - 4);
+      context.fillText(text, Math.min(place.x(value / seconds), width - half - 1), height - 4);
     }
     return place;
   }
@@ -214,9 +215,10 @@ class ChartView {
       item.firstChild.style.borderTop = `3px ${["solid", "dashed", "dotted"][dash]} ${colour}`;
       item.lastChild.textContent = at === null ? "–" : short(this.#row("mean", k)[row]);
     });
-    this.#values.title = at === null ? "" : `at step ${at.toLocaleString("en")}`;
+    const when = at === null ? "" : `step ${at.toLocaleString("en")}${this.#seconds === null ? "" : `, ${short(at * this.#seconds)} s`}`;
+    this.#values.title = at === null ? "" : `at ${when}`;
     this.#canvas.setAttribute("aria-label", at === null ? this.name.textContent
-      : `${this.name.textContent}, up to step ${at.toLocaleString("en")}: ${names.map((name, k) => `${name} ${short(this.#row("mean", k)[row])}`).join(", ")}`);
+      : `${this.name.textContent}, up to ${when}: ${names.map((name, k) => `${name} ${short(this.#row("mean", k)[row])}`).join(", ")}`);
   }
 }
 
@@ -298,7 +300,7 @@ class BoardView {
     if (this.#downloads.receive(message, buffers) || message.kind !== "curves") return;
     message.charts.forEach((news, k) => {
       const bytes = buffers[k], data = new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength).slice();
-      this.#views.get(news.key)?.take(news, new Float32Array(data.buffer), message.looked_at);
+      this.#views.get(news.key)?.take(news, new Float32Array(data.buffer), message.looked_at, message.seconds);
     });
     this.#root.dataset.drawn = Number(this.#root.dataset.drawn ?? 0) + 1;
     this.#send({ do: "drawn" });

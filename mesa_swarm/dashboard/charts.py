@@ -117,7 +117,9 @@ class Charting(Link):
             return
         self._waits, self._busy, self._sent = False, now, now
         descriptions, buffers = curves_message(self.session.series, self.board.shown)
-        self.board.send({"kind": "curves", "charts": descriptions, "looked_at": self._looked_at}, buffers)
+        seconds = self.session.series.seconds
+        message = {"kind": "curves", "charts": descriptions, "looked_at": self._looked_at, "seconds": seconds}
+        self.board.send(message, buffers)
 
     def _hand_over(self, key: str, kind: str) -> None:
         """Make a file in a thread, since a picture takes a while, and send it."""
@@ -158,7 +160,8 @@ def csv_of(series: Series, key: str) -> bytes:
     counts = {
         name: pd.array(c, "Int64") if (np.isnan(c) | (c == np.rint(c))).all() else c for name, c in columns.items()
     }
-    return pd.DataFrame({"step": steps, **counts}).to_csv(index=False, lineterminator="\n").encode()
+    times = {} if series.seconds is None else {"time (s)": steps * series.seconds}
+    return pd.DataFrame({"step": steps, **times, **counts}).to_csv(index=False, lineterminator="\n").encode()
 
 
 def with_unit(name: str, chart: Plot) -> str:
@@ -172,12 +175,13 @@ def figure_of(series: Series, key: str) -> Figure:
     figure = Figure(figsize=(7, 3.6), layout="constrained")
     axes = figure.subplots()
     colours = colours_of(chart)
+    times = curves.steps * (series.seconds or 1)
     for k, name in enumerate(chart.names):
         colour, dashes = colours[k % len(colours)], DASHES[k // len(colours) % len(DASHES)]
-        axes.plot(curves.steps, curves.mean[k], label=literal(name), linewidth=1.3, color=colour, linestyle=dashes)
+        axes.plot(times, curves.mean[k], label=literal(name), linewidth=1.3, color=colour, linestyle=dashes)
         if curves.width > 1 and len(chart.names) <= 3:
-            axes.fill_between(curves.steps, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
-    axes.set(title=literal(chart.title), xlabel="step", ylabel=literal(chart.unit))
+            axes.fill_between(times, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
+    axes.set(title=literal(chart.title), xlabel="time (s)" if series.seconds else "step", ylabel=literal(chart.unit))
     axes.spines[["top", "right"]].set_visible(False)
     if len(chart.names) > 1:
         figure.legend(loc="outside right upper", frameon=False, fontsize=9)

@@ -116,11 +116,10 @@ class Designer:
         model = self.session.model
         largest = float(model.fires.area.max()) if model is not None and len(model.fires) else 16.0
         start = float(self.session.settings.get("initial_temperature", 1.0))
+        wanted: dict[str, Any] = {**self.requirements, "initial_temperature": start}
         with _SILENCE, warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", FireConstantsWarning)
-            constants = design_constants(
-                **self.requirements, initial_temperature=start, area=largest, largest_area=largest
-            )
+            constants = design_constants(**wanted, area=largest, largest_area=largest)
         return constants, tuple(str(warning.message) for warning in heard)
 
 
@@ -130,7 +129,7 @@ GROUPS = {
     "World": ("map", "load", "resistance", "initial_temperature", "history_every"),
     "Fires and heat": ("k1", "k2", "k3", "k4", "leave", "join"),
     "Communication": ("communication", "communication_range"),
-    "Disturbances": ("slip_probability", "error_probability"),
+    "Disturbances": ("noise", "slip", "imperfections", "slip_probability", "error_probability"),
 }
 OTHERS = "Behaviour"
 ORDER = ("World", "Robots", OTHERS, "Communication", "Fires and heat", "Disturbances")

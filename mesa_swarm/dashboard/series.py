@@ -85,6 +85,12 @@ class Series(Observer):
                 measure(model, self._table[self._count])
                 self._count += 1
 
+    @property
+    def seconds(self) -> float | None:
+        """Seconds of a step, None if the model has no scale."""
+        scale = None if self.model is None else self.model.scale
+        return None if scale is None else scale.seconds_per_step
+
     def charts(self) -> list[Plot]:
         """Return the charts."""
         return list(self._charts.values())

@@ -122,7 +122,7 @@ class DrivingScore:
 
 
 class ThesisScore:
-    """Reward (a), (b) or (c) of the thesis, see `learning.rewards`; never finished."""
+    """Reward (a), (b) or (c) of the thesis for the current readings, see `learning.rewards`; never finished."""
 
     finished = False
 

@@ -90,8 +90,12 @@ class TaskWorld(SwarmModel):
         """Take a step at these shares (k, 2) of the greatest wheel speed; write the commanded robots' rewards (k,)."""
         np.multiply(shares, self.task.design.max_speed, out=self._wheels)
         self.step()
-        self.sense()
-        self._score.reward(reward)
+        if self.task.rewards_state:
+            self._score.reward(reward)
+            self.sense()
+        else:
+            self.sense()
+            self._score.reward(reward)
 
     def observe(self, out: np.ndarray) -> None:
         """Write the observations of the commanded robots, shape (k, width)."""

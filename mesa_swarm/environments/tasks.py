@@ -27,7 +27,7 @@ from mesa_swarm.errors import (
     unknown_name,
 )
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
-from mesa_swarm.learning.rewards import REWARDS
+from mesa_swarm.learning.rewards import CRITICAL, REWARD_STATES, REWARDS, STATE
 from mesa_swarm.robots.design import AGENT9, AGENT_FIRE, RobotDesign
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
@@ -100,6 +100,11 @@ class Task:
         """Return the layers that drive the robots that are not commanded."""
         return Avoid(), Explore()
 
+    @property
+    def rewards_state(self) -> bool:
+        """Whether the score is of the readings with which robots acted, and not of those after the step."""
+        return False
+
     def score(self, model: SwarmModel, count: int) -> Score:
         """Return what rewards the first `count` robots of a new world."""
         raise NotImplementedError
@@ -122,6 +127,8 @@ class CollisionAvoidance(Task):
         "speed" as above, or "a", "b" or "c": the thesis's, see `learning.reward`.
     critical : float
         Of the thesis's rewards: the reading below which only nearness counts, a share of the range.
+    reward_of : str
+        Of the thesis's rewards: "state", of the readings before the step, or "next state", of those after it.
 
     Examples
     --------
@@ -131,17 +138,24 @@ class CollisionAvoidance(Task):
 
     collision_cost: float = 2.0
     reward: str = "speed"
-    critical: float = 0.4
+    critical: float = CRITICAL
+    reward_of: str = STATE
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_number("collision_cost", self.collision_cost, minimum=0, maximum=LARGEST_REWARD)
         check_choice("reward", self.reward, ("speed", *REWARDS))
         check_number("critical", self.critical, above=0, maximum=1)
+        check_choice("reward_of", self.reward_of, REWARD_STATES)
+
+    @property
+    def rewards_state(self) -> bool:
+        """Whether the reward is of the readings with which robots acted."""
+        return self.reward in REWARDS and self.reward_of == STATE
 
     def score(self, model: SwarmModel, count: int) -> Score:
         """Return what rewards the first `count` robots of a new world."""
-        if self.reward != "speed":
+        if self.reward in REWARDS:
             ranges = np.array([float(sensor.range) for sensor in self.design.proximity])
             return ThesisScore(model, kind=self.reward, critical=self.critical, ranges=ranges)
         return DrivingScore(model, collision_cost=self.collision_cost)

@@ -16,6 +16,7 @@ from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
+from mesa_swarm.learning.rewards import NEXT_STATE
 from mesa_swarm.learning.wire_learning import WireFittedQ
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.world.random_map import random_map
@@ -28,6 +29,8 @@ PARTS = 33
 BREEDING, CHOOSING = range(10_000, 10_025), range(11_000, 11_004)
 SMALL, FEW_OBSTACLES, FEW_ROBOTS = (480, 360), 3, 6
 GENERATIONS = len(BREEDING)
+# Robots of the benchmark are to stay far from things: d_crit is 0.4 of the range, and the state they reach is rewarded.
+DISTANT = {"critical": 0.4, "reward_of": NEXT_STATE}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,11 +54,11 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
         "Avoid + Explore": _rule,
         "evolved reflex": partial(_evolved, 0),
         "evolved network": partial(_evolved, 2),
-        "Q (a)": partial(_taught, QLearning, {"actions": 4, "reward": "a"}),
-        "Q (b)": partial(_taught, QLearning, {"actions": 4, "reward": "b"}),
-        "Q (c)": partial(_taught, QLearning, {"actions": 4, "reward": "c"}),
-        "Q (c), typed": partial(_taught, QLearning, {"actions": 4, "reward": "c", "encoding": "typed"}),
-        "wire-fitted Q": partial(_taught, WireFittedQ, {}),
+        "Q (a)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "a"}),
+        "Q (b)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "b"}),
+        "Q (c)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "c"}),
+        "Q (c), typed": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "c", "encoding": "typed"}),
+        "wire-fitted Q": partial(_taught, WireFittedQ, DISTANT),
         "Hebbian": partial(_taught, HebbianLearning, {"reward": "a"}),
     }
 

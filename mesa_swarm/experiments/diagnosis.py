@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def check_wheels(model: SwarmModel) -> None:
 SCENES = {"beside a wall": (0.0, (5.0, 25.0)), "towards a wall": (-90.0, (15.0, 40.0))}
 # Largest deviation of the initial heading, rad.
 SPREAD = 0.3
-# Only flips with something nearer than this share of the range count: one and a half critical distances.
+# Only flips with something nearer than this share of the range count: 30 units, within which robots respond to walls.
 IN_SIGHT = 0.6
 WALL, MIDDLE = 20.0, 400.0
 CORRIDOR, THRESHOLD = "corridor flip", "back-and-forth at a threshold"
@@ -84,16 +85,16 @@ MEASURES = ("turns to and fro", "back and forth", CORRIDOR, THRESHOLD)
 
 
 def trained(
-    reward: str, actions: int, rng: int, *, steps: int = 20_000, n_robots: int = 15, beta: float = 5e-3
+    reward: str, actions: int, rng: int, *, steps: int = 20_000, n_robots: int = 15, beta: float = 5e-3, **settings: Any
 ) -> QPolicy:
-    """Let robots learn on the map `original`, as in the thesis, and return their policy.
+    """Let robots of the model `QLearning`, with these settings, learn as in the thesis, and return their policy.
 
     Examples
     --------
     >>> trained("b", 4, 1, steps=20, n_robots=2).copies
     2
     """
-    model = find_model("q_learning")(reward=reward, actions=actions, beta=beta, n_robots=n_robots, rng=rng)
+    model = find_model("q_learning")(reward=reward, actions=actions, beta=beta, n_robots=n_robots, rng=rng, **settings)
     return model.run(check_count("steps", steps, minimum=1)).learner.policy()
 
 
@@ -128,22 +129,78 @@ def oscillation(
     True
     """
     check_choice("scene", scene, SCENES)
-    cooled = replace(policy, temperature=check_number("temperature", temperature, above=0))
-    seeds = np.random.SeedSequence(check_count("rng", rng)).spawn(cooled.copies)
-    rows = [_watched(cooled.of_robot(k), scene, seed, steps) for k, seed in enumerate(seeds)]
+    rows = [_measured(model, steps) for model in _models(policy, scene, rng, steps, temperature)]
     return {name: float(np.mean([row[name] for row in rows])) for name in MEASURES}
 
 
-def _watched(policy: QPolicy, scene: str, seed: np.random.SeedSequence, steps: int) -> dict[str, float]:
+def oscillating_robot(
+    policy: QPolicy,
+    *,
+    scene: str,
+    measure: str,
+    robot: int | None = None,
+    rng: int = 1,
+    steps: int = 300,
+    temperature: float = 0.05,
+) -> dict[str, Any]:
+    """Return the way and the commands of the robot with the largest value of a measure of `oscillation`.
+
+    Parameters
+    ----------
+    policy, scene, rng, steps, temperature
+        As for `oscillation`, which drives the same robots in the same way.
+    measure : str
+        One of those that `oscillation` returns; of equal robots the first.
+    robot : int, optional
+        The number of another robot instead.
+
+    Returns
+    -------
+    dict
+        "robot": its number. Lists of floats: "x", "y", the position after each step, map units; "left", "right", the
+        commands as shares of max_speed.
+
+    Examples
+    --------
+    >>> policy = trained("b", 4, 1, steps=20, n_robots=1)
+    >>> way = oscillating_robot(policy, scene="beside a wall", measure="back and forth", steps=60)
+    >>> len(way["x"]), sorted(way)
+    (60, ['left', 'right', 'robot', 'x', 'y'])
+    """
+    check_choice("measure", measure, MEASURES)
+    models = _models(policy, check_choice("scene", scene, SCENES), rng, steps, temperature)
+    if robot is None:
+        robot = int(np.argmax([_measured(each, steps)[measure] for each in models]))
+    model = models[check_count("robot", robot, maximum=len(models) - 1)]
+    watched = check_watched(model.watched, NEEDED, "draw", "watch()")
+    x, y = watched["position"][:, 0].T
+    left, right = watched["command"][:, 0].T / model.swarm.max_speed[0]
+    columns = {"x": x, "y": y, "left": left, "right": right}
+    return {"robot": robot, **{name: values.round(6).tolist() for name, values in columns.items()}}
+
+
+def _models(policy: QPolicy, scene: str, rng: int, steps: int, temperature: float) -> list[SwarmModel]:
+    """Return a watched model for each robot of a policy, in which it drove alone."""
+    cooled = replace(policy, temperature=check_number("temperature", temperature, above=0))
+    seeds = np.random.SeedSequence(check_count("rng", rng)).spawn(cooled.copies)
+    return [_driven(cooled.of_robot(k), scene, seed, steps) for k, seed in enumerate(seeds)]
+
+
+def _driven(policy: QPolicy, scene: str, seed: np.random.SeedSequence, steps: int) -> SwarmModel:
     degrees, (least, most) = SCENES[scene]
     chance = np.random.default_rng(seed)
     model = SwarmModel(map="openspace", rng=int(chance.integers(2**31)))
     y = WALL + AGENT9.radius + chance.uniform(least, most)
     model.add_robots(AGENT9, poses=[(MIDDLE, y, np.radians(degrees) + chance.uniform(-SPREAD, SPREAD))])
     model.control = Subsumption(PolicyLayer(policy=policy))
-    watched = model.watch(last=None, columns=NEEDED)
-    model.run(steps)
-    return {**flips(watched, max(policy.sensors.ranges)), **_episodes(model, steps)}
+    model.watch(last=None, columns=NEEDED)
+    return model.run(steps)
+
+
+def _measured(model: SwarmModel, steps: int) -> dict[str, float]:
+    """Return how the robot of a watched model oscillated."""
+    sight = max(float(sensor.range) for sensor in AGENT9.proximity)
+    return {**flips(check_watched(model.watched, NEEDED, "measure", "watch()"), sight), **_episodes(model, steps)}
 
 
 def flips(watched: Snapshots | Mapping[str, np.ndarray], sight: float) -> dict[str, float]:

@@ -22,8 +22,9 @@ from mesa_swarm.errors import (
 from mesa_swarm.experiments.experiment import MOST_STEPS, Experiment, checked_experiment, checked_seeds
 from mesa_swarm.experiments.run_records import OPTIONS, RunRecords, file_within, filled_in
 from mesa_swarm.experiments.sampling import MOST_POINTS, Sample
+from mesa_swarm.files import check_present_format
 from mesa_swarm.gallery import check_model, find_model, is_address
-from mesa_swarm.world.map import ALIASES, builtin_maps
+from mesa_swarm.world.map import builtin_name
 from mesa_swarm.world.map_parts import file_content, text_of
 from mesa_swarm.world.map_toml import parsed_toml
 
@@ -171,6 +172,7 @@ def read_job(path: str | os.PathLike[str]) -> Job:
 
     A JobError has on one line the file, the table in it, and what is wrong.
     """
+    check_present_format(path, JobError)
     file = _found(path)
     with _naming(file.name):
         tables = _tables(parsed_toml(text_of(file_content(file, LARGEST_JOB), file.name), file.name))
@@ -315,4 +317,6 @@ def _map_of(value: object, folder: Path) -> object:
     """Return a map's file in the job's folder, or the name of a built-in one."""
     if not isinstance(value, str):
         raise InvalidValueError(f"map is {shortened(value)}; expected the name of a map or of a file")
-    return value if value in (*builtin_maps(), *ALIASES) else file_within(folder, value)
+    built_in = builtin_name(value)
+    is_file = value.lower().endswith(".map") and (folder / value).exists()
+    return built_in if built_in and not is_file else file_within(folder, value)

@@ -17,6 +17,7 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.networks import fit
 from mesa_swarm.learning.reward_lab import Profile
+from mesa_swarm.learning.rewards import CRITICAL
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal
 
@@ -24,7 +25,7 @@ STYLES = ("--", "-.", ":", "-")
 ROWS = ("reward", "learned value Q", "probability of choice")
 
 
-def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: float = 0.4) -> Figure:
+def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: float = CRITICAL) -> Figure:
     """Return a figure of rewards, the values learned from each, and the probabilities of choice.
 
     A column for each title; the critical distance is dotted. Vertical lines mark leaps of the reward, and in the rows
@@ -35,7 +36,7 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
     ----------
     profiles : mapping of title to (reward_profile(), learned_profile())
     critical : float
-        Share of the range.
+        Share of the range; the figure ends at five times that, or at the range.
 
     Examples
     --------
@@ -54,6 +55,7 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
         column[-1].set_xlabel("distance ahead (share of the range)", fontsize=9)
         for axes in column:
             axes.axvline(critical, color=LIGHT.ink, linewidth=0.8, linestyle=":")
+            axes.set_xlim(0.0, min(5 * critical, 1.0))
     for axes, name in zip(grid[:, 0], ROWS, strict=True):
         axes.set_ylabel(name, fontsize=9)
     widest = max(grid[1], key=lambda axes: len(axes.get_legend_handles_labels()[1]))

@@ -25,7 +25,7 @@ from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_dif
 from mesa_swarm.experiments.tables import aligned, csv_text, with_limits
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import find_model, short_name
-from mesa_swarm.robots.imperfections import PRESETS, Imperfections
+from mesa_swarm.robots.imperfections import PRESETS, Imperfections, together
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png
@@ -112,7 +112,7 @@ def reality_gap(
     measure : str, optional
         The result that is the score; by default the model's `headline`, else its first, that it has in every run.
     settings : dict, optional
-        Other parameters of the model.
+        Other parameters of the model; `noise` and `slip` are added to what the dial sets, `imperfections` is refused.
     jobs : int
         Processes at a time, -1 for one on each core.
     progress : bool
@@ -130,6 +130,8 @@ def reality_gap(
     whole = PRESETS[check_choice("preset", preset, PRESETS)]
     places = checked_dial(dial)
     model_class = find_model(model)
+    if "imperfections" in (settings or {}):
+        raise InvalidValueError("imperfections is given as a setting; leave it out, the dial sets it")
     plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=_freed(model_class, settings))
     names = list(plan.built(plan.seeds[0], plan.values[0]).results())
 
@@ -172,9 +174,10 @@ def _runs(plan: Plan, settings: dict[str, Any], imperfections: Imperfections | N
 
 
 def imperfect(model_class: type, imperfections: Imperfections | None, /, **settings: Any) -> SwarmModel:
-    """Return a model whose robots are as imperfect as this."""
+    """Return a model whose robots are as imperfect as this, besides what its own settings make of them."""
     model = model_class(**settings)
-    model.imperfections = imperfections
+    if imperfections is not None:
+        model.imperfections = together(model.imperfections, imperfections)
     return model
 
 

@@ -11,16 +11,28 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.fire.burning import Burning
     from mesa_swarm.fire.constants import FireConstants, design_constants, robots_needed
     from mesa_swarm.fire.fires import Fire, Fires
-    from mesa_swarm.fire.strategy import FightFire
+    from mesa_swarm.fire.spreading import Spreading
+    from mesa_swarm.fire.strategy import FightFire, SeekHeat
 
 # Module: the public names that live in it.
 _MODULES = {
     "fire.burning": "Burning",
     "fire.constants": "FireConstants design_constants robots_needed",
     "fire.fires": "Fire Fires",
-    "fire.strategy": "FightFire",
+    "fire.spreading": "Spreading",
+    "fire.strategy": "FightFire SeekHeat",
 }
 
-__all__ = ["Burning", "FightFire", "Fire", "FireConstants", "Fires", "design_constants", "robots_needed"]
+__all__ = [
+    "Burning",
+    "FightFire",
+    "Fire",
+    "FireConstants",
+    "Fires",
+    "SeekHeat",
+    "Spreading",
+    "design_constants",
+    "robots_needed",
+]
 
 __getattr__, __dir__ = lazy_names(__name__, _MODULES)

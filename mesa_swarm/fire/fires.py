@@ -87,6 +87,21 @@ class Fires:
         """x, y and radius, shape (f, 3)."""
         return np.column_stack([self.columns["position"], self.columns["radius"]])
 
+    def times_out(self, first: int | None = None) -> dict[str, int | None]:
+        """Return the step at which each of the first fires, or of all, went out, or None, by a name for tables.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(map="openspace_fire", rng=1).fires.times_out(2)
+        {'fire 1 out at': None, 'fire 2 (largest) out at': None}
+        """
+        area, found = self.columns["area"], {}
+        for i, step in enumerate(self.columns["out_step"][:first].tolist()):
+            largest = " (largest)" if (area[i] > np.delete(area, i)).all() else ""
+            found[f"fire {i + 1}{largest} out at"] = step if step >= 0 else None
+        return found
+
     def add(self, position: Coordinates, radius: float, area: float, temperature: float) -> int:
         """Append a fire and return its index."""
         values = {

@@ -11,7 +11,9 @@ from mesa_swarm.fire.burning import Burning
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.model import EngineModel
+from mesa_swarm.parameters import Dial, Noise, Slip
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA, Map
@@ -41,8 +43,12 @@ class FireModel(EngineModel):
         history_every: int | Trigger = 1,
         collect_every: int | Trigger = 1,
         communication: Radio | None = None,
+        noise: Noise = 0.0,
+        slip: Slip = 0.0,
+        imperfections: Dial = 0.0,
         model_reporters: dict | None = None,
         agent_reporters: dict | None = None,
+        scale: Scale | None = None,
     ) -> None:
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every)
@@ -54,8 +60,12 @@ class FireModel(EngineModel):
             turn_angle_degrees=turn_angle_degrees,
             collect_every=collect_every,
             communication=communication,
+            noise=noise,
+            slip=slip,
+            imperfections=imperfections,
             model_reporters=model_reporters,
             agent_reporters=agent_reporters,
+            scale=scale,
         )
         self.space.attach(self.fires)
         for spot in self.map.fires:

@@ -1,4 +1,4 @@
-"""The layer that fights fires, with the thesis's strategies A and B (PHYSICS 7)."""
+"""The layers that fight fires, with the thesis's strategies A and B, and that seek the hottest fire (PHYSICS 7)."""
 
 import math
 from dataclasses import dataclass
@@ -124,3 +124,78 @@ def nearest_seen(distance, kind):
         if kind[s] == FIRE and (nearest < 0 or distance[s] < distance[nearest]):
             nearest = s
     return nearest
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeekHeat(Memoryless):
+    """Go to the hottest fire that the radiation sensors feel, rather than to the nearest that is seen.
+
+    Active while one of them reads more than `least` and the robot is neither too hot nor extinguishing; put it above
+    `FightFire`, which stays at a fire that the robot reaches. A radiation sensor reads how hot the hottest fire in its
+    sector is, not where in it: the robot turns until the sensor that looks most nearly ahead feels it.
+
+    Parameters
+    ----------
+    least : float
+        Readings up to this are ignored, 0 to 1.
+    critical_angle_degrees : float
+        A sensor that points farther than this from straight ahead makes the robot turn on the spot, 0 to 180.
+
+    Examples
+    --------
+    >>> SeekHeat(least=0.2).name
+    'SeekHeat'
+    """
+
+    least: float = 0.0
+    critical_angle_degrees: float = 10.0
+    name: str = "SeekHeat"
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        check_name("name", self.name)
+        check_number("least", self.least, minimum=0, maximum=1)
+        check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that feel a fire."""
+        seek_heat(
+            senses.radiation,
+            senses.radiation_bearing,
+            senses.hot,
+            senses.fire,
+            senses.max_speed,
+            senses.radius,
+            senses.design,
+            float(self.least),
+            math.radians(self.critical_angle_degrees),
+            command,
+            layer,
+            index,
+        )
+
+    def reason(self, moment: Moment) -> Reason:
+        """Return how hot it is where it goes."""
+        felt = moment.columns.get("radiation")
+        return Reason("it feels a fire" if felt is None else f"it feels a fire of temperature {max(felt):.2f}")
+
+
+@compiled
+def seek_heat(radiation, bearing, hot, fire, max_speed, radius, design, least, critical_angle, command, layer, index):
+    """Write the commands of robots that no earlier layer drives; of equal readings that most nearly ahead counts."""
+    for i in range(layer.shape[0]):
+        if layer[i] >= 0 or hot[i] or fire[i] >= 0:
+            continue
+        d, best = design[i], -1
+        for q in range(radiation.shape[1]):
+            if radiation[i, q] <= least:
+                continue
+            if (
+                best < 0
+                or radiation[i, q] > radiation[i, best]
+                or (radiation[i, q] == radiation[i, best] and abs(bearing[d, q]) < abs(bearing[d, best]))
+            ):
+                best = q
+        if best >= 0:
+            layer[i] = index
+            command[i, 0], command[i, 1] = approach(bearing[d, best], critical_angle, max_speed[i], radius[i])

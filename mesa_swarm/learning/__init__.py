@@ -1,5 +1,6 @@
 """Learners: networks, policies, and how they are trained."""
 
+from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness, floreano
 from mesa_swarm.learning.hebbian import HebbianLearning
@@ -9,9 +10,11 @@ from mesa_swarm.learning.policy_files import load_policy, save_policy
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.rewards import reward
+from mesa_swarm.learning.table_learning import TableQLearning
 from mesa_swarm.learning.wire_learning import WireFittedQ, WirePolicy, wire_value
 
 __all__ = [
+    "ApproachValues",
     "Evolution",
     "Fitness",
     "HebbianLearning",
@@ -22,8 +25,10 @@ __all__ = [
     "QPolicy",
     "ReflexPolicy",
     "SensorLayout",
+    "TableQLearning",
     "WireFittedQ",
     "WirePolicy",
+    "approach_values",
     "fit",
     "floreano",
     "load_policy",

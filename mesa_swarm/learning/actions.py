@@ -161,6 +161,15 @@ def write_inputs(distance, kind, ranges, i, d, inputs, row):
     return nearest
 
 
+@compiled
+def least_of(inputs, i, sensors):
+    """Return the least reading of robot i, as a share of its range, in its last inputs (n, k)."""
+    least = 1.0
+    for s in range(sensors):
+        least = min(least, inputs[i, s])
+    return least
+
+
 def ranges_of(sensors: np.ndarray) -> np.ndarray:
     """Return the range of every proximity sensor (d, s), of a table of designs (d, s, 9)."""
     return np.ascontiguousarray(sensors[:, :, RANGE])

@@ -14,7 +14,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks
 from mesa_swarm.learning.policy import check_designs, sensors_of
-from mesa_swarm.learning.rewards import REWARDS
+from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE
 from mesa_swarm.robots.swarm import Swarm
 
 
@@ -191,7 +191,7 @@ LARGEST = 1e9
 # T_0 of the thesis (8.3).
 HOT = 1.0
 # Stored in a policy's `training`.
-TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "shared", "self_adjusting")
+TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "reward_of", "shared", "self_adjusting")
 
 
 @dataclass(kw_only=True)
@@ -208,28 +208,35 @@ class Learner(LearningLayer):
     beta: float = 1e-4
     first_temperature: float | None = None
     last_temperature: float = 0.2
-    critical: float = 0.4
+    critical: float = CRITICAL
+    reward_of: str = STATE
     shared: bool = False
     self_adjusting: bool = False
     bump_rate: float = 0.02
     bump_window: int = 1000
     bump_distance: float = 0.5
+    alert_gamma: float | None = None
+    least_speed: float | None = None
     frozen: bool = False
     start: NetworkPolicy | None = None
     name: str = "Learner"
 
     def _check_rates(self) -> None:
         check_choice("reward", self.reward, REWARDS)
+        check_choice("reward_of", self.reward_of, REWARD_STATES)
         check_choice("encoding", self.encoding, ENCODINGS)
         for name in ("alpha", "eta", "beta"):
             check_number(name, getattr(self, name), minimum=0, maximum=1)
         check_number("gamma", self.gamma, minimum=0, maximum=0.999)
+        check_number("alert_gamma", self._alert, minimum=0, maximum=0.999)
         check_number("first_temperature", self._hottest, above=0, maximum=1e6)
         check_number("last_temperature", self.last_temperature, above=0, maximum=1e6)
         for name in ("critical", "bump_rate"):
             check_number(name, getattr(self, name), above=0, maximum=1)
         check_number("bump_window", self.bump_window, minimum=1, maximum=1e9)
         check_number("bump_distance", self.bump_distance, minimum=0, maximum=1e6)
+        if self.least_speed is not None:
+            check_number("least_speed", self.least_speed, minimum=-1, maximum=1)
         for name in ("shared", "self_adjusting", "frozen"):
             setattr(self, name, check_flag(name, getattr(self, name)))
 
@@ -252,6 +259,16 @@ class Learner(LearningLayer):
     def _hottest(self) -> float:
         """T_0."""
         return HOT if self.first_temperature is None else self.first_temperature
+
+    @property
+    def _alert(self) -> float:
+        """The gamma of a self-adjusting robot that bumps often."""
+        return self.gamma if self.alert_gamma is None else self.alert_gamma
+
+    @property
+    def _regulates(self) -> bool:
+        """Whether robots adapt T to their speed."""
+        return self.self_adjusting and self.least_speed is not None
 
     @property
     def _begun_at(self) -> float:
@@ -308,6 +325,8 @@ class Learner(LearningLayer):
         swarm.remember(f"{prefix}.reward", (), np.float64, 0.0)
         swarm.remember(f"{prefix}.temperature", (), np.float64, self._begun_at)
         swarm.remember(f"{prefix}.bumps", (), np.float64, self.bump_rate)
+        if self._regulates:
+            swarm.remember(f"{prefix}.pace", (), np.float64, self.least_speed)
         swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
         swarm.remember(f"{prefix}.action", *self.last_action)
 
@@ -315,6 +334,12 @@ class Learner(LearningLayer):
     def temperature(self) -> np.ndarray:
         """Of every robot's choice (n,); a copy."""
         return self._column("temperature").copy()
+
+    @property
+    def discount(self) -> np.ndarray:
+        """Every robot's gamma (n,)."""
+        share = np.minimum(1.0, self._column("bumps") / self.bump_rate) if self.self_adjusting else 0.0
+        return np.full(len(self._robots), self.gamma) + (self._alert - self.gamma) * share
 
     @property
     def last_reward(self) -> np.ndarray:
@@ -335,14 +360,18 @@ class Learner(LearningLayer):
             inputs.reshape(len(inputs), math.prod(inputs.shape[1:])),
             self._column("action"),
             self._column("lessons"),
-            tuple(map(self._column, ("reward", "temperature", "bumps"))),
+            (*map(self._column, ("reward", "temperature", "bumps")), self._pace()),
             self._rng.random(len(inputs)),
             REWARDS.index(self.reward),
-            (float(self.alpha) * float(self.eta), float(self.gamma), float(self.critical)),
+            (float(self.alpha) * float(self.eta), float(self.gamma), float(self._alert), float(self.critical)),
             (float(self.beta), float(self._hottest), float(self.last_temperature)),
-            (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance)),
-            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen)),
+            (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance), float(self.least_speed or 0.0)),
+            (bool(self.shared), bool(self.self_adjusting), bool(self.frozen), self.reward_of == NEXT_STATE),
         )
+
+    def _pace(self) -> np.ndarray:
+        """Return every robot's recent speed, which only self-adjusting robots with a least speed remember."""
+        return self._robots.columns.get(f"{self._prefix}.pace", np.empty(0)) if self._regulates else np.empty(0)
 
     def _end_lesson(self, diverged: int) -> None:
         """Copy what was learned to all robots if they share it; raise if it diverged for one of them."""
@@ -383,10 +412,16 @@ def is_bounded(outer, m, step):
 
 
 @compiled
+def discount_of(gamma, alert, bumps, usual, self_adjusting):
+    """Return the gamma of a robot; a self-adjusting one looks the farther ahead, the more often it has bumped."""
+    return gamma + (alert - gamma) * min(1.0, bumps / usual) if self_adjusting else gamma
+
+
+@compiled
 def cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting):
     """Set the temperature of robot i by time, or by its rate of bumps."""
     beta, first, last = cooling
-    usual, forgetting, near = bumping
+    usual, forgetting, near, _ = bumping
     bumped = 0.0
     for s in range(distance.shape[1]):
         if 0.0 <= distance[i, s] <= near:
@@ -396,3 +431,13 @@ def cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting):
         temperature[i] = last + (first - last) * min(1.0, bumps[i] / usual)
     else:
         temperature[i] -= beta * (temperature[i] - last)
+
+
+@compiled
+def regulate(pace, i, ahead, before, temperature, cooling, bumping):
+    """Raise the temperature of robot i by a share if it has recently driven fast enough, else lower it."""
+    _, first, last = cooling
+    _, forgetting, _, least = bumping
+    pace[i] += forgetting * (ahead - pace[i])
+    change = 1.0 + forgetting if pace[i] >= least else 1.0 - forgetting
+    temperature[i] = max(min(before * change, max(first, last)), min(first, last))

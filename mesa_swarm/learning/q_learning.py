@@ -9,8 +9,17 @@ from numpy.typing import ArrayLike
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import check_choice, check_count, check_name
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, ENCODINGS, best_of, checked_actions, chosen, write_inputs
-from mesa_swarm.learning.learner import Learner, cool, is_bounded
+from mesa_swarm.learning.actions import (
+    ACTION_NAMES,
+    ACTIONS,
+    ENCODINGS,
+    best_of,
+    checked_actions,
+    chosen,
+    least_of,
+    write_inputs,
+)
+from mesa_swarm.learning.learner import Learner, cool, discount_of, is_bounded, regulate
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
@@ -129,7 +138,7 @@ class QLearning(Learner):
     Each robot has a network for each action, of its sensors' readings, twice as many hidden units as
     proximity sensors, and one output, Q(s, a). In every step, without episodes, the network of the action
     that was taken makes one step of back-propagation towards ``Q + alpha (r + gamma max_a' Q(s', a') - Q)``
-    (7.3), where s' and the reward r follow the action. Then an action is chosen by Boltzmann's
+    (7.3), where s' follows the action. Then an action is chosen by Boltzmann's
     probabilities (7.4) at a temperature that falls to its limit: ``T <- T - beta (T - T_c)`` (8.3).
 
     What is learned is in columns of the swarm, one row a robot. In a `Subsumption` a robot learns of its own
@@ -160,7 +169,12 @@ class QLearning(Learner):
     last_temperature : float
         T_c, above 0.
     critical : float
-        Reading, as a share of the range, below which the reward depends on nearness only; above 0, at most 1.
+        Reading, as a share of the range, below which the reward depends on nearness only; above 0, at most 1. The
+        thesis's d_crit of 0.4 has no unit. The default is 0.4 of a robot's diameter of 10 with a range of 50, chosen
+        because collisions then fall with T as in the thesis's curves: see the page on readings.
+    reward_of : str
+        "state", as in the thesis: the reward is r(s, a), of the readings with which the action was chosen; or
+        "next state": r(s', a), of the readings that follow it.
     shared : bool
         Whether all robots learn with one set of networks, from one experience after the other in the order of
         the robots' ids.
@@ -174,6 +188,14 @@ class QLearning(Learner):
         Steps, at least 1.
     bump_distance : float
         Map units, at least 0.
+    alert_gamma : float, optional
+        The gamma of a self-adjusting robot whose rate of bumps is `bump_rate` or more, 0 to below 1; between that and
+        `gamma`, which applies to a robot that does not bump, it is in proportion. `gamma` by default: it is constant.
+    least_speed : float, optional
+        The mean forward speed that a self-adjusting robot is to drive at, a share of max_speed, -1 to 1. Instead of
+        following bumps, its temperature then grows by the share 1 / `bump_window` in each step while the mean of
+        recent steps, about the last `bump_window`, is at least this, up to the larger of T_0 and T_c; otherwise it
+        falls by as much, down to the smaller: the robot chooses as much at random as its speed permits.
     frozen : bool
         Whether it only acts, at each robot's temperature, without learning; this requires a trained `start`.
     start : QPolicy, optional
@@ -256,9 +278,9 @@ def learn_and_choose(
     reward, rates, cooling, bumping, options, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
-    rewards, temperature, bumps = memory
-    rate, gamma, critical = rates
-    shared, self_adjusting, frozen = options
+    rewards, temperature, bumps, pace = memory
+    rate, gamma, alert, critical = rates
+    shared, self_adjusting, frozen, afterwards = options
     robots = layer.shape[0]
     count = weights[3].shape[0] // max(robots, 1)
     now, hidden, values = np.empty((1, inputs.shape[1])), np.empty(weights[0].shape[2]), np.empty(count)
@@ -269,15 +291,21 @@ def learn_and_choose(
         action_values(weights, first, now, 0, hidden, values)
         a = action[i]
         if a >= 0:
-            rewards[i] = rewarded(reward, nearest, ACTIONS[a, 0], ACTIONS[a, 1], critical)
-            target = rewards[i] + gamma * values[best_of(values)]
+            reading = nearest if afterwards else least_of(inputs, i, distance.shape[1])
+            rewards[i] = rewarded(reward, reading, ACTIONS[a, 0], ACTIONS[a, 1], critical)
+            discount = discount_of(gamma, alert, bumps[i], bumping[0], self_adjusting)
+            target = rewards[i] + discount * values[best_of(values)]
             if not frozen and not learn_one(weights, first + a, inputs, i, hidden, target, rate):
                 diverged = i if diverged < 0 else diverged
             elif not frozen:
                 lessons[i] += 1
             action_values(weights, first + a, now, 0, hidden, values[a : a + 1])
         if not frozen:
+            before = temperature[i]
             cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
+            if pace.shape[0]:
+                ahead = 0.5 * (ACTIONS[a, 0] + ACTIONS[a, 1]) if a >= 0 else bumping[3]
+                regulate(pace, i, ahead, before, temperature, cooling, bumping)
         action[i] = -1
         if layer[i] < 0:
             action[i] = chosen(values, temperature[i], chance[i])

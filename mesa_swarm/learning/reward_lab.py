@@ -12,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, check_choice, check_count, chec
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, checked_actions
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.q_learning import QPolicy
-from mesa_swarm.learning.rewards import REWARDS, rewarded
+from mesa_swarm.learning.rewards import CRITICAL, REWARDS, rewarded
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import mount_of
 
@@ -57,7 +57,7 @@ class Profile:
         return ACTION_NAMES[: self.values.shape[1]]
 
 
-def reward_profile(kind: str, *, actions: int = 8, critical: float = 0.4, points: int = 201) -> Profile:
+def reward_profile(kind: str, *, actions: int = 8, critical: float = CRITICAL, points: int = 201) -> Profile:
     """Return the reward of every action over the nearest reading, with its leaps and plateaus marked.
 
     The marks are found in the function itself, by halving intervals, not from the formula.
@@ -81,8 +81,8 @@ def reward_profile(kind: str, *, actions: int = 8, critical: float = 0.4, points
     --------
     >>> for mark in reward_profile("b", actions=4).marks[-2:]:
     ...     print(mark.kind, mark.action, round(mark.start, 3), round(mark.end, 3), mark.size)
-    plateau right on the spot 0.4 1.0 0.0
-    plateau forward 0.4 1.0 0.0
+    plateau right on the spot 0.08 1.0 0.0
+    plateau forward 0.08 1.0 0.0
     """
     number = REWARDS.index(check_choice("reward", kind, REWARDS))
     critical = check_number("critical", critical, above=0, maximum=1)

@@ -6,12 +6,19 @@ from mesa_swarm.errors import check_choice, check_number
 from mesa_swarm.geometry.compiled import compiled
 
 REWARDS = ("a", "b", "c")
+# The state by whose readings an action is rewarded: the one in which it was chosen, as in the thesis, or the next.
+STATE, NEXT_STATE = "state", "next state"
+REWARD_STATES = (STATE, NEXT_STATE)
+# d_crit of the thesis is 0.4, in units that it does not state. We read it as 0.4 of a robot's diameter of 10, which is
+# 0.08 of a range of 50: with this reading alone collisions fall with T as in the thesis whether there are four or eight
+# actions, and whichever state is rewarded; see docs/readings.md.
+CRITICAL = 0.08
 
 
-def reward(kind: str, nearest: float, left: float, right: float, critical: float = 0.4) -> float:
-    """Return the reward of an action for its outcome.
+def reward(kind: str, nearest: float, left: float, right: float, critical: float = CRITICAL) -> float:
+    """Return the reward of an action in a state, r(s, a).
 
-    With i the nearest reading afterwards, d the critical distance and ``q = (e - 1) / d``: below d it is
+    With i the nearest reading in that state, d the critical distance and ``q = (e - 1) / d``: below d it is
     ``ln(q i + 1) - 1``, from -1 when touching to 0 at d. From d on
 
     - (a) ``(left + right) / 2`` (8.5);
@@ -28,7 +35,8 @@ def reward(kind: str, nearest: float, left: float, right: float, critical: float
     left, right : float
         Wheel commands as shares of max_speed, -1 to 1.
     critical : float
-        Share of the range, above 0, at most 1.
+        d, a share of the range, above 0, at most 1. The thesis's 0.4 has no unit; the default, 0.4 of a robot's
+        diameter of 10 with a range of 50, was chosen because collisions then fall with T as in the thesis's curves.
 
     Returns
     -------
@@ -41,7 +49,7 @@ def reward(kind: str, nearest: float, left: float, right: float, critical: float
 
     Examples
     --------
-    >>> reward("b", 1.0, 1, 1), reward("b", 1.0, 1, 0), reward("a", 1.0, 1, 0), reward("c", 0.6, 1, 1)
+    >>> reward("b", 1.0, 1, 1), reward("b", 1.0, 1, 0), reward("a", 1.0, 1, 0), reward("c", 0.6, 1, 1, 0.4)
     (1.0, -1.0, 0.5, 0.5)
     """
     number = REWARDS.index(check_choice("reward", kind, REWARDS))

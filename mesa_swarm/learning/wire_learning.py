@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, check_count, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, write_inputs
-from mesa_swarm.learning.learner import LARGEST, Learner, cool, is_bounded
+from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, least_of, write_inputs
+from mesa_swarm.learning.learner import LARGEST, Learner, cool, discount_of, is_bounded, regulate
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
 from mesa_swarm.learning.rewards import rewarded
 
@@ -199,8 +199,8 @@ class WireFittedQ(Learner):
         1 to 8; they begin near the thesis's actions, in their order.
     jitter : float
         Share of max_speed at temperature 1, at least 0.
-    reward, encoding, alpha, eta, gamma, beta, first_temperature, last_temperature, critical, shared, \
-self_adjusting, bump_rate, bump_window, bump_distance, frozen
+    reward, encoding, alpha, eta, gamma, beta, first_temperature, last_temperature, critical, reward_of, \
+shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, least_speed, frozen
         As for `QLearning`.
     start : WirePolicy, optional
         The initial policy of new robots.
@@ -259,9 +259,9 @@ def learn_wires(
     reward, rates, cooling, bumping, options, errors, wires, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
-    rewards, temperature, bumps = memory
-    rate, gamma, critical = rates
-    shared, self_adjusting, frozen = options
+    rewards, temperature, bumps, pace = memory
+    rate, gamma, alert, critical = rates
+    shared, self_adjusting, frozen, afterwards = options
     now, hidden = np.empty((1, inputs.shape[1])), np.empty((OUTPUTS * wires, weights[0].shape[2]))
     ends, values = np.empty((wires, 2)), np.empty(wires)
     diverged = -1
@@ -270,15 +270,21 @@ def learn_wires(
         nearest = write_inputs(distance, kind, ranges, i, design[i], now, 0)
         propose(weights, first, now, 0, hidden, ends, values)
         if not math.isnan(action[i, 0]):
-            rewards[i] = rewarded(reward, nearest, action[i, 0], action[i, 1], critical)
-            target = rewards[i] + gamma * values[best_of(values)]
+            reading = nearest if afterwards else least_of(inputs, i, distance.shape[1])
+            rewards[i] = rewarded(reward, reading, action[i, 0], action[i, 1], critical)
+            discount = discount_of(gamma, alert, bumps[i], bumping[0], self_adjusting)
+            target = rewards[i] + discount * values[best_of(values)]
             if not frozen and not learn_one(weights, first, inputs, i, hidden, ends, values, action, target, rate):
                 diverged = i if diverged < 0 else diverged
             elif not frozen:
                 lessons[i] += 1
             propose(weights, first, now, 0, hidden, ends, values)
         if not frozen:
+            before = temperature[i]
             cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
+            if pace.shape[0]:
+                ahead = 0.5 * (action[i, 0] + action[i, 1]) if not math.isnan(action[i, 0]) else bumping[3]
+                regulate(pace, i, ahead, before, temperature, cooling, bumping)
         action[i, 0] = math.nan
         if layer[i] < 0:
             w = chosen(values, temperature[i], chance[i])

@@ -19,7 +19,7 @@ from mesa_swarm.errors import RecordingError, SwarmError, check_flag, check_name
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.fire.strategy import FightFire
+from mesa_swarm.fire.strategy import FightFire, SeekHeat
 from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.actuators import Emitter, Lamp
@@ -29,6 +29,7 @@ from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.parts import RobotPart
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent
@@ -39,10 +40,10 @@ from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
 SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, FieldSensor, Carried)
 OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
-OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections)
+OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections, Scale)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
-LAYERS = (*FLOCKING, *TOWARDS_BODIES, controls.Avoid, controls.Explore, controls.Respond, FightFire)
+LAYERS = (*FLOCKING, *TOWARDS_BODIES, controls.Avoid, controls.Explore, controls.Respond, FightFire, SeekHeat)
 PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *LAYERS)}
 OWN_CODE = "code of one's own"  # a key of stored states
 ARBITERS = {"Subsumption": controls.Subsumption, "VectorSum": controls.VectorSum}

@@ -18,6 +18,7 @@ from mesa_swarm.recording.parts import is_class, part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import mount_of
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.map import Map
@@ -31,7 +32,7 @@ READABLE = (1, FORMAT)
 MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
 # Classes of parameters, besides plain values: written as {name: fields}.
-PARTS = (FireConstants, Radio)
+PARTS = (FireConstants, Radio, Scale)
 CURE = "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or use rerun=False"
 
 
@@ -45,7 +46,8 @@ def scenery_of(model: FireModel) -> dict:
         ground marks on the map; ``loads``, shapes of loads and driven bodies about their own centres, with the name of
         their `kind` if it is not load; ``kinds``, the names of all kinds if there are own ones; ``layers``, names in
         the order of the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below
-        which it has cooled; ``looks``, from `Looks.as_json`, if the model declares any.
+        which it has cooled; ``looks``, from `Looks.as_json`, if the model declares any; ``scale``, map units of a metre
+        and seconds of a step, if the model has one.
     """
     layers, looks = () if model.control is None else model.control.names, looks_of(model)
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
@@ -63,6 +65,7 @@ def scenery_of(model: FireModel) -> dict:
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
         **({"looks": looks.as_json()} if looks is not None and looks.as_json() else {}),
+        **({"scale": [model.scale.units_per_metre, model.scale.seconds_per_step]} if model.scale else {}),
     }
 
 
@@ -157,11 +160,18 @@ def parameters_of_run(model: FireModel) -> dict:
 
 
 def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel:
-    """Return the model as its constructor made it, perhaps with other parameters."""
+    """Return the model as its constructor made it, perhaps with other parameters.
+
+    Parameters that did not exist yet have the values with which the model behaves as it did then: those in
+    `earlier_defaults` of its class, or else its defaults.
+    """
     check_class(provenance, model_class)
     if not provenance["rerun"]:
         raise RecordingError("the recording was made with rerun=False: its model cannot be run again")
-    arguments = {name: _read(value) for name, value in provenance["parameters"].items()}
+    arguments = {
+        **getattr(model_class, "earlier_defaults", {}),
+        **{name: _read(value) for name, value in provenance["parameters"].items()},
+    }
     if provenance["takes_map"]:
         arguments["map"] = map_of(provenance)
     arguments["rng"] = _read_seed(provenance["seed"])

@@ -394,6 +394,7 @@ SCENERY = {
     "leave": NUMBER,
     "join_": NUMBER,
     "looks_": LOOKS,
+    "scale_": (_number(1e-9, 1e9), _number(1e-9, 1e9)),
 }
 POPULATION = ((ID, ID),) * 3
 CONTENTS = {

@@ -25,6 +25,7 @@ import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.files import (
+    check_present_format,
     checked_place,
     discard,
     is_locked,
@@ -270,6 +271,7 @@ class SealedReader:
         self._bytes = pa.py_buffer(_mapped(path))
         found = list(self._found())
         if not found or found[0].batch != 0 or not self.is_whole(found[0]):
+            check_present_format(path, RecordingError)
             raise RecordingError(f"{path} is not a recording, or its beginning is damaged; choose another file")
         try:
             self.schema = pa.ipc.read_schema(self._message(0))

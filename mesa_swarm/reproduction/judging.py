@@ -67,7 +67,7 @@ class Result:
 
     Its own picture is under "", others by a word. The settings state in words what the source leaves open and we have
     chosen. The reason states why a main claim that failed cannot hold, which makes it refuted. Remarks are further
-    findings.
+    findings, and the table is a further one, in Markdown.
     """
 
     checks: tuple[Check, ...]
@@ -75,6 +75,7 @@ class Result:
     settings: str
     remarks: tuple[str, ...] = field(default=())
     reason: str = ""
+    table: str = ""
 
     @property
     def verdict(self) -> str:

@@ -1,4 +1,4 @@
-"""Figures 6.3 and 7.3: small networks, Boltzmann's choice."""
+"""Figures 6.5 and 7.3: small networks, Boltzmann's choice."""
 
 from collections.abc import Callable
 
@@ -58,7 +58,7 @@ ROUNDING = 1e-12
 
 
 def regression(laboratory: Laboratory) -> Result:
-    """Make figure 6.3: two runs of a regression, one good and one bad."""
+    """Make figure 6.5: two runs of a regression, one good and one bad."""
     seeds = laboratory.seeds(SEEDS)
     networks = laboratory.pick(50, 10)
     same, drawn = laboratory.grid(
@@ -135,6 +135,6 @@ def choice(laboratory: Laboratory) -> Result:
 
 
 ITEMS = (
-    Item(figure="6.3", title="two runs of a regression", section="6.3", make=regression),
+    Item(figure="6.5", title="two runs of a regression", section="6.3", make=regression),
     Item(figure="7.3", title="Boltzmann's probabilities", section="7.4", make=choice),
 )

@@ -10,16 +10,23 @@ from pkgutil import iter_modules
 import numba
 import numpy as np
 
-from mesa_swarm.errors import check_choice
+from mesa_swarm.errors import UnknownNameError, check_choice
 from mesa_swarm.reproduction.judging import VERDICTS, Result, header
 from mesa_swarm.reproduction.laboratory import Laboratory
 
 PACKAGE = "mesa_swarm.reproduction"
 # A module for each subject, in the thesis's order.
-CHAPTERS = ("complexity", "swarms", "networks", "learning", "fire_fighting", "fire_growth", "maps")
+CHAPTERS = (
+    *("complexity", "avoidance", "swarms", "networks", "learning", "oscillations", "foresight"),
+    *("tuning", "fire_fighting", "fire_growth", "maps"),
+)
 # Modules whose names begin with this hold the results of papers.
 PUBLISHED = "published"
-THESIS, PAPER = "thesis", "paper"
+THESIS, PAPER, READING = "thesis", "paper", "reading"
+# The module of what depends on how the thesis is read.
+READINGS = "readings"
+# Numbers of earlier versions, which were not those of the thesis's captions.
+RENUMBERED = {"6.3": "6.5"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -28,7 +35,8 @@ class Item:
 
     A result of the thesis has the number of its figure and its section. A result of a paper has the name of the model
     of the gallery that reproduces it, authors and year as its section, the full reference, and a paragraph about what
-    was found there and how the model differs.
+    was found there and how the model differs. A result of `readings`, which compares ways to read the thesis, has a
+    paragraph too.
     """
 
     figure: str
@@ -37,10 +45,13 @@ class Item:
     make: Callable[[Laboratory], Result]
     paper: str = ""
     about: str = ""
+    readings: bool = False
 
     @property
     def source(self) -> str:
-        """Where the result comes from: "thesis" or "paper"."""
+        """Where the result comes from: "thesis", "paper", or "reading" of the thesis."""
+        if self.readings:
+            return READING
         return PAPER if self.paper else THESIS
 
     @property
@@ -51,10 +62,11 @@ class Item:
 
 @cache
 def items() -> dict[str, Item]:
-    """Return all results by the number of their figure: the thesis's in its order, then those of papers by name."""
+    """Return all results by the number of their figure: the thesis's in its order, then readings, then papers."""
     of_thesis = [item for name in CHAPTERS for item in _items_in(name)]
+    of_readings = _items_in(READINGS)
     of_papers = [item for name in _published() for item in _items_in(name)]
-    return {item.figure: item for item in (*of_thesis, *sorted(of_papers, key=lambda item: item.figure))}
+    return {item.figure: item for item in (*of_thesis, *of_readings, *sorted(of_papers, key=lambda item: item.figure))}
 
 
 def _items_in(module: str) -> Sequence[Item]:
@@ -68,6 +80,8 @@ def _published() -> list[str]:
 
 def find_item(figure: str) -> Item:
     """Return the result of this number."""
+    if figure in RENUMBERED:
+        raise UnknownNameError(f"unknown figure {figure!r}; what earlier versions called so is {RENUMBERED[figure]!r}")
     return items()[check_choice("figure", figure, items())]
 
 
@@ -96,6 +110,17 @@ settings and criteria were fixed before the judged runs, which have seeds from 1
 changes. Figures have the numbers of the thesis's captions; results without a figure have those of their section or
 equation. Many results are pictures in the thesis: the column "thesis" quotes its text about them.
 """
+OF_READINGS = f"""\
+# How much the verdicts depend on how one reads
+
+This page is written by `mesa-swarm reproduce --readings --report docs/readings.md`.
+
+{VERDICTS_IN_WORDS}
+Settings and criteria were fixed, and committed, before the runs that are judged, which have seeds from 1,001 on. The
+combinations are all that the three questions allow; none was left out. Verdicts on this page are about what a reading
+changes; the second table of each section has the claims of the thesis that hold under it. To repeat a single section:
+`mesa-swarm reproduce --figure readings-8.3`.
+"""
 OF_PAPERS = f"""\
 # Published results
 
@@ -122,14 +147,20 @@ class Made:
 
 def report(made: Sequence[Made], *, quick: bool = False, runs: tuple[int, int] = (0, 0)) -> str:
     """Return the page; it states if few seeds were enough, and how many runs were made and found."""
-    introduction = OF_PAPERS if all(one.item.source == PAPER for one in made) else INTRODUCTION
     parts = [
-        introduction,
+        introduction_of({one.item.source for one in made}),
         surroundings(made, quick, runs),
         summary(made, quick),
         *(section(one, quick) for one in made),
     ]
     return "\n".join(part.rstrip() + "\n" for part in parts)
+
+
+def introduction_of(sources: set[str]) -> str:
+    """Return what begins a page of results from these sources."""
+    if sources == {PAPER}:
+        return OF_PAPERS
+    return OF_READINGS if sources == {READING} else INTRODUCTION
 
 
 def surroundings(made: Sequence[Made], quick: bool, runs: tuple[int, int]) -> str:
@@ -169,15 +200,16 @@ def section(one: Made, quick: bool = False) -> str:
     where = one.item.paper or f"Thesis {one.item.section}."
     why = f"{one.result.reason}\n\n" if one.result.reason else ""
     table = table_of(header(one.item.source), rows)
+    more = f"\n\n{one.result.table}" if one.result.table else ""
     return (
         f"## {one.item.figure}: {one.item.title}\n\n"
         f"{where} **{marked(one.result, quick).capitalize()}.**\n\n"
-        f"{why}{described(one.item)}{table}\n\nSettings: {one.result.settings}.\n{remarks}"
+        f"{why}{described(one.item)}{table}{more}\n\nSettings: {one.result.settings}.\n{remarks}"
     )
 
 
 def described(item: Item) -> str:
-    """Return the paragraph about the result of a paper, and its picture."""
+    """Return the paragraph about the result of a paper or of readings, and its picture."""
     if item.source == THESIS:
         return ""
     return f"{item.about}\n\n![{item.title}](pictures/{item.figure}.png)\n\n"

@@ -29,6 +29,7 @@ DRIVE_SPEED = "drive.speed"
 # A step is cut into pieces of half a radius: faster robots than this would take too long.
 FASTEST_IN_RADII = 1000
 MOST_SENSORS = 360
+LONGEST_CHARGE = 1e12
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,6 +52,9 @@ class RobotDesign:
         How wheels move the body; `DifferentialDrive()` by default.
     actuators : tuple of Actuator
         What it has besides wheels.
+    battery : float
+        Steps at full speed that a charge lasts, after which the robot stands; 0 for that of the model's
+        `imperfections`, which is without end by default.
 
     Raises
     ------
@@ -71,6 +75,7 @@ class RobotDesign:
     slip_magnitude: float = 0.0
     drive: Drive = field(default_factory=DifferentialDrive)
     actuators: tuple[Actuator, ...] = ()
+    battery: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -78,6 +83,7 @@ class RobotDesign:
         check_number("max_speed", self.max_speed, minimum=0, maximum=FASTEST_IN_RADII * radius)
         check_number("slip_probability", self.slip_probability, minimum=0, maximum=1)
         check_number("slip_magnitude", self.slip_magnitude, minimum=0, maximum=1)
+        check_number("battery", self.battery, minimum=0, maximum=LONGEST_CHARGE)
         check_name("name", self.name)
         if not isinstance(self.sensors, (tuple, list)):
             raise InvalidValueError(f"sensors is {shortened(self.sensors)}; expected a tuple of sensors")
@@ -227,6 +233,9 @@ AGENT3 = RobotDesign(name="AGENT3", sensors=_infrared([0, 40, -40], 40))
 AGENT6 = RobotDesign(name="AGENT6", sensors=_infrared([0, 60, -60, 120, -120, 180], 40))
 AGENT9 = RobotDesign(name="AGENT9", sensors=_infrared([0, 30, -30, 60, -60, 90, -90, 140, -140], 30))
 AGENT_FIRE = RobotDesign(name="AGENT_FIRE", sensors=(*AGENT9.sensors, RadiationSensor()))
+# Feels heat as far as AGENT9 sees, ahead and on both sides.
+_FEELERS = (RadiationSensor(bearing_degrees=b, range=50.0, field_of_view_degrees=60.0) for b in (0, 60, -60))
+AGENT_HEAT = RobotDesign(name="AGENT_HEAT", sensors=(*AGENT9.sensors, *_FEELERS))
 
 
 # Columns of `proximity` and `radiation`; the compiled functions take them as constants.
@@ -259,6 +268,8 @@ class DesignTable:
         Indices of the front, left and right proximity sensors, -1 for none.
     slip : ndarray, shape (2, d)
         Probability and magnitude.
+    battery : ndarray, shape (d,)
+        Steps at full speed that a charge lasts, 0 for what the model decides.
     sideways : bool ndarray, shape (d,)
         Whether a command is speeds forward and sideways.
     numbers : int64 ndarray, shape (d,)
@@ -288,6 +299,7 @@ class DesignTable:
     reach: np.ndarray
     forward: np.ndarray
     slip: np.ndarray
+    battery: np.ndarray
     sideways: np.ndarray
     numbers: np.ndarray
     acceleration: np.ndarray
@@ -329,6 +341,7 @@ class DesignTable:
             reach=np.max(mounts + proximity[..., RANGE], axis=1, initial=0.0),
             forward=np.array([(d.front, d.left, d.right) for d in designs], np.int64).reshape(-1, 3),
             slip=slip,
+            battery=np.array([d.battery for d in designs], float),
             sideways=np.array([d.turns is False for d in designs], np.bool_),
             numbers=numbers,
             acceleration=acceleration,

@@ -1,13 +1,15 @@
 """Errors of real sensors and wheels: one schema for all of them, and a dial from 0 to 1."""
 
+import math
 from dataclasses import dataclass, fields, replace
+from functools import reduce
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import LONGEST_HOLD, ProximitySensor
 
-LONGEST_LAG = 1e6
+LONGEST_LAG, LARGEST_ERROR = 1e6, 10.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,7 +54,7 @@ class Imperfection:
 
     def __post_init__(self) -> None:
         """Check every value."""
-        check_number("error", self.error, minimum=0, maximum=10)
+        check_number("error", self.error, minimum=0, maximum=LARGEST_ERROR)
         dropout = check_number("dropout", self.dropout, minimum=0, maximum=1)
         outliers = check_number("outliers", self.outliers, minimum=0, maximum=1)
         check_number("dropout + outliers", dropout + outliers, maximum=1)
@@ -92,6 +94,11 @@ class Imperfections:
         Steps at full speed that a charge lasts, after which a robot stands for good; 0 for a charge without end.
     failure : float
         Probability in each step that a robot breaks down and stands for good, 0 to 1.
+    sensor_failure, wheel_failure : float
+        Probabilities, in each step for each sensor and each wheel, that it fails for good: a sensor reads nothing, a
+        wheel is stuck; see `Robot.fail`.
+    slip_probability, slip_magnitude : float
+        In each step each wheel loses, with this probability, this share of the speed at which it rolls; both 0 to 1.
 
     Raises
     ------
@@ -108,6 +115,10 @@ class Imperfections:
     driving: Imperfection = Imperfection()
     battery: float = 0.0
     failure: float = 0.0
+    sensor_failure: float = 0.0
+    wheel_failure: float = 0.0
+    slip_probability: float = 0.0
+    slip_magnitude: float = 0.5
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -118,7 +129,8 @@ class Imperfections:
         if self.sensing.lag:
             raise InvalidValueError(f"lag of sensing is {self.sensing.lag}; expected 0: late readings have a period")
         check_number("battery", self.battery, minimum=0, maximum=1e12)
-        check_number("failure", self.failure, minimum=0, maximum=1)
+        for name in ("failure", "sensor_failure", "wheel_failure", "slip_probability", "slip_magnitude"):
+            check_number(name, getattr(self, name), minimum=0, maximum=1)
 
     def at(self, dial: float) -> "Imperfections | None":
         """Return the imperfections at a place of the dial; None, which costs nothing, where there are none.
@@ -140,8 +152,12 @@ class Imperfections:
             driving=self.driving.at(share),
             battery=float(self.battery) / share,
             failure=float(self.failure) * share,
+            sensor_failure=float(self.sensor_failure) * share,
+            wheel_failure=float(self.wheel_failure) * share,
+            slip_probability=float(self.slip_probability) * share,
+            slip_magnitude=self.slip_magnitude,
         )
-        return None if found == Imperfections() else found
+        return None if changes_nothing(found) else found
 
 
 # Of the Robotarium's robots: seven distance sensors, 3 % error, 3.5 % dropout, 1.4 % outliers.
@@ -165,3 +181,61 @@ ROBOTARIUM_ROBOT = RobotDesign(
 def is_ideal(one: Imperfection) -> bool:
     """Return whether an imperfection changes nothing; how long errors are held does not matter where there are none."""
     return all(getattr(one, field.name) == field.default for field in fields(one) if field.name != "hold")
+
+
+def changes_nothing(given: Imperfections) -> bool:
+    """Return whether robots are ideal: by how much wheels slip does not matter where they never do."""
+    return replace(given, slip_magnitude=Imperfections().slip_magnitude) == Imperfections()
+
+
+def together(*sources: Imperfections | None) -> Imperfections | None:
+    """Return the imperfections of robots with several independent ones; None for none.
+
+    Relative errors add as variances, probabilities as those of independent events, lags add up; the shorter charge and
+    the longer period count, and of slipping wheels the larger loss.
+
+    Examples
+    --------
+    >>> both = together(ROBOTARIUM, Imperfections(sensing=Imperfection(error=0.04), slip_probability=0.1))
+    >>> round(both.sensing.error, 3), both.slip_probability
+    (0.05, 0.1)
+    >>> together(None, Imperfections()) is None
+    True
+    """
+    found = [one for one in sources if one is not None and not changes_nothing(one)]
+    return reduce(_both, found) if found else None
+
+
+def _both(a: Imperfections, b: Imperfections) -> Imperfections:
+    return Imperfections(
+        sensing=_combined(a.sensing, b.sensing),
+        driving=_combined(a.driving, b.driving),
+        battery=min(charges) if (charges := [one for one in (a.battery, b.battery) if one]) else 0.0,
+        failure=_either(a.failure, b.failure),
+        sensor_failure=_either(a.sensor_failure, b.sensor_failure),
+        wheel_failure=_either(a.wheel_failure, b.wheel_failure),
+        slip_probability=_either(a.slip_probability, b.slip_probability),
+        slip_magnitude=_loss(a, b),
+    )
+
+
+def _loss(a: Imperfections, b: Imperfections) -> float:
+    """Return by how much wheels slip where either slips."""
+    return max((one.slip_magnitude for one in (a, b) if one.slip_probability), default=b.slip_magnitude)
+
+
+def _combined(a: Imperfection, b: Imperfection) -> Imperfection:
+    dropout = _either(a.dropout, b.dropout)
+    return Imperfection(
+        error=min(math.hypot(a.error, b.error), LARGEST_ERROR),
+        dropout=dropout,
+        outliers=min(_either(a.outliers, b.outliers), 1.0 - dropout),
+        hold=max(a.hold, b.hold),
+        period=max(a.period, b.period),
+        lag=min(a.lag + b.lag, LONGEST_LAG),
+    )
+
+
+def _either(p: float, q: float) -> float:
+    """Return the probability of at least one of two independent events; exactly the other where one is 0."""
+    return p + q - p * q

@@ -27,7 +27,7 @@ from mesa_swarm.viewing.palette import (
     value_colours,
     value_steps,
 )
-from mesa_swarm.viewing.pictures import USUAL, peaks_of, scaled
+from mesa_swarm.viewing.pictures import USUAL, peaks_of, scaled, step_text
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import looks_in
 from mesa_swarm.world.fields import shrunk
@@ -170,6 +170,7 @@ class Animation:
             *self._loads(small=True),
             *self._labels(scale),
             "</g></g>",
+            *self._ruler(caption),
             f'{frame} fill="none" stroke="{LIGHT.border}" stroke-width="{width / USUAL:.3g}"/>',
             *self._caption(caption),
             f'<g transform="translate(0 {caption + height:.6g})">{legend.text}</g>' if legend.text else "",
@@ -182,6 +183,18 @@ class Animation:
 
     def _numbers(self, *numbers: float) -> str:
         return number_row(numbers, self._digits)
+
+    def _ruler(self, caption: float) -> Iterator[str]:
+        """Yield the scale bar, if the length of a metre is known."""
+        scale = self._drawn.scene.scale
+        if scale is None:
+            return
+        (width, height), size = self._size, 0.5 * caption
+        length, text = scale.ruler(width)
+        x, y, stroke = 0.04 * width, caption + 0.95 * height, f'stroke="{LIGHT.ink}" stroke-width="{size / 10:.3g}"'
+        ends = f"M{x:.6g} {y - size / 4:.6g}v{size / 4:.6g}h{length:.6g}v{-size / 4:.6g}"
+        words = f'<text x="{x + length / 2:.6g}" y="{y - size / 3:.6g}" font-size="{size:.4g}" text-anchor="middle"'
+        yield f'<g class="ruler"><path fill="none" {stroke} d="{ends}"/>{words} fill="{LIGHT.ink}">{text}</text></g>'
 
     def _standing(self) -> Iterator[str]:
         scene = self._drawn.scene
@@ -350,8 +363,8 @@ class Animation:
         yield f'<g clip-path="url(#line)"><g {look} text-anchor="end">'
         yield self._clock.jumping("transform", jumps, "animateTransform", ' type="translate"')
         for place, frame in enumerate(self._frames):
-            y = (place + 0.7) * height
-            yield f'<text x="{width - size / 2:.6g}" y="{y:.6g}">step {frame.step:,}</text>'
+            y, when = (place + 0.7) * height, step_text(frame.step, self._drawn.scene.scale)
+            yield f'<text x="{width - size / 2:.6g}" y="{y:.6g}">{when}</text>'
         yield "</g></g>"
 
 

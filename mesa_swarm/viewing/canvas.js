@@ -20,6 +20,7 @@
      shapes      [{ disc: [x, y, r] } or { rings: [[[x, y], ...], ...] }, each with mark: true on the ground]
      loads       the same about their own centres
      designs     [{ name, radius, holonomic, sensors: [[mount_x, mount_y, bearing, half_angle, range], ...] }]
+     scale       [map units a metre, seconds a step], if they are known
      layers      names; the column layer holds indices into them
      kinds       names of all kinds of bodies, if there are kinds of the model's own; the column kind holds their indices
      columns     [{ name, table, width, type }] of a packed frame, in its order
@@ -63,6 +64,8 @@ export function togglesOf(world) {
 }
 
 const TAU = 2 * Math.PI;
+// Units of length by name, m.
+const LENGTHS = [["km", 1e3], ["m", 1], ["cm", 1e-2], ["mm", 1e-3], ["µm", 1e-6]];
 const ROBOT = 1;
 // More robots in sight than this are drawn without sectors and the like, and plainer.
 const MOST_DETAILED = 2000;
@@ -409,10 +412,21 @@ export class Stage {
     this.#toMap(context);
   }
 
+  /** Return the length of a scale bar, map units, at most this long, and its text: a length in metres if those are known. */
+  #ruler(most) {
+    if (!this.#world.scale) {
+      const length = roundLength(most);
+      return [length, `${Number(length.toPrecision(2))} units`];
+    }
+    const units = this.#world.scale[0], metres = roundLength(most / units);
+    const [name, size] = LENGTHS.find(([, size]) => metres >= size * (1 - 1e-9)) ?? LENGTHS[LENGTHS.length - 1];
+    return [metres * units, `${Number((metres / size).toPrecision(2))} ${name}`];
+  }
+
   #drawScale(context) {
-    const ratio = this.#ratio, length = roundLength(110 * this.#pixel), pixels = length * this.#view.scale;
+    const [length, text] = this.#ruler(110 * this.#pixel), ratio = this.#ratio, pixels = length * this.#view.scale;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    const x = 14, y = this.#height - 14, text = `${Number(length.toPrecision(2))} units`;
+    const x = 14, y = this.#height - 14;
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "alphabetic";

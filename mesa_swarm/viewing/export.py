@@ -20,14 +20,24 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
-from mesa_swarm.files import check_writable, checked_place, draft_of, shown_path, unwritable, write_whole
+from mesa_swarm.files import (
+    check_present_format,
+    check_writable,
+    checked_place,
+    draft_of,
+    shown_path,
+    unwritable,
+    write_whole,
+)
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import table_of
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.viewing.animation import export_animation
 from mesa_swarm.viewing.films import check_even, export_film, export_gif, ffmpeg
 from mesa_swarm.viewing.pictures import Look, export_stills, still_paths
 from mesa_swarm.viewing.recorded_steps import PicturedSteps, RecordedSteps
+from mesa_swarm.viewing.scene import scale_in
 
 STEPS_AT_ONCE = 256
 RANGE = ("every", "first", "last")
@@ -191,17 +201,27 @@ def pieces(rows: RecordedSteps, steps: Sequence[int], table: str, progress: bool
     """
     rows.recording.checked_table(table)
     kinds = rows.recording.load_kinds if table == "loads" else {}
+    sceneries = rows.recording.sceneries
+    scale = scale_in(sceneries[0][1]) if sceneries else None
     found = 0
     with progress_bar(len(steps), "steps", progress) as bar:
         for begin in range(0, len(steps), STEPS_AT_ONCE):
             chosen = steps[begin : begin + STEPS_AT_ONCE]
-            piece = table_of((rows.frame(step) for step in chosen), table, kinds)
+            piece = measured(table_of((rows.frame(step) for step in chosen), table, kinds), scale)
             found += len(piece)
             yield piece
             bar.update(len(chosen))
     if not found:
         text = f"{rows.recording.path} has no {table} in these steps: the table is empty"
         warnings.warn(text, ExportWarning, stacklevel=2)
+
+
+def measured(table: pd.DataFrame, scale: Scale | None) -> pd.DataFrame:
+    """Return a table with columns of seconds and metres behind the others, if a scale is known."""
+    if scale is None:
+        return table
+    lengths = {f"{name}_m": scale.metres(table[name]) for name in ("x", "y", "radius") if name in table}
+    return table.assign(time_s=scale.seconds(table["step"]), **lengths)
 
 
 def export_page(recording: Recording, path: Path) -> None:
@@ -357,6 +377,7 @@ def _checked_path(path: object) -> Path:
     if not isinstance(path, (str, os.PathLike)):
         raise InvalidValueError(f"path is {shortened(path)}; expected the name of a file such as 'out.mp4'")
     target = Path(path)
+    check_present_format(target)
     check_choice("kind of file", target.suffix.lower(), PERMITTED)
     return target
 

@@ -33,6 +33,7 @@ from mesa_swarm.viewing.pictures import (
     literal,
     peaks_of,
     scaled,
+    step_text,
 )
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene
@@ -114,7 +115,7 @@ class Screen:
             artist.remove()
         before = set(axes.get_children())
         draw_scene(axes, scene, step)
-        axes.set(xlabel="", ylabel="")
+        axes.set(xlabel="", ylabel="", xticks=[], yticks=[])  # with a scale they are in metres
         self._standing = [artist for artist in axes.get_children() if artist not in before]
         self._canvas.draw()
         self._behind = self._canvas.copy_from_bbox(axes.figure.bbox)
@@ -133,7 +134,7 @@ class Screen:
         out = frame.columns.get("fires", NO_ROWS["fires"])["out"]
         self._name.set_text(literal(self._drawn.scene.name))
         self._count.set_text(f"{out.sum()} of {len(out)} fires out" if len(out) else "")
-        self._step.set_text(f"step {frame.step:,}")
+        self._step.set_text(step_text(frame.step, self._drawn.scene.scale))
         for text in (self._name, self._count, self._step):
             self._axes.draw_artist(text)
 

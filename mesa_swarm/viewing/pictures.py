@@ -21,6 +21,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle, Wedge
 from matplotlib.path import Path as Outline
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import ExportError, InvalidValueError, check_count, shortened
@@ -30,6 +31,7 @@ from mesa_swarm.looks import LABEL_BYTES
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks, frame_of
 from mesa_swarm.recording.layout import PIXELS
+from mesa_swarm.robots.real_robots import Scale, length_unit
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
 from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.legend import LegendEntry
@@ -142,12 +144,42 @@ def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
     x_min, y_min, x_max, y_max = scene.bounds
     axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal", facecolor=LIGHT.ground)
     axes.set(xlabel="x (map units)", ylabel="y (map units)")
+    if scene.scale is not None:
+        _in_metres(axes, scene.scale, scene.bounds)
+        _draw_ruler(axes, scene.scale, scene.bounds)
     obstacles = scene.obstacles(step)
     pairs = list(zip(obstacles, scene.obstacle_kinds(step), strict=True))
     for height, label, usual in ((1, "marks", LIGHT.mark), (2, "obstacles", LIGHT.obstacle)):
         chosen = [(shape, kind) for shape, kind in pairs if shape.contact == (height == 2)]
         colours = [kind_colour(scene.looks, kind, usual) for _, kind in chosen]
         _draw_shapes(axes, [shape for shape, _ in chosen], colours, height, label)
+
+
+def _in_metres(axes: Axes, scale: Scale, bounds: Bounds) -> None:
+    """Label the axes in metres, or another unit of length that suits the world."""
+    x_min, y_min, x_max, y_max = bounds
+    name, size = length_unit(scale.metres(max(x_max - x_min, y_max - y_min)) / 2)
+    unit = size * scale.units_per_metre
+
+    def number(at: float, _: int | None) -> str:
+        return f"{round(at / unit, 6) + 0.0:g}"
+
+    for axis, letter, low, high in ((axes.xaxis, "x", x_min, x_max), (axes.yaxis, "y", y_min, y_max)):
+        marks = np.asarray(MaxNLocator(nbins=8, steps=[1, 2, 5, 10]).tick_values(low / unit, high / unit)) * unit
+        axis.set_major_locator(FixedLocator(marks[(low <= marks) & (marks <= high)].tolist()))
+        axis.set_major_formatter(FuncFormatter(number))
+        axis.set_label_text(f"{letter} ({name})")
+
+
+def _draw_ruler(axes: Axes, scale: Scale, bounds: Bounds) -> None:
+    """Draw a scale bar at the lower left, above all else."""
+    x_min, y_min, x_max, y_max = bounds
+    length, text = scale.ruler(x_max - x_min)
+    x, y = x_min + 0.04 * (x_max - x_min), y_min + 0.05 * (y_max - y_min)
+    ends = Line2D([x, x + length], [y, y], marker="|", color=LIGHT.ink, linewidth=1.5, zorder=9, path_effects=HALO)
+    axes.add_artist(ends)
+    words = axes.text(x + length / 2, y, text, size=8, color=LIGHT.ink, ha="center", va="bottom", zorder=9)
+    words.set(path_effects=HALO)
 
 
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
@@ -435,6 +467,25 @@ def scaled(frame: Frame, scene: Scene, largest: dict[str, float]) -> Frame:
     return replace(frame, columns={**columns, "fields": table})
 
 
+def step_text(step: int, scale: Scale | None) -> str:
+    """Return the caption of a step, with its time if that is known."""
+    return f"step {step:,}" if scale is None else f"step {step:,}, {time_text(scale.seconds(step))}"
+
+
+def time_text(seconds: float) -> str:
+    """Return a time as a clock with minutes would show it, a short one in seconds.
+
+    Examples
+    --------
+    >>> time_text(7.25), time_text(83.4)
+    ('7.2 s', '1 min 23 s')
+    """
+    if seconds < 60:
+        return f"{seconds:.3g} s" if seconds < 1 else f"{seconds:.1f} s"
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes:,} min {rest} s"
+
+
 def literal(text: str) -> str:
     """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics."""
     return text.replace("$", "\\$")
@@ -467,7 +518,7 @@ def export_stills(drawn: PicturedSteps, files: dict[Path, list[int]], look: Look
 def still_figure(drawn: PicturedSteps, steps: Sequence[int], look: Look) -> Figure:
     """Return a figure of steps, side by side if they are several."""
     scene = drawn.scene
-    shown = {f"{scene.name}, step {step:,}": (drawn.frame(step), scene) for step in steps}
+    shown = {f"{scene.name}, {step_text(step, scene.scale)}": (drawn.frame(step), scene) for step in steps}
     figure = world_figure(shown, look.sectors)
     if look.trails:
         for axes, step in zip(figure.axes, steps, strict=False):

@@ -15,9 +15,10 @@ from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.snapshots import check_watched
 from mesa_swarm.viewing.palette import LIGHT, layer_colour
-from mesa_swarm.viewing.pictures import Shown, literal, world_figure
+from mesa_swarm.viewing.pictures import Shown, literal, step_text, world_figure
 from mesa_swarm.viewing.scene import scene_of
 
 MOST_TRACES = 8
@@ -57,7 +58,7 @@ def stages(
     for step in wanted:
         model.run(step - model.steps, progress)
         frame = frame_of(model, perceived=perceived)
-        shown[f"{type(model).__name__}, step {model.steps:,}"] = frame, scene_of(model)
+        shown[f"{type(model).__name__}, {step_text(model.steps, model.scale)}"] = frame, scene_of(model)
     return world_figure(shown)
 
 
@@ -141,11 +142,16 @@ def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
         check_count("robots", robots, minimum=1)
     names = list(model.control.names)
     ids = [robot.unique_id for robot in model.swarm.agents[:robots]]
-    return ethogram_figure(snapshots.steps, snapshots["layer"][:, :robots], names, ids)
+    return ethogram_figure(snapshots.steps, snapshots["layer"][:, :robots], names, ids, scale=model.scale)
 
 
 def ethogram_figure(
-    steps: np.ndarray, layer: np.ndarray, names: Sequence[str], ids: Sequence[int] | None = None
+    steps: np.ndarray,
+    layer: np.ndarray,
+    names: Sequence[str],
+    ids: Sequence[int] | None = None,
+    *,
+    scale: Scale | None = None,
 ) -> Figure:
     """Return the figure of `ethogram` from plain arrays.
 
@@ -158,7 +164,11 @@ def ethogram_figure(
         Of the layers.
     ids : sequence of int, optional
         Names of the robots, unique_id in `ethogram`; by default 1, 2, ...
+    scale : Scale, optional
+        With which the axis is in seconds.
     """
+    if scale is not None:
+        steps = scale.seconds(np.asarray(steps))
     n = layer.shape[1]
     colours = [layer_colour(k) for k in range(-1, len(names))]
     figure = Figure(figsize=(9.0, 2.6 + min(0.13 * n, 5.0)), layout="constrained")
@@ -178,8 +188,9 @@ def ethogram_figure(
     shares = layer_shares(layer, len(names))
     # Each share is drawn from the step before to its own, the first one too.
     below.stackplot([edges[0], *steps], np.vstack([shares[:1], shares])[:, :-1].T, colors=colours[1:], step="pre")
-    below.set(xlabel="step", ylabel="share of robots", xlim=edges, ylim=(0, 1))
-    below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    below.set(xlabel="step" if scale is None else "time (s)", ylabel="share of robots", xlim=edges, ylim=(0, 1))
+    if scale is None:
+        below.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     shown = [Patch(color=colour, label=literal(name)) for colour, name in zip(colours[1:], names, strict=True)]
     if (layer < 0).any():
         shown.append(Patch(color=LIGHT.no_layer, label="no layer: it stands"))

@@ -16,6 +16,7 @@ from mesa_swarm.recording.frames import Frame, field_levels, field_names, field_
 from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import ProximitySensor
 from mesa_swarm.viewing.legend import STANDARD, LegendEntry, body_entries, field_entry, value_entry
 from mesa_swarm.viewing.palette import PALETTES, value_colours
@@ -85,6 +86,11 @@ class Scene:
     def looks(self) -> dict:
         """What the model declares about its drawing, from `Looks.as_json`; empty without."""
         return self.changes[0][1].get("looks", {})
+
+    @property
+    def scale(self) -> Scale | None:
+        """How long a metre and a step are, None if that is not known."""
+        return scale_in(self.changes[0][1])
 
     def legend(self, frame: Frame) -> list[LegendEntry]:
         """Return the entries of a frame: kinds of bodies in it, fields with their ranges, values of robots."""
@@ -221,6 +227,7 @@ class Scene:
             "layers": scenery["layers"],
             **({"kinds": last["kinds"]} if "kinds" in last else {}),
             "leave": scenery["leave"],
+            **({"scale": scenery["scale"]} if "scale" in scenery else {}),
             "reach": max(ranges, default=0.0) or 1.0,
             "fastest": max(design["max_speed"] for design in designs) or 1.0,
             **({"looks": _themed_looks(self.looks)} if self.looks else {}),
@@ -231,6 +238,14 @@ class Scene:
             **({"fields": list(self.fields)} if self.fields else {}),
             "legend": [entry.as_json() for entry in (*self._own_bodies(scenery), *self._fields_in_legend)],
         }
+
+
+def scale_in(scenery: dict) -> Scale | None:
+    """Return the scale of a scenery, None if it has none."""
+    if "scale" not in scenery:
+        return None
+    units, seconds = scenery["scale"]
+    return Scale(units_per_metre=units, seconds_per_step=seconds)
 
 
 def _kind_of(shape: dict) -> str:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, MapError, check_choice, check_number, shortened, unknown_name
-from mesa_swarm.files import shown_path, write_whole
+from mesa_swarm.files import check_present_format, shown_path, write_whole
 from mesa_swarm.world.map_parts import (
     LARGEST_FILE,
     RADIUS_OF_UNIT_AREA,
@@ -43,6 +43,10 @@ WRITABLE = (".toml", ".svg")
 LARGEST_LEGACY_FILE = 1_000_000
 # Python's parser uses a kilobyte or more for each.
 MOST_WORDS = 150_000
+# Quotation marks as PDF files have them in listings.
+PRINTED = str.maketrans(
+    {**dict.fromkeys("\u201c\u201d\u201e\u201f", '"'), **dict.fromkeys("\u2018\u2019\u201a\u201b", "'")}
+)
 _WORD = re.compile(r"\w+(?:\.\w*)?|[^\w \t]")
 # Comments and strings, whole or cut off, with the letters before a string: f and t make it a computed text.
 _STRING = re.compile(
@@ -129,8 +133,9 @@ class Map:
         Parameters
         ----------
         source : Map, str or Path
-            A Map is returned as it is. A string may be one of `builtin_maps()` or `maze`; any other
-            string and every Path is a `.toml`, `.svg` or `.map` file.
+            A Map is returned as it is. A string may be one of `builtin_maps()`; any other string and every Path
+            is a `.toml`, `.svg` or `.map` file. A string that is not a file may be a name of the thesis's, such as
+            `maze` or `openspace_FIRE.map`.
 
         Raises
         ------
@@ -139,15 +144,16 @@ class Map:
 
         Examples
         --------
-        >>> Map.load("maze").name
-        'sparse'
+        >>> Map.load("maze").name, Map.load("openspace_FIRE.map").name
+        ('sparse', 'openspace_fire')
         """
         if isinstance(source, Map):
             return source
-        if isinstance(source, str) and source in (*BUILTIN, *ALIASES):
-            return _builtin(ALIASES.get(source, source))
         if not isinstance(source, (str, os.PathLike)):
             raise refusal("map", "", f"is {shortened(source)}; expected a Map, a name or a path")
+        name = builtin_name(source)
+        if name and (source in (*BUILTIN, *ALIASES) or not _exists(Path(source))):
+            return _builtin(name)
         return _from_file(source)
 
     @classmethod
@@ -220,6 +226,21 @@ def builtin_maps() -> list[str]:
     return list(BUILTIN)
 
 
+def builtin_name(text: object) -> str | None:
+    """Return the name of the built-in map that a text stands for, in the thesis's writing too, or None.
+
+    Examples
+    --------
+    >>> builtin_name("openspace_FIRE.map"), builtin_name("maze"), builtin_name("hall.map")
+    ('openspace_fire', 'sparse', None)
+    """
+    if not isinstance(text, str):
+        return None
+    name = text.lower().removesuffix(".map")
+    name = ALIASES.get(name, name)
+    return name if name in BUILTIN else None
+
+
 def _parts_within(bounds: Bounds, word: str, parts: Iterable[Part], wanted: type[Part]) -> tuple[Part, ...]:
     """Return the parts as a tuple if each is of the wanted type and partly within the bounds."""
     if not isinstance(parts, Iterable):
@@ -254,16 +275,19 @@ def _from_file(source: str | os.PathLike[str]) -> Map:
 def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
     """Return the path and how errors show it; a missing file may be a misspelt built-in name."""
     path, shown = Path(source), shown_path(source)
+    check_present_format(path, MapError)
+    if _exists(path):
+        return path, shown
+    if name := builtin_name(path.stem):
+        raise refusal(shown, "no such file", f"a path is a file; the built-in map is the text {name!r}")
+    raise refusal(shown, "no such file", unknown_name("map", path.stem, (*BUILTIN, *ALIASES)))
+
+
+def _exists(path: Path) -> bool:
     try:
-        exists = path.exists()
+        return path.exists()
     except (OSError, ValueError):  # a name too long for the system, or with a null byte
-        exists = False
-    if not exists:
-        names = (*BUILTIN, *ALIASES)
-        if shown in names:
-            raise refusal(shown, "no such file", f"a path is a file; the built-in map is the text {shown!r}")
-        raise refusal(shown, "no such file", unknown_name("map", path.stem, names))
-    return path, shown
+        return False
 
 
 def _known_suffix(path: Path, known: tuple[str, ...]) -> str:
@@ -293,12 +317,13 @@ class Entry(NamedTuple):
 def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
     """Return the contents of a `.map` file of the thesis, as the keyword arguments of `Map`; errors name the line.
 
-    The text looks like Python and is parsed as such, but never executed: only the listed calls with plain numbers
-    are recognised, everything else is refused. The map spans from (0, 0) to the far corner of all its bodies; y is
-    turned to point up.
+    The text looks like Python and is parsed as such, but never executed: only the listed calls with plain numbers,
+    in a list that may be assigned to a name as in the thesis's Listing 4.1, are recognised, everything else is refused.
+    Lines may be indented, and quotation marks be those of print. The map spans from (0, 0) to the far corner of all its
+    bodies; y is turned to point up.
     """
     entries = []
-    for call in _calls(_tree(text, source), source):
+    for call in _calls(_tree(_typed(text), source), source):
         with naming(source, f"line {call.lineno}"):
             entries.append(_entry(call))
     with naming(source):
@@ -310,6 +335,13 @@ def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
         "obstacles": tuple(part for part in parts if isinstance(part, Shape)),
         "fires": tuple(part for part in parts if isinstance(part, FireSpot)),
     }
+
+
+def _typed(text: str) -> str:
+    """Return what is copied from print as it is typed: plain quotation marks, no indentation, no empty space."""
+    text = re.sub("\u2019\u2019|\u2018\u2018", '"', text)
+    lines = text.translate(PRINTED).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return "\n".join(line.replace("\xa0", " ").lstrip(" \t") for line in lines)
 
 
 def _tree(text: str, source: str) -> ast.Module:
@@ -342,9 +374,11 @@ def _refuse_computed_strings(text: str, source: str) -> None:
 def _calls(tree: ast.Module, source: str) -> Iterator[ast.expr]:
     """Yield the items of the list, or of several lists or bare calls one after the other."""
     for statement in tree.body:
-        if not isinstance(statement, ast.Expr):
-            raise refusal(source, f"line {statement.lineno}", "expected a list of Obstacle(...)")
-        value = statement.value
+        match statement:
+            case ast.Expr(value) | ast.Assign([ast.Name()], value=ast.List() as value):
+                pass
+            case _:
+                raise refusal(source, f"line {statement.lineno}", "expected a list of Obstacle(...)")
         yield from value.elts if isinstance(value, (ast.List, ast.Tuple)) else [value]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 
 # %% exercise-1
-def reward_b(nearest, left, right, critical=0.4):
+def reward_b(nearest, left, right, critical=0.08):
     """Return the reward, a number from -1 to 1."""
     if nearest < critical:
         return np.log((np.e - 1) / critical * nearest + 1) - 1

@@ -7,6 +7,7 @@ from mesa_swarm.cli.check import MOST_EPISODES, described_episodes
 from mesa_swarm.experiments import bench
 from mesa_swarm.experiments.bench import Goal, Measurement
 from mesa_swarm.gallery import find_model
+from mesa_swarm.reproduction import differences
 from mesa_swarm.reproduction.registry import items
 from mesa_swarm.world.map import Map
 
@@ -121,15 +122,24 @@ def test_reproduce_lists_a_line_for_every_figure(typed, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_reproduce_lists_the_state_of_every_item_or_writes_their_page(typed, tmp_path):
+    status, out, err = typed("reproduce --items")
+    assert (status, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()[:-1]] == [str(number) for number in range(1, 206)]
+    assert not list(tmp_path.iterdir())
+    assert typed("reproduce --items --report page.md")[:2] == (0, "page.md\n")
+    assert (tmp_path / "page.md").read_text() == differences.page()
+
+
 def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(typed, tmp_path):
-    status, out, err = typed("reproduce --figure D.3 --figure 8.2 --quick --quiet --jobs 1")
+    status, out, err = typed("reproduce --figure D.3 --figure 8.1 --quick --quiet --jobs 1")
     assert (status, err) == (0, "")
     made = tmp_path / "results" / "reproduction"
     names = {path.name for path in made.iterdir()}
-    assert {f"figure_{f}_quick.{end}" for f in ("8.2", "D.3") for end in ("png", "svg", "csv")} <= names
-    assert (made / "figure_8.2_quick.png").read_bytes()[1:4] == b"PNG"
+    assert {f"figure_{f}_quick.{end}" for f in ("8.1", "D.3") for end in ("png", "svg", "csv")} <= names
+    assert (made / "figure_8.1_quick.png").read_bytes()[1:4] == b"PNG"
     verdicts = [line.split(":")[0] for line in out.splitlines() if line[:1] in "8D"]
-    assert verdicts == ["8.2   confirmed with limits (quick)", "D.3   confirmed (quick)"]
+    assert verdicts == ["8.1   confirmed with limits (quick)", "D.3   confirmed (quick)"]
 
 
 def test_the_same_figure_gives_the_same_files(typed, tmp_path):
@@ -161,7 +171,11 @@ def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
     [
         ("reproduce --figure 8.9", "unknown figure '8.9'; did you mean"),
         ("reproduce --all --figure 8.2", "--all and --figure are given at once"),
+        ("reproduce --readings --published", "--published and --readings are given at once"),
+        ("reproduce --figure 6.3", "unknown figure '6.3'; what earlier versions called so is '6.5'"),
         ("reproduce --published --figure 8.2", "--published and --figure are given at once"),
+        ("reproduce --items --figure 8.2", "--figure and --items are given at once"),
+        ("reproduce --items --report page.html", "expected the name of a .md file"),
         ("reproduce --figure 8.2 --report page.html", "expected the name of a .md file"),
         ("reproduce --figure 8.2 --jobs 0", "jobs is 0"),
         ("reproduce --figure 8.2 --out /proc/nowhere", "results cannot be written to"),

@@ -28,6 +28,8 @@ WRONG = {
     "run fire_fighting --set n_robots=1e9": "do not fit",
     "run fire_fighting --set map=original": "unknown map 'original'",
     "run fire_fighting --set map=nowhere.toml": "nowhere.toml: no such file",
+    "run fire_fighting --set map=fire.sim": "fire.sim: drawing commands of RAS2D",
+    "run fire1.job": "fire1.job: a job of RAS2D",
     "run fire_fighting --set n_robots=-1": "n_robots is -1",
     "run fire_fighting --set k1=nan": "k1 is 'nan'",
     "run fire_fighting --set k1=-1": "k1 is -1",

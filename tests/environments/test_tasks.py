@@ -33,17 +33,27 @@ def rewarded(world: TaskWorld, wheels) -> list[float]:
     return out.tolist()
 
 
+@pytest.mark.parametrize("reward_of", ["state", "next state"])
 @pytest.mark.parametrize("kind", ["a", "b", "c"])
-@pytest.mark.parametrize("gap", [2.0, 15.0, 25.0, 45.0])
+@pytest.mark.parametrize("gap", [2.0, 15.0, 24.0, 45.0])
 @pytest.mark.parametrize("wheels", [(1.0, 1.0), (0.5, -1.0), (0.0, 1.0)])
-def test_driving_may_be_worth_what_the_thesis_pays_for_the_nearest_reading_afterwards(kind, gap, wheels):
-    task = CollisionAvoidance(map="openspace", design=replace(AGENT9, max_speed=2.0), reward=kind, critical=0.5)
+def test_driving_may_be_worth_what_the_thesis_pays_for_the_nearest_reading_before_or_after(
+    kind, gap, wheels, reward_of
+):
+    design = replace(AGENT9, max_speed=2.0)
+    task = CollisionAvoidance(map="openspace", design=design, reward=kind, critical=0.5, reward_of=reward_of)
     world = world_of(task, [(780 - 5 - gap, 300, 0.0)])
+    world.sense()
+    nearest = {"state": nearest_of(world)}
     paid = np.empty(1)
     world.advance(np.array([wheels]), paid)
+    nearest["next state"] = nearest_of(world)
+    assert paid[0] == pytest.approx(reward(kind, nearest[reward_of], *wheels, 0.5))
+
+
+def nearest_of(world):
     seen = world.swarm.distance[0] / 50
-    nearest = seen[seen >= 0].min(initial=1.0)
-    assert paid[0] == pytest.approx(reward(kind, nearest, *wheels, 0.5))
+    return seen[seen >= 0].min(initial=1.0)
 
 
 def test_driving_is_worth_the_forward_speed_and_a_collision_costs():
@@ -180,6 +190,11 @@ def test_a_policy_that_is_a_rule_does_what_the_rule_does_as_a_layer():
 def test_wrong_tasks_are_refused_by_name(make, message):
     with pytest.raises(InvalidValueError, match=f"^{message}"):
         make()
+
+
+def test_an_unknown_state_of_which_the_reward_would_be_is_named():
+    with pytest.raises(UnknownNameError, match=r"^unknown reward_of 'action'"):
+        CollisionAvoidance(reward_of="action")
 
 
 def test_a_parameter_that_a_task_does_not_have_is_named():

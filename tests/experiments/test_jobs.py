@@ -298,3 +298,10 @@ def test_a_job_is_recorded_to_files_in_any_folder_with_the_options_that_it_has()
 )
 def test_nothing_is_recorded_by_default_and_true_records_with_the_defaults(record, options):
     assert chosen_options(record) == options
+
+
+def test_a_job_may_name_a_map_as_the_thesis_does_and_a_file_in_its_folder_comes_first(read, tmp_path):
+    named = MODEL + 'map = "openspace_FIRE.map"'
+    assert read(named).experiments[0].settings["map"] == "openspace_fire"
+    (tmp_path / "openspace_FIRE.map").write_text("[Obstacle('cir', [[20, 20], 10]), Fire([[90, 90], 9])]")
+    assert read(named).experiments[0].settings["map"].name == "openspace_FIRE"

@@ -40,7 +40,7 @@ def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_
 
 @pytest.mark.slow
 def test_fifteen_robots_learn_for_33_000_steps_in_ten_seconds_of_one_core():
-    model = driven_world(Subsumption(QLearning(actions=4)), AGENT9, 15, "original", 1).run(10)
+    model = driven_world(Subsumption(QLearning()), AGENT9, 15, "original", 1).run(10)
     used = processor_seconds(lambda: model.run(33_000))
     slow = max(slowness() for _ in range(5))
     print(f"\n{used:.1f} s, {15 * 33_000 / used:,.0f} robot-steps/s; {slow:.1f} times slower than usual")

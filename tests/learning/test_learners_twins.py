@@ -156,10 +156,11 @@ def test_the_reason_of_a_skill_is_the_situation_and_the_skill_where_it_is_stored
             assert layer.reason(moment).words == f"it chose to {skill}{where}"
 
 
+@pytest.mark.parametrize("reward_of", ["state", "next state"])
 @pytest.mark.parametrize("shared", [False, True])
-def test_wires_are_learned_of_and_chosen_in_every_step_as_documented(shared):
+def test_wires_are_learned_of_and_chosen_in_every_step_as_documented(shared, reward_of):
     options = {"beta": 0.05, "jitter": 0.5, "wires": 3, "gamma": 0.6, "alpha": 0.5, "eta": 0.4, "shared": shared}
-    model = learning(WireFittedQ(**options)).run(2)
+    model = learning(WireFittedQ(**options, critical=0.4, reward_of=reward_of)).run(2)
     seen_near = 0
     for _ in range(30):
         before = {name: column(model, name).copy() for name in (*PARTS, "inputs", "action", "temperature")}
@@ -175,8 +176,9 @@ def test_wires_are_learned_of_and_chosen_in_every_step_as_documented(shared):
         for i in range(3):
             stack, now = stacks[0 if shared else i], column(model, "inputs")[i]
             propose(stack, 0, now, 0, hidden, ends, values)
-            paid = reward("c", now.min(), *before["action"][i])
-            seen_near += now.min() < 0.4
+            nearest = (before["inputs"][i] if reward_of == "state" else now).min()
+            paid = reward("c", nearest, *before["action"][i], 0.4)
+            seen_near += nearest < 0.4
             target, used = paid + 0.6 * values.max(), before["action"][i : i + 1]
             assert column(model, "reward")[i] == pytest.approx(paid)
             assert learn_one(stack, 0, before["inputs"][i], 0, hidden, ends, values, used, target, 0.2)
@@ -226,7 +228,7 @@ def test_a_temperature_follows_time_or_the_share_of_steps_that_ended_near_someth
     heated = 0.2 + 0.8 * np.minimum(1, recent / 0.05)
     wanted = heated if self_adjusting else temperature - 0.3 * (temperature - 0.2)
     for i in range(20):
-        cool(distance, i, temperature, bumps, (0.3, 1.0, 0.2), (0.05, 0.1, 0.5), self_adjusting)
+        cool(distance, i, temperature, bumps, (0.3, 1.0, 0.2), (0.05, 0.1, 0.5, 0.0), self_adjusting)
     np.testing.assert_allclose(bumps, recent)
     np.testing.assert_allclose(temperature, wanted)
 

@@ -62,8 +62,9 @@ class Twin:
         inner[a] += np.outer(before, slope)
 
 
-def test_learning_is_that_of_a_plain_twin_step_by_step():
-    model = learning(robots=2, rng=4)
+@pytest.mark.parametrize("reward_of", ["state", "next state"])
+def test_learning_is_that_of_a_plain_twin_step_by_step(reward_of):
+    model = learning(robots=2, rng=4, reward_of=reward_of)
     model.step()
     twins = [Twin(model, row) for row in range(2)]
     for _ in range(60):
@@ -72,10 +73,29 @@ def test_learning_is_that_of_a_plain_twin_step_by_step():
         after, rewards = columns(model, "inputs", "reward")
         for row, twin in enumerate(twins):
             a = actions[row]
-            assert rewards[row] == pytest.approx(reward("b", float(after[row].min()), *ACTIONS[a]))
+            nearest = float({"state": before, "next state": after}[reward_of][row].min())
+            assert rewards[row] == pytest.approx(reward("b", nearest, *ACTIONS[a]))
             twin.learn(a, before[row, 0], rewards[row], after[row, 0])
             for part, kept in zip(columns(model, *PARTS), twin.weights, strict=True):
                 assert part[row].reshape(kept.shape) == pytest.approx(kept, abs=1e-12)
+
+
+def test_the_reward_of_the_state_is_r_s_a_and_that_of_the_next_state_differs_only_in_its_reading():
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, poses=[(780.0 - 5.0 - 6.0, 300.0, 0.0)])
+    model.control = Subsumption(QLearning(first_temperature=1e-6, last_temperature=1e-6, critical=0.1))
+    model.step()
+    before, action = columns(model, "inputs", "action")
+    model.step()
+    after, paid = columns(model, "inputs", "reward")
+    assert before.min() != after.min()
+    assert paid[0] == pytest.approx(reward("b", float(before.min()), *ACTIONS[action[0]], 0.1))
+
+
+def test_the_defaults_are_the_thesis_s_final_action_set_and_d_crit_as_0_4_of_a_diameter():
+    layer = QLearning()
+    assert (layer.actions, layer.reward, layer.reward_of) == (8, "b", "state")
+    assert layer.critical * 50.0 == pytest.approx(0.4 * 2 * AGENT9.radius)
 
 
 def test_what_is_not_seen_is_as_far_as_can_be():
@@ -125,13 +145,13 @@ class TestRewards:
 
     def test_are_those_of_the_thesis(self):
         for left, right in ACTIONS:
-            assert reward("a", 0.4, left, right) == (left + right) / 2
-            assert reward("b", 0.4, left, right) == (1 if left == right == 1 else -1)
-        assert reward("a", 0.1, 1, 1) == pytest.approx(math.log(4.2957 * 0.1 + 1) - 1, abs=1e-5)
+            assert reward("a", 0.4, left, right, 0.4) == (left + right) / 2
+            assert reward("b", 0.4, left, right, 0.4) == (1 if left == right == 1 else -1)
+        assert reward("a", 0.1, 1, 1, 0.4) == pytest.approx(math.log(4.2957 * 0.1 + 1) - 1, abs=1e-5)
         assert [reward(kind, 0.0, 1, 1) for kind in "abc"] == [-1, -1, -1]
 
     def test_only_c_does_not_leap_at_the_critical_distance(self):
-        leaps = [abs(reward(k, 0.4, 1, 1) - reward(k, 0.4 - 1e-9, 1, 1)) for k in "abc"]
+        leaps = [abs(reward(k, 0.4, 1, 1, 0.4) - reward(k, 0.4 - 1e-9, 1, 1, 0.4)) for k in "abc"]
         assert leaps == pytest.approx([1, 1, 0], abs=1e-8)
 
     @pytest.mark.parametrize("wrong", [("d", 1, 1, 1), ("a", math.nan, 1, 1), ("a", 1, 1.5, 1), ("a", 1, 1, 1, 0)])
@@ -227,6 +247,52 @@ def test_self_adjusting_robots_keep_trying_while_they_bump_and_cool_when_they_do
     assert layer.temperature == pytest.approx([0.2, 0.6, 1.0], abs=0.21)
 
 
+def test_gamma_follows_bumps_too_where_robots_adapt_it():
+    model = learning(self_adjusting=True, gamma=0.5, alert_gamma=0.9)
+    model.swarm.columns["0.QLearning.bumps"][:] = [0.0, 0.01, 1.0]
+    assert layer_of(model).discount == pytest.approx([0.5, 0.7, 0.9])
+    assert layer_of(learning(gamma=0.5, alert_gamma=0.9)).discount == pytest.approx([0.5] * 3)
+
+
+@pytest.mark.parametrize("bumps", [0.0, 0.01, 1.0])
+def test_a_lesson_discounts_by_the_gamma_of_the_robot(bumps):
+    twins = [
+        learning(robots=1, self_adjusting=True, gamma=0.5, alert_gamma=0.9),
+        learning(robots=1, self_adjusting=True, gamma=0.5 + 0.4 * min(1.0, bumps / 0.02)),
+    ]
+    for model in twins:
+        model.step()
+        model.swarm.columns["0.QLearning.bumps"][:] = bumps
+        model.step()
+    assert columns(twins[0], *PARTS)[0] == pytest.approx(columns(twins[1], *PARTS)[0], abs=1e-12)
+
+
+def test_an_alert_gamma_equal_to_gamma_changes_no_bit():
+    plain, same = (learning(self_adjusting=True, **more).run(30) for more in ({}, {"alert_gamma": 0.7}))
+    assert plain.state_hash() == same.state_hash()
+
+
+def test_robots_with_a_least_speed_grow_hotter_while_they_are_fast_and_cooler_while_they_are_slow():
+    model = learning(robots=2, self_adjusting=True, least_speed=0.3, bump_window=100, first_temperature=2.0)
+    for _ in range(400):
+        model.swarm.columns["0.QLearning.pace"][:] = [1.0, -1.0]
+        model.step()
+    assert layer_of(model).temperature == pytest.approx([2.0, 0.2])
+    model.swarm.columns["0.QLearning.temperature"][:] = 1.0
+    model.swarm.columns["0.QLearning.pace"][:] = [1.0, -1.0]
+    model.step()
+    assert layer_of(model).temperature == pytest.approx([1.01, 0.99])
+
+
+def test_what_a_robot_remembers_of_its_speed_is_the_mean_of_its_actions():
+    model = learning(robots=1, self_adjusting=True, least_speed=0.3, bump_window=10)
+    model.step()
+    action = int(columns(model, "action")[0][0])
+    model.step()
+    assert columns(model, "pace")[0] == pytest.approx(0.3 + 0.1 * (ACTIONS[action].mean() - 0.3))
+    assert "0.QLearning.pace" not in learning(least_speed=0.3).swarm.columns
+
+
 def test_divergence_names_the_robot_and_the_step_and_keeps_what_was_learned():
     model = learning().run(5)
     model.swarm.columns["0.QLearning.outer"][1, 0] = np.inf
@@ -296,15 +362,14 @@ def test_steps_and_weights_beyond_bounds_are_not_taken(step, outer):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"reward": "d"}, {"actions": 5}, {"actions": "8"}, {"encoding": "colour"}, {"alpha": 2}, {"eta": math.nan},
+        {"reward": "d"}, {"reward_of": "action"}, {"reward_of": 1},
+        {"actions": 5}, {"actions": "8"}, {"encoding": "colour"}, {"alpha": 2}, {"eta": math.nan},
         {"gamma": 1}, {"beta": -1}, {"first_temperature": 0}, {"last_temperature": 0}, {"critical": 0},
         {"bump_rate": 0}, {"bump_window": 0}, {"bump_distance": -1}, {"start": "a.npz"},
         {"shared": "no"}, {"self_adjusting": "no"}, {"frozen": 1},
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_in_one_line(wrong):
-    with pytest.raises(
-        InvalidValueError if "reward" not in wrong and "encoding" not in wrong else SwarmError
-    ) as caught:
+    with pytest.raises(SwarmError if {"reward", "reward_of", "encoding"} & set(wrong) else InvalidValueError) as caught:
         QLearning(**wrong)
     assert "\n" not in str(caught.value)

@@ -6,6 +6,7 @@ import pytest
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.models.q_learning import QLearning
+from mesa_swarm.recording.provenance import provenance_of, rebuilt
 
 
 @pytest.mark.parametrize(("answer", "meant"), [("yes", True), ("no", False), (True, True), (np.False_, False)])
@@ -15,10 +16,16 @@ def test_yes_and_true_switch_on_and_no_and_false_switch_off(answer, meant):
 
 
 @pytest.mark.parametrize("wrong", ["maybe", 1, "True", None])
-@pytest.mark.parametrize("name", ["shared", "self_adjusting"])
-def test_what_is_neither_is_refused_by_name(name, wrong):
-    with pytest.raises(SwarmError, match=rf"^unknown {name} .*known: no, yes$"):
+@pytest.mark.parametrize(("name", "known"), [("shared", "no, yes"), ("self_adjusting", "no, yes, with gamma")])
+def test_what_is_neither_is_refused_by_name(name, known, wrong):
+    with pytest.raises(SwarmError, match=rf"^unknown {name} .*known: {known}$"):
         QLearning(n_robots=2, rng=1, **{name: wrong})
+
+
+def test_robots_may_adapt_gamma_too_to_how_often_they_collide():
+    learner = QLearning(n_robots=2, rng=1, self_adjusting="with gamma").learner
+    assert (learner.self_adjusting, learner.gamma, learner.alert_gamma) == (True, 0.7, 0.9)
+    assert QLearning(n_robots=2, rng=1, self_adjusting="yes").learner.alert_gamma is None
 
 
 def test_a_reflex_above_the_learner_is_driven_by_and_the_model_goes_on_measuring_what_is_learned():
@@ -37,3 +44,11 @@ def test_a_model_without_a_learner_names_its_drivers():
     model.control = Subsumption(Avoid(distance=3))
     with pytest.raises(InvalidValueError, match=r"^the model is driven by \(Avoid\(.*; expected a layer that learns"):
         _ = model.learner
+
+
+def test_a_recording_of_before_the_state_was_rewarded_is_run_again_with_the_next_state():
+    provenance = provenance_of(QLearning(n_robots=2, critical=0.4, actions=4, rng=1), rerun=True)
+    assert rebuilt(provenance, QLearning).learner.reward_of == "state"
+    del provenance["parameters"]["reward_of"]
+    older = rebuilt(provenance, QLearning)
+    assert (older.learner.reward_of, older.learner.critical, older.learner.actions) == ("next state", 0.4, 4)

@@ -17,6 +17,7 @@ from mesa_swarm.physics.imperfect import (
     PHASE,
     PLACE,
     RADIATION,
+    SLIP,
     WHEEL,
     Imperfect,
     chance,
@@ -134,8 +135,17 @@ def test_each_reading_is_lost_replaced_disturbed_or_held_by_its_own_chance(seed,
 
 
 @few
-@given(seeds, settings_of_values, st.sampled_from([0.0, 2.5]), st.sampled_from([0.0, 0.2]), st.integers(0, 20))
-def test_each_wheel_is_lost_replaced_disturbed_held_and_late_and_uses_its_charge(seed, given_, battery, failure, step):
+@given(
+    seeds,
+    settings_of_values,
+    st.sampled_from([0.0, 2.5]),
+    st.sampled_from([0.0, 0.2]),
+    st.sampled_from([(0.0, 0.5), (0.3, 0.25)]),
+    st.integers(0, 20),
+)
+def test_each_wheel_is_lost_replaced_disturbed_held_late_slips_and_uses_its_charge(
+    seed, given_, battery, failure, slips, step
+):
     rng, limits = np.random.default_rng(seed), given_.limits
     command, held, wheels = (rng.uniform(-1, 1, (6, 2)) for _ in range(3))
     used, broken, speed = rng.choice([0.0, 2.5, 3.0], 6), rng.random(6) < 0.2, rng.choice([0.0, 0.5, 2.0], 6)
@@ -157,11 +167,12 @@ def test_each_wheel_is_lost_replaced_disturbed_held_and_late_and_uses_its_charge
         length = np.hypot(*rolling[i])
         if sideways[design[i]] and length > speed[i]:
             rolling[i] *= speed[i] / length
-        driven[i] = rolling[i]
+        slipping = [hashed(KEY, number[i], WHEEL + w, step, SLIP) < slips[0] for w in range(2)]
+        driven[i] = rolling[i] * np.where(slipping, 1 - slips[1], 1)
         charge[i] += np.abs(rolling[i]).sum() / 2 / speed[i] if speed[i] else 0.0
     got = command, held, wheels, used, broken
     bodies = speed, design, sideways, numbers, number
-    spoil_wheels(*got, *bodies, limits, (battery, failure), step, np.uint64(KEY))
+    spoil_wheels(*got, *bodies, np.full(2, battery), limits, (failure, *slips), step, np.uint64(KEY))
     for mine, theirs in zip(got, expected, strict=True):
         assert mine == pytest.approx(theirs, abs=1e-12)
 

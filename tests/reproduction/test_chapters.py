@@ -90,11 +90,6 @@ def test_a_correlation_needs_values_that_change():
     assert learning.correlation(np.ones(2), np.ones(2)) is None
 
 
-def test_a_robot_that_avoids_a_wall_has_a_distance_and_collisions():
-    assert set(learning.avoidance_run(1, steps=50, gamma=0.7)) == {"distance", "collisions"}
-    assert learning.turning_distance(learning.PLACES < 20.0) is None
-
-
 def test_nothing_covers_the_open_space():
     assert share_covered(Map.load("openspace")) == 0.0
 

@@ -1,42 +1,44 @@
-"""The thesis's results on learning (8.3): collisions fall with the temperature, and their total flattens.
+"""Learning (8.3) with the model's defaults: collisions fall with T, and fast cooling makes more early and fewer in all.
 
-The seeds had no part in the choice of four actions over eight as the model's default. The requirement is that
-collisions fall to a quarter in 9 of 10 runs with beta 1e-4, and to a half with 5e-3. It was 17 and 19 of 20: the
-second claim holds, the first is not borne out, though 20 runs do not refute it either (95 % interval 64 to 95 %).
-A run that hardly collides at first has nothing to fall from. With eight actions and 1e-4 it was 8 of 20.
+The judged runs, with other seeds, are in figures 8.2 to 8.5. In their 30 runs collisions fell to a quarter in the mean
+with beta 1e-4, though in 22 runs only if each is looked at alone, and to less than a half in all 30 with 5e-3.
 """
 
-import numpy as np
 import pytest
 from joblib import Parallel, delayed
 
-from mesa_swarm.experiments.statistics import share_interval
-from mesa_swarm.models.q_learning import QLearning
+from mesa_swarm.experiments.statistics import mean_interval, paired_difference
+from mesa_swarm.reproduction.learning import FALL, FAST, FAST_FALL, READING, SLOW, learning_run
 
 pytestmark = pytest.mark.slow
-SEEDS = range(10, 30)
+SEEDS = range(2_001, 2_013)
 
 
-def collisions_of(beta, seed):
-    run = QLearning(beta=beta, rng=seed).run(33_000)
-    return np.array(run.datacollector.model_vars["collisions"], dtype=float)
+@pytest.fixture(scope="module")
+def learned():
+    """Numbers of runs of 15 robots by beta."""
+    work = [delayed(learning_run)(seed, n_robots=15, beta=beta, **READING) for beta in (SLOW, FAST) for seed in SEEDS]
+    rows = Parallel(n_jobs=2)(work)
+    return {SLOW: rows[: len(SEEDS)], FAST: rows[len(SEEDS) :]}
 
 
-@pytest.fixture(scope="module", params=[(1e-4, 0.25, 16), (5e-3, 0.5, 18)], ids=["slow", "quick"])
-def learned(request):
-    """Collisions in each step of 20 runs, the share to which they are to fall, and in how many runs at least."""
-    beta, share, runs = request.param
-    return np.array(Parallel(n_jobs=2)(delayed(collisions_of)(beta, seed) for seed in SEEDS)), share, runs
+def column(rows, name):
+    return [row[name] for row in rows]
 
 
-def test_collisions_of_15_robots_fall_in_the_mean_of_runs_and_their_total_flattens(learned):
-    collisions, share, _ = learned
-    assert collisions[:, -3_000:].mean() <= share * collisions[:, :1_000].mean()
-    assert collisions[:, -11_000:].sum() < 0.5 * collisions[:, :11_000].sum()
+@pytest.mark.parametrize(("beta", "share"), [(SLOW, FALL), (FAST, FAST_FALL)], ids=["slow", "quick"])
+def test_collisions_of_15_robots_fall_in_the_mean_of_runs_and_their_total_flattens(learned, beta, share):
+    rows = learned[beta]
+    assert sum(column(rows, "late")) <= share * sum(column(rows, "early"))
+    assert all(row["last third"] < row["first third"] for row in rows)
 
 
-def test_collisions_fall_so_far_in_most_runs_by_themselves(learned):
-    collisions, share, least = learned
-    fell = collisions[:, -3_000:].mean(axis=1) <= share * collisions[:, :1_000].mean(axis=1)
-    assert fell.sum() >= least
-    assert share_interval(fell.sum(), len(fell)).high >= 0.9
+@pytest.mark.parametrize("beta", [SLOW, FAST], ids=["slow", "quick"])
+def test_collisions_correlate_with_the_temperature(learned, beta):
+    assert mean_interval(column(learned[beta], "with temperature")).low > 0
+
+
+def test_fast_cooling_has_more_collisions_early_and_fewer_in_all(learned):
+    slow, fast = learned[SLOW], learned[FAST]
+    assert paired_difference(column(slow, "early"), column(fast, "early"))[0].low > 0
+    assert paired_difference(column(fast, "total"), column(slow, "total"))[0].low > 0

@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm.experiments.statistics import paired_difference
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.reproduction import fire_fighting, fire_growth, learning
+from mesa_swarm.reproduction import fire_fighting, fire_growth
 from mesa_swarm.reproduction.complexity import exponents
 from mesa_swarm.reproduction.fire_fighting import fire_model, grown_map, rhythm
 from mesa_swarm.reproduction.maps import boxes, listed_boxes
@@ -79,23 +79,6 @@ class TestFires:
     def test_the_printed_constant_is_right_only_where_its_units_are_lost(self):
         k1 = math.log(2) / fire_growth.GROWTH
         assert fire_growth.printed_k2(k1) == pytest.approx(1.0018, abs=1e-4)
-
-
-class TestLearning:
-    def test_a_robot_that_turns_at_a_distance_is_found_out(self):
-        places = learning.PLACES
-        assert learning.turning_distance(np.ones(len(places), bool)) == 0.0
-        away = places > 30.2
-        assert learning.turning_distance(away) == places[away][0]
-        islands = away | (places < 5)
-        assert learning.turning_distance(islands) == places[away][0]
-
-    def test_before_a_wall_the_front_sensor_reads_the_distance_and_those_behind_nothing(self):
-        distance, kind = learning.readings_before_a_wall()
-        near = learning.PLACES <= 50
-        assert np.allclose(distance[near, 0], learning.PLACES[near])
-        assert (distance[~near, 0] == -1).all()
-        assert (kind[:, -2:] == -1).all()
 
 
 def test_exponents_are_those_of_power_laws():

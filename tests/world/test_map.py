@@ -391,3 +391,44 @@ def test_a_map_of_almost_no_height_is_refused_without_a_warning(height):
 def test_twenty_thousand_discs_in_a_map_of_our_own_are_read():
     crowd = Map(name="crowd", bounds=(0, 0, 80, 60), obstacles=[disc((40, 30), 5)] * 20_000)
     assert len(Map.from_toml(crowd.to_toml()).obstacles) == 20_000
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    {
+        "openspace_FIRE": "openspace_fire",
+        "openspace_FIRE.map": "openspace_fire",
+        "maze.map": "sparse",
+        "sparse.map": "sparse",
+        "Original": "original",
+        "original.map": "original",
+    }.items(),
+)
+def test_the_thesis_names_of_maps_load_the_built_in_ones(tmp_path, monkeypatch, text, name):
+    monkeypatch.chdir(tmp_path)
+    assert Map.load(text).name == name
+
+
+def test_a_file_comes_before_a_built_in_map_of_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("original.map").write_text("[Obstacle('cir', [[20, 20], 10])]")
+    assert Map.load("original.map").bounds == (0, 0, 30, 30)
+    assert Map.load("original") == Map.load("Original") != Map.load("original.map")
+
+
+@pytest.mark.parametrize(
+    "source", ["original.toml", "maps/original", "./maze.svg", Path("original"), Path("openspace_FIRE")]
+)
+def test_a_missing_file_with_a_built_in_name_is_not_called_an_unknown_map(source):
+    with pytest.raises(MapError, match=r"no such file: .* the built-in map is the text '\w+'$") as error:
+        Map.load(source)
+    assert "unknown" not in str(error.value)
+
+
+@given(st.text("oOrRiIgGnNaAlL ._\u200bи", max_size=12))
+def test_no_map_is_unknown_under_the_name_that_is_suggested(text):
+    try:
+        assert Map.load(text).name == "original"
+    except MapError as error:
+        found = re.search(r"unknown map (.*); did you mean (.*)\?", str(error))
+        assert found is None or found[1] != found[2]

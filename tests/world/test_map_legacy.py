@@ -36,6 +36,34 @@ def test_the_thesis_map_reads_as_the_built_in_one(tmp_path):
     assert Map.load(path) == Map.load("original")
 
 
+PRINTED = {
+    "assigned to a name": f"map = {ORIGINAL}",
+    "without spaces": f"map={ORIGINAL}".replace(" ", ""),
+    "without a last comma": f"map = {ORIGINAL}".replace("),\n]", ")\n]"),
+    "lines alone, indented": ORIGINAL[1:-2],
+    "lines alone, no commas": ORIGINAL[1:-2].replace("),\n", ")\n"),
+    "quotation marks of print": f"map = {ORIGINAL}".replace('("', "(\u201c").replace('",', "\u201d,"),
+    "single ones": f"map = {ORIGINAL}".replace('("', "(\u2018").replace('",', "\u2019,"),
+    "spaces of print": f"map = {ORIGINAL}".replace(" ", "\xa0"),
+    "lines of Windows": f"map = {ORIGINAL}".replace("\n", "\r\n"),
+    "lines of old Macs": f"  map = {ORIGINAL}".replace("\n", "\r"),
+    "a byte order mark": f"\ufeffmap = {ORIGINAL}",
+}
+
+
+@pytest.mark.parametrize("text", PRINTED.values(), ids=PRINTED)
+def test_the_listing_loads_as_it_is_printed_and_copied(tmp_path, text):
+    path = tmp_path / "original.map"
+    path.write_bytes(text.encode())
+    assert Map.load(path) == Map.load("original")
+
+
+def test_a_mistake_in_an_indented_listing_is_named_by_its_line():
+    right, wrong = "Obstacle(\u201crec\u201d, [[0, 0], [20, 600]])", "Obstacle(\u201crec\u201d, [[0, 0], [9]])"
+    with pytest.raises(MapError, match="line 3: rec has 3 numbers"):
+        read(f"map = [\r\n    {right},\r\n    {wrong}]")
+
+
 def test_fires_are_read_and_y_is_turned_up():
     text = '[Obstacle("rec", [[0, 0], [100, 50]]), Obstacle("fire", [[20, 10], 5]), Fire([[30, 40], 6])]'
     hall = read(text)
@@ -75,7 +103,10 @@ def test_flat_lists_signs_floats_and_bare_calls_are_tolerated():
         ("[Wall('rec', [[0, 0], [9, 9]])]", "expected Obstacle"),
         ("[5]", "expected Obstacle"),
         ("import os", "expected a list"),
-        ("x = [Obstacle('rec', [[0, 0], [9, 9]])]", "expected a list"),
+        ("x = y = [Obstacle('rec', [[0, 0], [9, 9]])]", "expected a list"),
+        ("x.y = [Obstacle('rec', [[0, 0], [9, 9]])]", "expected a list"),
+        ("x = Obstacle('rec', [[0, 0], [9, 9]])", "expected a list"),
+        ("map = [\n  Obstacle('rec', [[0, 0], [9, 9]]),", "line 1: '[' was never closed"),
         ("\0", "hall.map"),
         ("[" * 100_000, "hall.map"),
         ("[Obstacle('rec', " + "[" * 150 + "]" * 150 + ")]", "plain numbers"),

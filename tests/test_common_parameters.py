@@ -1,0 +1,177 @@
+"""Noise, slip and imperfections: parameters that every model takes, declared or not."""
+
+import inspect
+from typing import Annotated
+
+import mesa
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.dashboard.controls import group_of, groups_of
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.experiments.reality_gap import reality_gap
+from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.imperfect_model import COMMON, SLIP_MAGNITUDE
+from mesa_swarm.parameters import Noise, Slider, parameters_of
+from mesa_swarm.robots.imperfections import MEASURED
+
+STEPS = 40
+AT_ONCE = {"noise": 0.1, "slip": 0.1, "imperfections": 1.0}
+
+
+class Plain(SwarmModel):
+    """A model that does not know of the common parameters."""
+
+    def __init__(self, n_robots=3, *, rng=None):
+        super().__init__(map="original", rng=rng)
+        self.add_robots(AGENT9, n_robots)
+        self.control = Subsumption(Avoid(distance=15), Explore())
+
+
+class Derived(Plain):
+    """One that is derived from it, and passes on all that it is given."""
+
+    def __init__(self, *, more=1, **others):
+        super().__init__(**others)
+        self.more = more
+
+
+class Noisy(SwarmModel):
+    """One with a default of its own."""
+
+    def __init__(self, *, noise: Noise = 0.05, rng=None):
+        super().__init__(rng=rng, noise=noise)
+
+
+class Different(SwarmModel):
+    """One whose `noise` means something else."""
+
+    def __init__(self, *, noise: Annotated[str, "a colour"] = "pink", rng=None):
+        super().__init__(rng=rng)
+        self.colour = noise
+
+
+def path_of(model, steps=STEPS):
+    """Return the positions of the robots after each step."""
+    return np.array([model.run(1).swarm.position.copy() for _ in range(steps)])
+
+
+@pytest.mark.parametrize("name", gallery_names())
+class TestEveryModelOfTheGallery:
+    @pytest.mark.parametrize("parameter", [*COMMON, "all"])
+    def test_runs_with_imperfect_robots_whose_paths_differ_from_those_of_ideal_ones(self, name, parameter):
+        given = AT_ONCE if parameter == "all" else {parameter: AT_ONCE[parameter]}
+        ideal, imperfect = path_of(find_model(name)(rng=1)), path_of(find_model(name)(rng=1, **given))
+        assert not np.array_equal(ideal, imperfect)
+
+    def test_has_a_slider_for_each_in_the_same_group(self, name):
+        known = parameters_of(find_model(name))
+        assert all(isinstance(known[each].control, Slider) and known[each].help for each in COMMON)
+        assert {group_of(each) for each in COMMON} == {"Disturbances"}
+
+    def test_is_as_it_was_where_all_are_0(self, name):
+        plain, zero = (find_model(name)(rng=2, **given).run(10) for given in ({}, dict.fromkeys(COMMON, 0)))
+        assert zero.imperfections is None
+        assert plain.state_hash() == zero.state_hash()
+
+    def test_takes_them_from_batch_run(self, name):
+        seeds = {"rng": [1]} if "rng" in inspect.signature(mesa.batch_run).parameters else {"iterations": 1}
+        values = {"noise": [0, 0.1]}
+        rows = mesa.batch_run(find_model(name), values, max_steps=3, display_progress=False, **seeds)
+        assert {row["noise"] for row in rows} == {0, 0.1}
+
+
+def test_a_model_takes_them_without_a_line_and_stores_them_as_given():
+    model = Plain(2, noise=0.2, slip=0.3, rng=1)
+    assert model.given == ((2,), {"noise": 0.2, "slip": 0.3, "rng": 1})
+    assert model.imperfections.sensing.error == 0.2
+    assert (model.imperfections.slip_probability, model.imperfections.slip_magnitude) == (0.3, SLIP_MAGNITUDE)
+    assert list(inspect.signature(Plain).parameters) == ["n_robots", "rng", *COMMON]
+
+
+def test_the_dial_alone_is_that_of_measured_robots():
+    assert Plain(imperfections=1).imperfections == MEASURED
+    assert Plain(imperfections=0.5).imperfections == MEASURED.at(0.5)
+
+
+def test_a_derived_model_takes_them_too():
+    model = Derived(more=2, n_robots=4, noise=0.2, rng=1)
+    assert (model.more, len(model.swarm), model.imperfections.sensing.error) == (2, 4, 0.2)
+    assert list(inspect.signature(Derived).parameters) == ["more", *COMMON, "others"]
+
+
+def test_a_model_may_have_a_default_of_its_own_or_another_meaning():
+    assert Noisy(rng=1).imperfections.sensing.error == 0.05
+    assert Noisy(noise=0, rng=1).imperfections is None
+    assert parameters_of(Noisy)["noise"].default == 0.05
+    assert Different(noise="white").imperfections is None
+    assert Different(slip=0.5).colour == "pink"
+    assert Different(slip=0.5).imperfections.slip_probability == 0.5
+
+
+def test_what_a_model_is_given_counts_more_than_what_its_class_passes_on():
+    class Fixed(SwarmModel):
+        def __init__(self, *, rng=None):
+            super().__init__(rng=rng, noise=0.3)
+
+    assert Fixed().imperfections.sensing.error == 0.3
+    assert Fixed(noise=0.1).imperfections.sensing.error == 0.1
+
+
+@pytest.mark.parametrize("name", COMMON)
+@pytest.mark.parametrize("wrong", [-0.1, 1.1, np.nan, "much", None, [0.1]])
+def test_anything_but_a_number_from_0_to_1_is_refused_in_one_line(name, wrong):
+    with pytest.raises(InvalidValueError, match=rf"^{name} is ") as caught:
+        Plain(**{name: wrong})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_slipping_wheel_rolls_at_half_its_speed_as_often_as_given():
+    class Straight(SwarmModel):
+        def __init__(self, *, rng=None):
+            super().__init__(rng=rng)
+            self.add_robots(AGENT9, 40)
+            self.control = Subsumption(Explore())
+
+    model, slips = Straight(slip=0.2, rng=3), []
+    for _ in range(50):
+        model.run(1)
+        slips.append(model.swarm.slip[~model.swarm.collided])
+    lost = np.concatenate(slips)
+    assert set(np.round(np.unique(lost), 9)) == {0.0, SLIP_MAGNITUDE}
+    assert (lost > 0).mean() == pytest.approx(0.2, abs=0.03)
+
+
+def test_a_recorded_run_of_imperfect_robots_is_verified_resumed_and_changed(tmp_path):
+    model = Plain(3, noise=0.1, slip=0.2, imperfections=0.5, rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=10):
+        model.run(30)
+    assert Plain.verify(tmp_path / "run.arrow").same
+    assert Plain.resume(tmp_path / "run.arrow", step=12).run(18).state_hash() == model.state_hash()
+    changed = Plain.resume(tmp_path / "run.arrow", step=12, noise=0.0, slip=0.0, imperfections=0.0)
+    assert changed.imperfections is None
+
+
+def test_a_sweep_varies_them(tmp_path):
+    found = sweep("agglomeration", {"noise": [0.0, 0.5]}, seeds=1, steps=60, out=tmp_path, jobs=1)
+    rows = found.frame()
+    assert list(rows.noise) == [0.0, 0.5]
+    assert len(set(rows["mean distance to the nearest robot"])) == 2
+
+
+def test_the_dial_of_the_reality_gap_adds_to_noise_and_replaces_imperfections():
+    noisy = reality_gap("agglomeration", dial=(0, 1), seeds=[1], steps=60, settings={"n_robots": 8, "noise": 0.5})
+    plain = find_model("agglomeration")(n_robots=8, noise=0.5, rng=1).run(60)
+    assert noisy.scores[0.0] == [plain.results()["groups"]]
+    with pytest.raises(InvalidValueError, match=r"^imperfections is given as a setting"):
+        reality_gap("agglomeration", settings={"imperfections": 0.5})
+
+
+def test_the_page_has_a_slider_of_each():
+    session = Session("agglomeration")
+    fields = {field["name"]: field for group in groups_of(session) for field in group["fields"]}
+    assert {fields[name]["kind"] for name in COMMON} == {"slider"}
