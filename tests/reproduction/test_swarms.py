@@ -34,7 +34,7 @@ def test_a_figure_has_the_verdict_that_was_reported(laboratory, figure, verdict,
     assert (result.verdict, len(result.limits)) == (verdict, limits), result.csv()
 
 
-def test_grouped_pairs_stay_together_less_in_chains_than_in_clusters_at_rest(laboratory):
+def test_chains_stay_together_less_than_clusters_at_rest(laboratory):
     checks = find_item("5.9").make(laboratory).checks
     (cohesion,) = [check for check in checks if check.claim.startswith("grouped pairs stay in one group")]
     assert (cohesion.outcome, cohesion.main) == ("failed", False)
