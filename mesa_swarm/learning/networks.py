@@ -202,17 +202,22 @@ def fit(
     """
     networks = check_count("networks", networks, minimum=1)
     stack = Networks.random(networks, inputs=1, hidden=hidden, rng=rng, activation=activation, gain=gain)
-    points = _points(x, y)
+    present(stack, points_of(x, y), rng=rng, presentations=presentations, rate=rate)
+    return stack
+
+
+def present(stack: Networks, points: np.ndarray, *, rng: np.random.Generator, presentations: int, rate: float) -> None:
+    """Let networks of one input learn from points (p, 2), all in every round, in orders drawn at random."""
+    networks = len(stack.outer_bias)
     for _ in range(check_count("presentations", presentations)):
         order = rng.permuted(np.tile(np.arange(len(points)), (networks, 1)), axis=1)
         for shown in order.T:
             stack.learn(points[shown, :1], points[shown, 1], rate)
     if not all(np.isfinite(part).all() for part in stack.weights):
         raise LearningError(f"the fit diverged: its weights are not finite; lower rate, which is {rate:g}, or scale y")
-    return stack
 
 
-def _points(x: ArrayLike, y: ArrayLike) -> np.ndarray:
+def points_of(x: ArrayLike, y: ArrayLike) -> np.ndarray:
     """Return x and y as rows of points (p, 2)."""
     columns = {"x": as_floats(x), "y": as_floats(y)}
     for name, column in columns.items():
