@@ -12,6 +12,7 @@ from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.open_model import OpenModel
 from mesa_swarm.parameters import Dial, Noise, Slip
 from mesa_swarm.physics.imperfect import Imperfect
+from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections, together
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.streams import Seed
@@ -57,7 +58,7 @@ class ImperfectModel(OpenModel):
         noise: Noise = 0.0,
         slip: Slip = 0.0,
         imperfections: Dial = 0.0,
-        scale: Scale | None = None,
+        scale: Scale | None,
     ) -> None:
         given = {"noise": noise, "slip": slip, "imperfections": imperfections, **self.__dict__.pop("_common", {})}
         for name, value in given.items():
@@ -96,9 +97,20 @@ class ImperfectModel(OpenModel):
             raise InvalidValueError(f"imperfections is {shortened(imperfections)}; expected Imperfections(...) or None")
         self._sensed, self._imperfect = None, None
         self.swarm.drop_body_columns()
+        self.swarm.battery_life = 0.0 if imperfections is None else float(imperfections.battery)
         if imperfections is not None:
             key = self.streams["imperfections"].integers(2**64, dtype=np.uint64)
             self._imperfect = Imperfect(imperfections, self.swarm, int(key))
+
+    def prepare_failures(self) -> None:
+        """Make what failures of single robots need, see `Robot.fail`."""
+        if self._imperfect is None:
+            self.imperfections = Imperfections()
+        self.swarm.add_failures()
+
+    def _equip(self, design: RobotDesign) -> None:
+        if design.battery and self._imperfect is None:
+            self.imperfections = Imperfections()
 
 
 def common_parameters() -> dict[str, inspect.Parameter]:

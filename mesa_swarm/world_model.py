@@ -162,10 +162,14 @@ class World(BodyWorld):
         else:
             position, heading = self._checked_poses(poses)
         sides = self._sides(len(position), tendency)
+        self._equip(design)
         self.swarm.add(design, position, heading, sides, group)
         robots = add_handles(self.space, self, self.swarm)
         self.swarm.disturbed |= poses is not None
         return robots
+
+    def _equip(self, design: RobotDesign) -> None:
+        """Prepare for robots of a design that are about to be added."""
 
     def _check_driven(self, design: RobotDesign, group: str) -> None:
         """Refuse robots that the control cannot drive; a world without control accepts all."""

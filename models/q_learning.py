@@ -10,7 +10,7 @@ T falls from 1 to 0.2: robots first explore, then use what they have learned.
 
 HOW TO USE IT. `reward` (a) is the mean wheel speed, (b) rewards driving straight ahead only, (c) is as (b) without the
 jump at the critical distance. `critical` is that distance, as a share of the sensors' range: the thesis's 0.4 has no
-unit; 0.08 is 0.4 of a robot's diameter, chosen because it reproduces the thesis's curves. `reward_of` is the state
+unit; 0.08 is 0.4 of a robot's diameter, chosen because collisions then fall with T as there. `reward_of` is the state
 whose readings decide the reward: that in which the action was chosen, or the next. `beta` is the rate at which T
 falls. `gamma` is the discount factor. `memory` "table" replaces the networks by a look-up table of coarse readings, to
 which `encoding`, `eta` and `self_adjusting` do not apply. `shared` lets all robots learn with one set of networks or

@@ -7,7 +7,7 @@ from typing import NamedTuple
 PACKAGE = Path(__file__).parent.parent / "mesa_swarm"
 # Bound to a swarm, these remember things about its robots.
 MUTABLE = {
-    *("Align", "Explore", "HeadOn", "MatchVelocity", "Perimeter", "PolicyLayer", "VelocityMatching"),
+    *("Align", "Explore", "HeadOn", "Lead", "MatchVelocity", "Perimeter", "PolicyLayer", "VelocityMatching"),
     *("HebbianLearning", "LearnFires", "Learner", "QLearning", "TableQLearning", "WireFittedQ"),
     "Checkpoint",  # grows while it is written
     "_Motors",  # drives that users derive from it have attributes of their own
@@ -15,7 +15,7 @@ MUTABLE = {
 # Layers and policies inherit from classes without slots, or compute attributes once; tasks check what they inherit with
 # super(), which slots break.
 WITHOUT_SLOTS = MUTABLE | {
-    *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "Separate"),
+    *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "SeekHeat", "Separate"),
     *("CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Task"),
     "Scene",
     *("NetworkPolicy", "Networks", "QPolicy", "ReflexPolicy", "WirePolicy"),

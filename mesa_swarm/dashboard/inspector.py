@@ -215,8 +215,16 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     facts += custom_of(model, columns)
     if model.communication is not None:
         facts += messages_of(model, columns)
+    facts += body_of(model, robot)
     facts.append(("Collided", "yes" if columns["collided"] else "no"))
     return facts
+
+
+def body_of(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
+    """Return the present state of a robot's battery, if it has one, and what of it failed."""
+    has_battery = robot.design.battery > 0 or model.swarm.battery_life > 0
+    battery = [("Battery", f"{100 * robot.battery:.0f} %")] if has_battery else []
+    return battery + ([("Failed", ", ".join(robot.failures))] if robot.failures else [])
 
 
 def custom_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:

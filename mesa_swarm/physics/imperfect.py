@@ -13,13 +13,16 @@ from mesa_swarm.physics.radio import GOLDEN, mixed
 from mesa_swarm.robots.design import RANGE, places_of
 from mesa_swarm.robots.drive import no_longer
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
-from mesa_swarm.robots.swarm import LAST_READ, LASTING, Swarm
+from mesa_swarm.robots.sensors import BUILT_IN, LineSensor, ProximitySensor, RadiationSensor
+from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LAST_READ, LASTING, Swarm
 from mesa_swarm.world.statics import OBSTACLE
 
 # Purposes of random numbers: independent draws.
-FATE, PLACE, PHASE, LENGTH, SLIP = range(5)
-# Channels: proximity sensors from 0, radiation sensors from here, then wheels, the robot as a whole, line sensors.
-RADIATION, WHEEL, BODY, LINE = 1_000, 2_000, 3_000, 4_000
+FATE, PLACE, PHASE, LENGTH, SLIP, FAIL = range(6)
+# Channels: proximity sensors from 0, radiation sensors from here, then wheels, the robot as a whole, line sensors, and
+# sensors of all kinds in the order of the design.
+RADIATION, WHEEL, BODY, LINE, SENSOR = 1_000, 2_000, 3_000, 4_000, 5_000
+STUCK, FREE = 1, 2
 # Those of custom sensors follow from their names, so that adding one does not change another.
 CUSTOM, CUSTOM_BITS = 1_000_000, 20
 NOTHING = -1.0
@@ -49,13 +52,22 @@ class Imperfect:
             swarm.remember(f"{LASTING}{name}", *column)
         self._version, self._ends = -1, {}  # type: ignore[var-annotated]  # of custom sensors, by name
         self._reads = not is_ideal(imperfections.sensing)
+        if imperfections.sensor_failure > 0 or imperfections.wheel_failure > 0:
+            swarm.add_failures()
         wears = imperfections.battery > 0 or imperfections.failure > 0 or imperfections.slip_probability > 0
         self._drives = wears or not is_ideal(imperfections.driving)
 
     def spoil_readings(self, swarm: Swarm, step: int) -> None:
         """Disturb the readings of all sensors in this step."""
-        if not self._reads:
-            return
+        if self._reads:
+            self._spoil_readings(swarm, step)
+        if FAILED_SENSORS in swarm.columns:
+            failed, numbers = swarm.columns[FAILED_SENSORS], np.array([len(d.sensors) for d in swarm.designs], np.int64)
+            robots = numbers, swarm.columns["design"], swarm.columns["number"]
+            break_sensors(failed, *robots, float(self.imperfections.sensor_failure), step, np.uint64(self.key))
+            blind(swarm, failed)
+
+    def _spoil_readings(self, swarm: Swarm, step: int) -> None:
         columns, table, limits = swarm.columns, swarm.table, self.imperfections.sensing.limits
         by_chance = columns["design"], columns["number"], step, np.uint64(self.key)
         last = {name: kept(swarm, name) for name in ("distance", "kind", "radiation", "line")}
@@ -76,8 +88,12 @@ class Imperfect:
 
     def spoil_custom(self, swarm: Swarm, step: int) -> None:
         """Disturb what custom sensors read in this step."""
-        if not self._reads:
-            return
+        if self._reads:
+            self._spoil_custom(swarm, step)
+        if FAILED_SENSORS in swarm.columns:
+            blind_custom(swarm, swarm.columns[FAILED_SENSORS])
+
+    def _spoil_custom(self, swarm: Swarm, step: int) -> None:
         columns, limits, key = swarm.columns, self.imperfections.sensing.limits, np.uint64(self.key)
         if self._version != swarm.version:
             self._ends = {name: _limits_of(swarm, name) for name in swarm.table.readings}
@@ -94,7 +110,8 @@ class Imperfect:
         The block may append to the list the speeds at which wheels rolled, which drives of limited acceleration need.
         """
         rolled: list[np.ndarray] = []
-        if not self._drives:
+        fails = FAILED_WHEELS in swarm.columns
+        if not (self._drives or fails or swarm.table.battery.any()):
             yield rolled
             return
         columns, given = swarm.columns, self.imperfections
@@ -104,8 +121,13 @@ class Imperfect:
         table = swarm.table
         bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
         slips = float(given.slip_probability), float(given.slip_magnitude)
-        limits = given.driving.limits, (float(given.battery), float(given.failure), *slips)
-        spoil_wheels(command, *worn, *bodies, *limits, step, np.uint64(self.key))
+        charge = np.where(table.battery > 0.0, table.battery, given.battery)
+        limits = given.driving.limits, (float(given.failure), *slips)
+        spoil_wheels(command, *worn, *bodies, charge, *limits, step, np.uint64(self.key))
+        if fails:
+            wheels = table.sideways, table.numbers, columns["design"], columns["number"]
+            rate = float(given.wheel_failure)
+            fail_wheels(command, columns[FAILED_WHEELS], *wheels, rate, step, np.uint64(self.key))
         try:
             yield rolled
             if rolled and table.limited:  # their wheels roll on where the command is 0
@@ -115,6 +137,31 @@ class Imperfect:
             slip[:] = np.divide(requested - reached, requested, out=np.zeros_like(requested), where=requested != 0.0)
         finally:
             command[:] = requested
+
+
+def blind(swarm: Swarm, failed: np.ndarray) -> None:
+    """Let the built-in sensors that failed (n, s) read nothing."""
+    columns = swarm.columns
+    nothing = {"distance": NOTHING, "kind": -1, "radiation": 0.0, "line": False}
+    named = {ProximitySensor: ("distance", "kind"), RadiationSensor: ("radiation",), LineSensor: ("line",)}
+    for d, design in enumerate(swarm.designs):
+        rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
+        counts = dict.fromkeys(named, 0)
+        for s, sensor in enumerate(design.sensors if len(rows) else ()):
+            for kind in (kind for kind in named if isinstance(sensor, kind)):
+                for name in named[kind]:
+                    columns[name][rows[failed[rows, s]], counts[kind]] = nothing[name]
+                counts[kind] += 1
+
+
+def blind_custom(swarm: Swarm, failed: np.ndarray) -> None:
+    """Let the custom sensors that failed (n, s) read nothing."""
+    columns = swarm.columns
+    for d, design in enumerate(swarm.designs):
+        rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
+        own = [s for s, sensor in enumerate(design.sensors) if type(sensor) not in BUILT_IN]
+        for s, (sensor, first) in zip(own, places_of(design), strict=True) if len(rows) else ():
+            columns[sensor.name][rows[failed[rows, s]], first : first + int(sensor.width)] = np.nan
 
 
 def _limits_of(swarm: Swarm, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -202,15 +249,16 @@ def spoil_any(reading, last, least, largest, first_channel, limits, design, numb
 
 @compiled
 def spoil_wheels(
-    command, held, wheels, used, broken, max_speed, design, sideways, numbers, number, limits, wear, step, key
+    command, held, wheels, used, broken, max_speed, design, sideways, numbers, number, charge, limits, wear, step, key
 ):
     """Replace commands by disturbed wheel speeds; add up the charge used, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
-    battery, failure, slip_probability, slip_magnitude = wear
+    failure, slip_probability, slip_magnitude = wear
     moment, share = step // hold, 1.0 - math.exp(-1.0 / lag) if lag > 0.0 else 1.0
     for i in range(command.shape[0]):
         if chance(key, number[i], BODY, step, FATE) < failure:
             broken[i] = True
+        battery = charge[design[i]]
         stands = broken[i] or (battery > 0.0 and used[i] >= battery)
         count = numbers[design[i]]
         for w in range(count):
@@ -233,3 +281,36 @@ def spoil_wheels(
             command[i, w] = wheels[i, w] * (1.0 - slip_magnitude) if slips else wheels[i, w]
             if max_speed[i] > 0.0:
                 used[i] += (1.0 / count) * abs(wheels[i, w]) / max_speed[i]
+
+
+@compiled
+def break_sensors(failed, counts, design, number, rate, step, key):
+    """Let sensors (n, s) fail by chance; `counts` has how many each design has."""
+    if rate <= 0.0:
+        return
+    for i in range(failed.shape[0]):
+        for s in range(counts[design[i]]):
+            if chance(key, number[i], SENSOR + s, step, FAIL) < rate:
+                failed[i, s] = True
+
+
+@compiled
+def fail_wheels(command, failed, sideways, numbers, design, number, rate, step, key):
+    """Let wheels (n, w) get stuck by chance, and command those that failed: stuck ones stand, free ones follow.
+
+    A free wheel rolls at the mean speed of those that are driven. Bodies that go sideways have no wheels.
+    """
+    for i in range(command.shape[0]):
+        if sideways[design[i]]:
+            continue
+        total, driven = 0.0, 0
+        for w in range(numbers[design[i]]):
+            if rate > 0.0 and chance(key, number[i], WHEEL + w, step, FAIL) < rate and failed[i, w] == 0:
+                failed[i, w] = STUCK
+            if failed[i, w] == STUCK:
+                command[i, w] = 0.0
+            if failed[i, w] != FREE:
+                total, driven = total + command[i, w], driven + 1
+        for w in range(numbers[design[i]]):
+            if failed[i, w] == FREE:
+                command[i, w] = total / driven if driven else 0.0

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,7 @@ from mesa_swarm.recording.parts import (
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.robots.robot import Robot
+from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, WHEELS
 from mesa_swarm.state import Checkpointed, attributes_of, declared
 
 LARGEST_NUMBER = 1e15
@@ -213,8 +214,9 @@ def _check_columns(model: FireModel) -> None:
             raise RecordingError(f"column {name} has out-of-range values")
     radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
     low, high = np.reshape(model.map.bounds, (2, 2))
-    own = robots["design"]
+    own, wheels = robots["design"], robots.get(FAILED_WHEELS, np.zeros(1))
     valid = {
+        FAILED_WHEELS: ((wheels >= 0) & (wheels < len(WHEELS))).all(),
         "position": all(((c["position"] >= low) & (c["position"] <= high)).all() for c in (robots, fires)),
         "heading": np.isfinite(robots["heading"]).all(),
         "number": len(np.unique(robots["number"])) == len(model.swarm),
@@ -264,12 +266,14 @@ def _inner(values: dict, what: str, packed: ModelPacked) -> dict:
     return {n: attribute_to_json(v, f"{what}'s {n}", packed) for n, v in values.items() if v is not swarm}
 
 
-def _restore_imperfect(model: FireModel, stored: list | None) -> None:
+def _restore_imperfect(model: FireModel, stored: list | None, columns: Collection[str]) -> None:
     """Restore the imperfections, and the key of their random numbers."""
     if stored is None and model.imperfections is None:
         return
     part, key = stored or (None, 0)
     model.imperfections = part_from_json(part)
+    if FAILED_SENSORS in columns:
+        model.prepare_failures()
     if type(key) is not int or not 0 <= key < 2**64:
         raise RecordingError(f"invalid key of imperfections: {shortened(key)}")
     if model._imperfect is not None:
@@ -278,7 +282,7 @@ def _restore_imperfect(model: FireModel, stored: list | None) -> None:
 
 def _restore_control(model: FireModel, facts: dict) -> None:
     """Restore the radio and the control, unless the model's constructor has made the same."""
-    _restore_imperfect(model, facts.get("imperfect"))
+    _restore_imperfect(model, facts.get("imperfect"), facts["columns"])
     model.scale = part_from_json(facts.get("scale"))
     radio = part_from_json(facts["radio"])
     if model.communication != radio:

@@ -117,7 +117,9 @@ This page is written by `mesa-swarm reproduce --readings --report docs/readings.
 
 {VERDICTS_IN_WORDS}
 Settings and criteria were fixed, and committed, before the runs that are judged, which have seeds from 1,001 on. The
-combinations are all that the three questions allow; none was left out.
+combinations are all that the three questions allow; none was left out. Verdicts on this page are about what a reading
+changes; the second table of each section has the claims of the thesis that hold under it. To repeat a single section:
+`mesa-swarm reproduce --figure readings-8.3`.
 """
 OF_PAPERS = f"""\
 # Published results

@@ -29,6 +29,7 @@ DRIVE_SPEED = "drive.speed"
 # A step is cut into pieces of half a radius: faster robots than this would take too long.
 FASTEST_IN_RADII = 1000
 MOST_SENSORS = 360
+LONGEST_CHARGE = 1e12
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,6 +52,9 @@ class RobotDesign:
         How wheels move the body; `DifferentialDrive()` by default.
     actuators : tuple of Actuator
         What it has besides wheels.
+    battery : float
+        Steps at full speed that a charge lasts, after which the robot stands; 0 for that of the model's
+        `imperfections`, which is without end by default.
 
     Raises
     ------
@@ -71,6 +75,7 @@ class RobotDesign:
     slip_magnitude: float = 0.0
     drive: Drive = field(default_factory=DifferentialDrive)
     actuators: tuple[Actuator, ...] = ()
+    battery: float = 0.0
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -78,6 +83,7 @@ class RobotDesign:
         check_number("max_speed", self.max_speed, minimum=0, maximum=FASTEST_IN_RADII * radius)
         check_number("slip_probability", self.slip_probability, minimum=0, maximum=1)
         check_number("slip_magnitude", self.slip_magnitude, minimum=0, maximum=1)
+        check_number("battery", self.battery, minimum=0, maximum=LONGEST_CHARGE)
         check_name("name", self.name)
         if not isinstance(self.sensors, (tuple, list)):
             raise InvalidValueError(f"sensors is {shortened(self.sensors)}; expected a tuple of sensors")
@@ -262,6 +268,8 @@ class DesignTable:
         Indices of the front, left and right proximity sensors, -1 for none.
     slip : ndarray, shape (2, d)
         Probability and magnitude.
+    battery : ndarray, shape (d,)
+        Steps at full speed that a charge lasts, 0 for what the model decides.
     sideways : bool ndarray, shape (d,)
         Whether a command is speeds forward and sideways.
     numbers : int64 ndarray, shape (d,)
@@ -291,6 +299,7 @@ class DesignTable:
     reach: np.ndarray
     forward: np.ndarray
     slip: np.ndarray
+    battery: np.ndarray
     sideways: np.ndarray
     numbers: np.ndarray
     acceleration: np.ndarray
@@ -332,6 +341,7 @@ class DesignTable:
             reach=np.max(mounts + proximity[..., RANGE], axis=1, initial=0.0),
             forward=np.array([(d.front, d.left, d.right) for d in designs], np.int64).reshape(-1, 3),
             slip=slip,
+            battery=np.array([d.battery for d in designs], float),
             sideways=np.array([d.turns is False for d in designs], np.bool_),
             numbers=numbers,
             acceleration=acceleration,

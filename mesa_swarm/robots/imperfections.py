@@ -94,6 +94,9 @@ class Imperfections:
         Steps at full speed that a charge lasts, after which a robot stands for good; 0 for a charge without end.
     failure : float
         Probability in each step that a robot breaks down and stands for good, 0 to 1.
+    sensor_failure, wheel_failure : float
+        Probabilities, in each step for each sensor and each wheel, that it fails for good: a sensor reads nothing, a
+        wheel is stuck; see `Robot.fail`.
     slip_probability, slip_magnitude : float
         In each step each wheel loses, with this probability, this share of the speed at which it rolls; both 0 to 1.
 
@@ -112,6 +115,8 @@ class Imperfections:
     driving: Imperfection = Imperfection()
     battery: float = 0.0
     failure: float = 0.0
+    sensor_failure: float = 0.0
+    wheel_failure: float = 0.0
     slip_probability: float = 0.0
     slip_magnitude: float = 0.5
 
@@ -124,7 +129,7 @@ class Imperfections:
         if self.sensing.lag:
             raise InvalidValueError(f"lag of sensing is {self.sensing.lag}; expected 0: late readings have a period")
         check_number("battery", self.battery, minimum=0, maximum=1e12)
-        for name in ("failure", "slip_probability", "slip_magnitude"):
+        for name in ("failure", "sensor_failure", "wheel_failure", "slip_probability", "slip_magnitude"):
             check_number(name, getattr(self, name), minimum=0, maximum=1)
 
     def at(self, dial: float) -> "Imperfections | None":
@@ -147,6 +152,8 @@ class Imperfections:
             driving=self.driving.at(share),
             battery=float(self.battery) / share,
             failure=float(self.failure) * share,
+            sensor_failure=float(self.sensor_failure) * share,
+            wheel_failure=float(self.wheel_failure) * share,
             slip_probability=float(self.slip_probability) * share,
             slip_magnitude=self.slip_magnitude,
         )
@@ -205,6 +212,8 @@ def _both(a: Imperfections, b: Imperfections) -> Imperfections:
         driving=_combined(a.driving, b.driving),
         battery=min(charges) if (charges := [one for one in (a.battery, b.battery) if one]) else 0.0,
         failure=_either(a.failure, b.failure),
+        sensor_failure=_either(a.sensor_failure, b.sensor_failure),
+        wheel_failure=_either(a.wheel_failure, b.wheel_failure),
         slip_probability=_either(a.slip_probability, b.slip_probability),
         slip_magnitude=_loss(a, b),
     )

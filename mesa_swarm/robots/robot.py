@@ -7,11 +7,11 @@ import numpy as np
 from mesa import Agent, Model
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import RemovedRobotError, check_choice, check_name, check_number
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_choice, check_count, check_name, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.parts import reserve
-from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LASTING, WHEELS, Swarm
 from mesa_swarm.world.arena import Arena, ArenaAgent, register_together, registers_together, uncollected
 
 SIDES = {"left": 1.0, "right": -1.0}
@@ -180,6 +180,86 @@ class Robot(ArenaAgent):
     def hot(self) -> bool:
         """Whether it is too hot to fight fires."""
         return bool(self._read("hot"))
+
+    @property
+    def battery(self) -> float:
+        """How full its battery is, from 1 down to 0; 1 without one."""
+        return float(self.swarm.battery[self.alive()])
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What of it failed, such as "stop", "sensor 2" and "wheel 0 stuck"; empty if all works."""
+        row, columns = self.alive(), self.swarm.columns
+        found = ["stop"] if f"{LASTING}broken" in columns and columns[f"{LASTING}broken"][row] else []
+        if FAILED_SENSORS in columns:
+            found += [f"sensor {index}" for index in np.flatnonzero(columns[FAILED_SENSORS][row]).tolist()]
+            wheels = columns[FAILED_WHEELS][row].tolist()
+            found += [f"wheel {index} {WHEELS[state]}" for index, state in enumerate(wheels) if state]
+        return tuple(found)
+
+    def fail(self, what: str, index: int | None = None, how: str = "stuck") -> None:
+        """Let the robot, one of its sensors or one of its wheels fail, between two steps, until `repair`.
+
+        Parameters
+        ----------
+        what : str
+            "stop": the robot stands. "sensor": a sensor reads nothing. "wheel": a wheel no longer obeys.
+        index : int
+            Of the sensor, in the order of ``design.sensors``, or of the wheel: 0 is left, 1 is right.
+        how : str
+            Of a wheel: "stuck" stands; "free" has no drive, and rolls as fast as the other one.
+
+        Raises
+        ------
+        InvalidValueError
+            If there is no such sensor or wheel, or its drive has no wheels, or no two, of which one may be free.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> (robot,) = SwarmModel(rng=1).add_robots(AGENT9, 1)
+        >>> robot.fail("sensor", index=2)
+        >>> robot.fail("wheel", index=0)
+        >>> robot.failures
+        ('sensor 2', 'wheel 0 stuck')
+        >>> robot.repair()
+        >>> robot.failures
+        ()
+        """
+        row = self.alive()
+        check_choice("what", what, ("stop", "sensor", "wheel"))
+        state = WHEELS.index(check_choice("how", how, WHEELS[1:]))
+        place = 0 if what == "stop" else self._place(what, index, how)
+        cast(Any, self.model).prepare_failures()
+        columns = self.swarm.columns
+        if what == "stop":
+            columns[f"{LASTING}broken"][row] = True
+        elif what == "sensor":
+            columns[FAILED_SENSORS][row, place] = True
+        else:
+            columns[FAILED_WHEELS][row, place] = state
+        self.swarm.disturbed = True  # its sensors are read again
+
+    def repair(self) -> None:
+        """Let all of the robot work again, with a full battery."""
+        row, columns = self.alive(), self.swarm.columns
+        for name in (f"{LASTING}broken", f"{LASTING}used", FAILED_SENSORS, FAILED_WHEELS):
+            if name in columns:
+                columns[name][row] = 0
+        self.swarm.disturbed = True
+
+    def _place(self, what: str, index: int | None, how: str) -> int:
+        """Return the index of a sensor or a wheel that there is."""
+        design = self.design
+        if what == "wheel" and (design.turns is False or (how == "free" and not design.turns)):
+            raise InvalidValueError(
+                f"what is 'wheel', how is {how!r}, of a robot with {type(design.drive).__name__}; expected robots with "
+                "wheels, for a free one with a left and a right wheel"
+            )
+        count = len(design.sensors) if what == "sensor" else design.numbers
+        if index is None or not count:
+            raise InvalidValueError(f"index is {index}; expected that of one of {count} {what}s of {design.name}")
+        return check_count(f"index of a {what}", index, maximum=count - 1)
 
     def remove(self) -> None:
         """Take the robot out of the model, between two steps."""

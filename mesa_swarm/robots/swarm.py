@@ -21,6 +21,9 @@ from mesa_swarm.world.statics import BORDER, ROBOT
 LASTING = "body."
 # The last fresh readings of custom sensors.
 LAST_READ = f"{LASTING}read."
+# Which sensors failed, in the order of the design's, and which wheels, as one of `WHEELS`.
+FAILED_SENSORS, FAILED_WHEELS = f"{LASTING}failed_sensors", f"{LASTING}failed_wheels"
+WHEELS = ("works", "stuck", "free")
 # What robots send and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
@@ -143,6 +146,7 @@ class Swarm:
         self.version = 0
         self.groups: tuple[str, ...] = ()
         self.regrouped = 0
+        self.battery_life = 0.0  # of robots whose design does not state it, steps at full speed, 0 for without end
         self._created = 0
         self._memory: dict[str, tuple[tuple, type, object]] = {}
         self._messages: dict[str, tuple[tuple, type, object]] = {}
@@ -179,6 +183,31 @@ class Swarm:
     def designs(self) -> tuple[RobotDesign, ...]:
         """The designs present; the column `design` holds indices into them."""
         return self.table.designs
+
+    @property
+    def battery(self) -> NDArray[np.float64]:
+        """How full each robot's battery is, shape (n,), from 1 down to 0; 1 for robots without one.
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> from mesa_swarm import AGENT3, SwarmModel
+        >>> from mesa_swarm.control import Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> robots = model.add_robots(replace(AGENT3, battery=1000), poses=[(100, 300, 0.0)])
+        >>> model.control = Subsumption(Explore())
+        >>> model.run(250).swarm.battery
+        array([0.75])
+        """
+        life = self.table.battery[self.columns["design"]]
+        life = np.where(life > 0.0, life, self.battery_life)
+        used = self.columns.get(f"{LASTING}used", np.zeros(len(life)))
+        return np.clip(1.0 - np.divide(used, life, out=np.zeros(len(life)), where=life > 0.0), 0.0, 1.0)
+
+    def add_failures(self) -> None:
+        """Make the columns of sensors and wheels that failed."""
+        self.remember(FAILED_SENSORS, ("sensors",), np.bool_, False)
+        self.remember(FAILED_WHEELS, ("wheels",), np.int8, 0)
 
     def add(
         self,
@@ -332,6 +361,7 @@ class Swarm:
             "radiation": self.table.radiation.shape[1],
             "line": self.table.line.shape[1],
             "wheels": self.table.wheels,
+            "sensors": max((len(design.sensors) for design in self.designs), default=0),
             **self.table.readings,
         }
         declared = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}

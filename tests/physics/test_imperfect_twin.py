@@ -172,7 +172,7 @@ def test_each_wheel_is_lost_replaced_disturbed_held_late_slips_and_uses_its_char
         charge[i] += np.abs(rolling[i]).sum() / 2 / speed[i] if speed[i] else 0.0
     got = command, held, wheels, used, broken
     bodies = speed, design, sideways, numbers, number
-    spoil_wheels(*got, *bodies, limits, (battery, failure, *slips), step, np.uint64(KEY))
+    spoil_wheels(*got, *bodies, np.full(2, battery), limits, (failure, *slips), step, np.uint64(KEY))
     for mine, theirs in zip(got, expected, strict=True):
         assert mine == pytest.approx(theirs, abs=1e-12)
 

@@ -23,7 +23,7 @@ RANGES = {
         "rays": (0, 10_000),
     },
     RadiationSensor: SECTOR,
-    RobotDesign: {"max_speed": (0, 5000), "slip_probability": (0, 1), "slip_magnitude": (0, 1)},
+    RobotDesign: {"max_speed": (0, 5000), "slip_probability": (0, 1), "slip_magnitude": (0, 1), "battery": (0, 1e12)},
     Radio: {"range": (0, 1e6), "loss_probability": (0, 1)},
     Imperfection: {
         "error": (0, 10),
@@ -33,7 +33,10 @@ RANGES = {
         "period": (1, BILLION),
         "lag": (0, 1e6),
     },
-    Imperfections: {"battery": (0, 1e12), "failure": (0, 1)},
+    Imperfections: {
+        "battery": (0, 1e12),
+        **dict.fromkeys(("failure", "sensor_failure", "wheel_failure", "slip_probability", "slip_magnitude"), (0, 1)),
+    },
     all_round: {"count": (3, 72), "range": (0, 1e6)},
 }
 WHOLE = {"hold", "period", "rays", "count"}
