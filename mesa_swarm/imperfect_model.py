@@ -58,7 +58,7 @@ class ImperfectModel(OpenModel):
         noise: Noise = 0.0,
         slip: Slip = 0.0,
         imperfections: Dial = 0.0,
-        scale: Scale | None = None,
+        scale: Scale | None,
     ) -> None:
         given = {"noise": noise, "slip": slip, "imperfections": imperfections, **self.__dict__.pop("_common", {})}
         for name, value in given.items():

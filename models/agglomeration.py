@@ -73,7 +73,7 @@ class Agglomeration(SwarmModel):
         self.communication = RANK if together or moving == "lead" else None
         self.add_robots(AGENT9.with_proximity(range=sight), check_count("n_robots", n_robots))
         self.control = Subsumption(
-            *((HeadOn(leader="number", distance=40.0),) if together else ()),
+            *((HeadOn(leader="number"),) if together else ()),
             Avoid(distance=avoid_distance),
             *((Lead(speed=0.3),) if together or moving == "lead" else ()),
             *((MatchVelocity(),) if together or moving == "match" else ()),

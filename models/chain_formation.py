@@ -37,7 +37,7 @@ from mesa_swarm.streams import Seed
 DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9}
 SWITCH = ("on", "off")
 # The parameters of HeadOn, if any.
-LEADERS: dict[str, dict] = {"off": {}, "on": {"leader": "speed"}, "number": {"leader": "number", "distance": 40.0}}
+LEADERS: dict[str, dict] = {"off": {}, "on": {"leader": "speed"}, "number": {"leader": "number"}}
 
 
 class ChainFormation(SwarmModel):

@@ -10,10 +10,12 @@ T falls from 1 to 0.2: robots first explore, then use what they have learned.
 
 HOW TO USE IT. `reward` (a) is the mean wheel speed, (b) rewards driving straight ahead only, (c) is as (b) without the
 jump at the critical distance. `critical` is that distance, as a share of the sensors' range: the thesis's 0.4 has no
-unit; 0.08 is 0.4 of a robot's diameter, chosen because it reproduces the thesis's curves. `reward_of` is the state
+unit; 0.08 is 0.4 of a robot's diameter, chosen because collisions then fall with T as there. `reward_of` is the state
 whose readings decide the reward: that in which the action was chosen, or the next. `beta` is the rate at which T
-falls. `gamma` is the discount factor. `shared` lets all robots learn with one set of networks, `self_adjusting` lets
-each adapt T, and gamma, to its rate of collisions, and `typed` distinguishes robots, fires and loads from obstacles.
+falls. `gamma` is the discount factor. `memory` "table" replaces the networks by a look-up table of coarse readings, to
+which `encoding`, `eta` and `self_adjusting` do not apply. `shared` lets all robots learn with one set of networks or
+one table, `self_adjusting` lets each adapt T, and gamma, to its rate of collisions, and `typed` distinguishes robots,
+fires and loads from obstacles.
 
 THINGS TO NOTICE. Collisions become rarer as T falls. Some recur, long after: what a network
 learns in one situation changes its values in others. With beta 0.005 collisions end sooner than with 0.0001.
@@ -27,19 +29,20 @@ EXTENDING IT. A reflex above the learner: `model.control = Subsumption(Avoid(dis
 REFERENCE. Thesis, chapters 6 to 8.
 """
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
-from mesa_swarm.learning import q_learning
+from mesa_swarm.learning import TableQLearning, q_learning
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, STATE
 from mesa_swarm.parameters import YES_NO, Choice, Slider, is_yes
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
 
+MEMORIES = ("networks", "table")
 ADJUSTING = (*YES_NO, "with gamma")
 # The gamma of a robot that bumps often; the largest of the thesis (8.2).
 ALERT_GAMMA = 0.9
@@ -81,6 +84,7 @@ class QLearning(SwarmModel):
         critical: Annotated[float, Slider(0.005, 1, 0.005, "reading below which only distance is rewarded")] = CRITICAL,
         reward_of: Annotated[str, Choice(REWARD_STATES, "whose readings count: before or after the action")] = STATE,
         encoding: Annotated[str, Choice(("distance", "typed"), "inputs: distances, or also body kinds")] = "distance",
+        memory: Annotated[str, Choice(MEMORIES, "what values are learned in")] = "networks",
         shared: Annotated[str, Choice(YES_NO, "whether all robots share one set of networks")] = "no",
         self_adjusting: Annotated[str, Choice(ADJUSTING, "what a robot adapts to its collisions: T, gamma")] = "no",
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
@@ -89,13 +93,16 @@ class QLearning(SwarmModel):
         super().__init__(map=map, rng=rng, model_reporters=held("temperature", "reward", "forward_speed"))
         self.add_robots(AGENT9, check_count("n_robots", n_robots, minimum=1))
         adjusting, alert_gamma = adjusted(self_adjusting)
-        layer = q_learning.QLearning(
-            reward=reward, actions=actions, encoding=encoding, alpha=alpha, eta=eta, gamma=gamma, beta=beta,
-            first_temperature=first_temperature, last_temperature=last_temperature, critical=critical,
-            reward_of=reward_of, shared=is_yes("shared", shared),
-            self_adjusting=adjusting, alert_gamma=alert_gamma,
-        )  # fmt: skip
-        self.control = Subsumption(layer)
+        common: dict[str, Any] = {
+            "reward": reward, "actions": actions, "alpha": alpha, "gamma": gamma, "beta": beta, "critical": critical,
+            "first_temperature": first_temperature, "last_temperature": last_temperature, "reward_of": reward_of,
+            "shared": is_yes("shared", shared),
+        }  # fmt: skip
+        networks = q_learning.QLearning(
+            encoding=encoding, eta=eta, self_adjusting=adjusting, alert_gamma=alert_gamma, **common
+        )
+        in_a_table = check_choice("memory", memory, MEMORIES) == "table"
+        self.control = Subsumption(TableQLearning(**common) if in_a_table else networks)
 
     @property
     def temperature(self) -> float:
@@ -113,10 +120,10 @@ class QLearning(SwarmModel):
         return float(np.mean(self.swarm.command.mean(axis=1) / self.swarm.max_speed))
 
     @property
-    def learner(self) -> q_learning.QLearning:
-        """The learning layer, with its networks."""
+    def learner(self) -> q_learning.QLearning | TableQLearning:
+        """The learning layer, with its networks or tables."""
         layers = () if self.control is None else self.control.layers
-        learner = next((layer for layer in layers if isinstance(layer, q_learning.QLearning)), None)
+        learner = next((layer for layer in layers if isinstance(layer, q_learning.QLearning | TableQLearning)), None)
         if learner is None:
             raise InvalidValueError(f"the model is driven by {shortened(layers)}; expected a layer that learns")
         return learner

@@ -1,4 +1,4 @@
-"""Robots that learn: reward-lab, learn-bench."""
+"""Robots that learn: reward-lab, tune, learn-bench."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -103,6 +103,40 @@ def marks(profiles: "dict[str, tuple[Profile, Profile]]") -> list[tuple]:
         for curve, profile in zip(("reward", "learned"), pair, strict=True):
             rows += [(kind, curve, m.kind, m.action, m.start, m.end, m.size) for m in profile.marks]
     return rows
+
+
+@commands.command("tune")
+def tune(
+    *,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="In which collisions count.")] = 1_000,
+    least_speed: Annotated[
+        float, typer.Option(min=-1, max=1, help="Mean forward speed, share of the full one.")
+    ] = 0.28,
+    robots: Annotated[int, typer.Option(min=1, max=1000, help="How many learn together.")] = 15,
+    generations: Annotated[int, typer.Option(min=1, max=10_000, help="Of CMA-ES.")] = 24,
+    population: Annotated[int, typer.Option(min=4, max=1000, help="Candidates a generation.")] = 8,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs of each candidate.")] = 6,
+    judged: Annotated[int, typer.Option(min=1, max=1000, help="Runs with other seeds that judge the result.")] = 24,
+    rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the search.")] = 1,
+    jobs: Jobs = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Tune temperature and gamma of the Q-learner to few collisions at a speed; compare with the thesis's values."""
+    from mesa_swarm.experiments import tuning
+    from mesa_swarm.experiments.tables import aligned
+
+    goal = tuning.LearningGoal(steps=steps, least_speed=least_speed, robots=robots)
+    found = tuning.tune(
+        goal,
+        generations=generations,
+        population=population,
+        seeds=range(tuning.FIRST_SEED, tuning.FIRST_SEED + seeds),
+        rng=rng,
+        jobs=jobs,
+        progress=not quiet,
+    )
+    print("\n".join(f"{name} = {value:.4g}" for name, value in found.settings.items()))
+    print("\n".join(aligned(tuning.comparison(found, seeds=range(1, judged + 1), jobs=jobs))))
 
 
 @commands.command("learn-bench")

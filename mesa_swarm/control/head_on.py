@@ -34,8 +34,8 @@ class HeadOn:
     By number (5.2.3.2): each robot broadcasts a number, drawn once at random. Of two robots that nothing follows the
     one with the higher number turns round and leads, the lower one waits and follows. A robot that others follow does
     not turn round: it waits for one that none follows to do so, which thereby becomes the head of its chain. Where both
-    are followed both go on. A robot is followed if it hears, from behind, the number's sender follow something as
-    far away as itself. Needs ``communication = Radio(message=("number", "follows"))``.
+    are followed both go on. A robot is followed if a sender behind it follows something that is as far away as itself,
+    and met by a sender ahead of which the same holds. Needs ``communication = Radio(message=("number", "follows"))``.
 
     Put this layer above `Avoid`, which would make both turn aside.
 
@@ -109,7 +109,7 @@ class HeadOn:
             head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
         else:
             heard = self._exchanged(senses, nearest)
-            lead_by_number(*sensed, *robots, *heard, *limits, *memory, command, layer, index)
+            lead_by_number(*sensed, *robots, *heard, *limits, float(self.tolerance), *memory, command, layer, index)
 
     def _exchanged(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
         """Send this robot's number and how far what it follows is; return what is heard, and the number sent."""
@@ -125,7 +125,7 @@ class HeadOn:
             nearest, senses.distance, senses.radius, number, heard["n"], heard["range"], heard["bearing"],
             heard["follows"], float(self.tolerance), sent, follows,
         )  # fmt: skip
-        return heard["n"], heard["range"], heard["bearing"], heard["number"], sent
+        return heard["n"], heard["range"], heard["bearing"], heard["number"], heard["follows"], sent
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robot it meets."""
@@ -178,7 +178,7 @@ def announce(nearest, distance, radius, number, count, away, bearing, heard_foll
 @compiled
 def lead_by_number(
     nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, count, away, bearing, heard,
-    sent, near, margin, parting, front, least, speed, left, command, layer, index,
+    heard_follows, sent, near, margin, parting, tolerance, front, least, speed, left, command, layer, index,
 ):  # fmt: skip
     """Begin, go on with and end encounters; a robot that turns round has a `speed` above 0, one that waits below."""
     for i in range(layer.shape[0]):
@@ -192,7 +192,8 @@ def lead_by_number(
         elif 0.0 <= reading < near and front[i] >= 0.0 and layer[i] < 0:
             own = 0.5 * (last_command[i, 0] + last_command[i, 1])
             if front[i] - reading > own + margin * max_speed[i]:
-                other = number_ahead(count[i], away[i], bearing[i], heard[i], reading + 2.0 * radius[i])
+                far = reading + 2.0 * radius[i]
+                other = number_ahead(count[i], away[i], bearing[i], heard[i], heard_follows[i], far, tolerance)
                 if not math.isnan(other) and (sent[i] > 0.0 or other > 0.0):
                     # One that waits does so for as long as the other needs to turn round.
                     speed[i] = max_speed[i] if sent[i] > other else -max_speed[i]
@@ -207,10 +208,14 @@ def lead_by_number(
 
 
 @compiled
-def number_ahead(count, away, bearing, heard, far):
-    """Return the number of the sender ahead whose distance is nearest to `far`, NaN if none is ahead."""
+def number_ahead(count, away, bearing, heard, follows, far, tolerance):
+    """Return the number of the sender ahead whose distance is nearest to `far`, NaN if none that sees this robot is.
+
+    A sender that goes away sees another robot ahead, or none.
+    """
     number, least = math.nan, math.inf
     for k in range(count):
-        if abs(bearing[k]) < AHEAD and abs(away[k] - far) < least:
+        meets = abs(bearing[k]) < AHEAD and abs(follows[k] - away[k]) < tolerance
+        if meets and abs(away[k] - far) < least:
             number, least = heard[k], abs(away[k] - far)
     return number

@@ -116,11 +116,10 @@ class Designer:
         model = self.session.model
         largest = float(model.fires.area.max()) if model is not None and len(model.fires) else 16.0
         start = float(self.session.settings.get("initial_temperature", 1.0))
+        wanted: dict[str, Any] = {**self.requirements, "initial_temperature": start}
         with _SILENCE, warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always", FireConstantsWarning)
-            constants = design_constants(
-                **self.requirements, initial_temperature=start, area=largest, largest_area=largest
-            )
+            constants = design_constants(**wanted, area=largest, largest_area=largest)
         return constants, tuple(str(warning.message) for warning in heard)
 
 

@@ -10,6 +10,7 @@ from mesa_swarm.learning.policy_files import load_policy, save_policy
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.rewards import reward
+from mesa_swarm.learning.table_learning import TableQLearning
 from mesa_swarm.learning.wire_learning import WireFittedQ, WirePolicy, wire_value
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "QPolicy",
     "ReflexPolicy",
     "SensorLayout",
+    "TableQLearning",
     "WireFittedQ",
     "WirePolicy",
     "approach_values",

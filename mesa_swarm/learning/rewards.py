@@ -10,7 +10,8 @@ REWARDS = ("a", "b", "c")
 STATE, NEXT_STATE = "state", "next state"
 REWARD_STATES = (STATE, NEXT_STATE)
 # d_crit of the thesis is 0.4, in units that it does not state. We read it as 0.4 of a robot's diameter of 10, which is
-# 0.08 of a range of 50, because that reproduces the thesis's curves: see docs/readings.md.
+# 0.08 of a range of 50: with this reading alone collisions fall with T as in the thesis whether there are four or eight
+# actions, and whichever state is rewarded; see docs/readings.md.
 CRITICAL = 0.08
 
 
@@ -35,7 +36,7 @@ def reward(kind: str, nearest: float, left: float, right: float, critical: float
         Wheel commands as shares of max_speed, -1 to 1.
     critical : float
         d, a share of the range, above 0, at most 1. The thesis's 0.4 has no unit; the default, 0.4 of a robot's
-        diameter of 10 with a range of 50, was chosen because it reproduces the thesis's curves.
+        diameter of 10 with a range of 50, was chosen because collisions then fall with T as in the thesis's curves.
 
     Returns
     -------

@@ -1,5 +1,6 @@
 """How much the verdicts of figures 8.2 to 8.5 depend on how the thesis is read."""
 
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -18,8 +19,10 @@ from mesa_swarm.reproduction.learning import (
     FALL,
     FAST,
     FAST_FALL,
+    LEVELS,
     SLOW,
     judged_frequency,
+    judged_levels,
     judged_totals,
     runs_of,
 )
@@ -150,7 +153,22 @@ def frequency(laboratory: Laboratory, robots: int, figure: str) -> Result:
     """Repeat the runs of figure 8.2 or 8.3, T falling slowly, with every way to read the thesis."""
     rows = runs_by_reading(laboratory, robots, SLOW)
     claims = {reading: judged_frequency(each, FALL) for reading, each in rows.items()}
-    return result(rows, {figure: claims}, f"{robots} robot{'s' if robots > 1 else ''}, beta {SLOW:g}")
+    made = result(rows, {figure: claims}, f"{robots} robot{'s' if robots > 1 else ''}, beta {SLOW:g}")
+    return made if robots == 1 else replace(made, remarks=(*made.remarks, levels(rows)))
+
+
+def levels(rows: Rows) -> str:
+    """Return with which readings rates of collisions are those of the thesis's curve."""
+    (early, most), (late, last) = LEVELS
+    held = [
+        name_of(reading)
+        for reading, each in rows.items()
+        if {check.outcome for check in judged_levels(each)} == {PASSED}
+    ]
+    return (
+        f"The levels of the thesis's curve, as we read it, {early:g} to {most:g} collisions at first and {late:g} to "
+        f"{last:g} in the end, come out with {len(held)} of {len(rows)} readings: {'; '.join(held) or 'none'}."
+    )
 
 
 def fast(laboratory: Laboratory) -> Result:

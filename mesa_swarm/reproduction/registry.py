@@ -18,7 +18,7 @@ PACKAGE = "mesa_swarm.reproduction"
 # A module for each subject, in the thesis's order.
 CHAPTERS = (
     *("complexity", "avoidance", "swarms", "networks", "learning", "oscillations", "foresight"),
-    *("fire_fighting", "fire_growth", "maps"),
+    *("tuning", "fire_fighting", "fire_growth", "maps"),
 )
 # Modules whose names begin with this hold the results of papers.
 PUBLISHED = "published"
@@ -117,7 +117,9 @@ This page is written by `mesa-swarm reproduce --readings --report docs/readings.
 
 {VERDICTS_IN_WORDS}
 Settings and criteria were fixed, and committed, before the runs that are judged, which have seeds from 1,001 on. The
-combinations are all that the three questions allow; none was left out.
+combinations are all that the three questions allow; none was left out. Verdicts on this page are about what a reading
+changes; the second table of each section has the claims of the thesis that hold under it. To repeat a single section:
+`mesa-swarm reproduce --figure readings-8.3`.
 """
 OF_PAPERS = f"""\
 # Published results

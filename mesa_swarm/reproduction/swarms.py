@@ -376,7 +376,7 @@ def head_on(laboratory: Laboratory) -> Result:
         ),
         pictures={"": chain_picture(2_000, head_on="number")},
         settings=(
-            f"{CHAINING}; HeadOn() by speed, HeadOn(leader='number', distance=40) by number, both as chosen on seeds "
+            f"{CHAINING}; HeadOn() by speed, HeadOn(leader='number') by number, both as chosen on seeds "
             "from 10,000 on; lengths are means over the 200 steps before step 3,000"
         ),
         remarks=(

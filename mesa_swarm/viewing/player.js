@@ -379,12 +379,19 @@ class Player {
     this.describeLayers();
   }
 
+  /** The time that has passed in the model, behind its step, if it has a scale. */
+  get simulated() {
+    const { scale } = this.about.world, seconds = scale ? this.step * scale[1] : 0;
+    if (!scale) return "";
+    return seconds < 60 ? `, ${Number(seconds.toPrecision(3))} s` : `, ${clock(seconds)} min`;
+  }
+
   /** Show the progress, at once or now and then. */
   report(now) {
-    const scrub = find("scrub"), text = `step ${this.step.toLocaleString("en")}`;
+    const scrub = find("scrub"), shown = `${this.step.toLocaleString("en")}${this.simulated}`, text = `step ${shown}`;
     scrub.value = String(this.row);
     scrub.style.setProperty("--done", `${this.last > 0 ? (100 * this.row) / this.last : 0}%`);
-    find("step").textContent = this.step.toLocaleString("en");
+    find("step").textContent = shown;
     const time = performance.now();
     if (!now && time - this.#read < READINGS_EVERY) return;
     this.#read = time;

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, all_round, disc
+from mesa_swarm import AGENT9, Scale, all_round, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -37,6 +37,7 @@ TWENTY_DRAWINGS = """(() => {
 })()"""
 # No machine is so slow that a page's own time gets there before the test, milliseconds.
 LATER = 3_600_000
+SECONDS = Scale(units_per_metre=1000, seconds_per_step=2.5)
 
 
 @pytest.fixture(scope="module")
@@ -366,3 +367,29 @@ def test_what_was_changed_while_it_was_recorded_is_drawn_from_then_on(blank, tmp
     page.evaluate("mesaSwarmReplay.goTo(2)")
     until(page, "mesaSwarmReplay.stage.frame.step === 3")
     assert page.evaluate(shapes) == len(model.obstacles) - 1
+
+
+# What is written on the canvas, in the order of drawing.
+WRITTEN = """const write = CanvasRenderingContext2D.prototype.fillText;
+    window.written = [];
+    CanvasRenderingContext2D.prototype.fillText = function (text, ...more) {
+        written.push(text);
+        return write.call(this, text, ...more);
+    };"""
+
+
+@pytest.mark.parametrize(
+    ("scale", "step", "bar"), [(SECONDS, "4, 10 s", " cm"), (None, "4", " units")], ids=["scale", "none"]
+)
+def test_a_model_with_a_scale_has_its_time_and_a_bar_in_units_of_length(blank, tmp_path, scale, step, bar):
+    model = SwarmModel(map="openspace", rng=1, scale=scale)
+    model.add_robots(AGENT9, 3)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(4)
+    path = tmp_path / "run.html"
+    path.write_text(replay_page(Recording(tmp_path / "run.arrow")), encoding="utf-8")
+    blank.add_init_script(WRITTEN)
+    blank.goto(path.as_uri())
+    blank.keyboard.press("End")
+    comes_true(lambda: blank.inner_text("#step") == step)
+    assert any(text.endswith(bar) for text in blank.evaluate("written"))

@@ -13,6 +13,7 @@ from mesa_swarm.control import (
     Follow,
     Gather,
     HeadOn,
+    Lead,
     MatchVelocity,
     Perimeter,
     Push,
@@ -27,7 +28,7 @@ from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.robots.design import RobotDesign
 from support.scenes import ahead, empty
 
-FOR_WHEELS = (Avoid, Explore, Follow, Gather, HeadOn, MatchVelocity, Perimeter, Push, Respond, FightFire)
+FOR_WHEELS = (Avoid, Explore, Follow, Gather, HeadOn, Lead, MatchVelocity, Perimeter, Push, Respond, FightFire)
 FOR_ROLLERS = (Align, Cohere, Cruise, Separate)
 GLIDER = all_round(12, name="glider", drive=HolonomicDrive())
 

@@ -16,6 +16,7 @@ from mesa_swarm.control import (
     Follow,
     Gather,
     HeadOn,
+    Lead,
     MatchVelocity,
     Perimeter,
     Push,
@@ -155,6 +156,26 @@ def test_head_on_names_the_robot_that_it_meets_or_has_met():
             reasons.append(why.reason)
     assert reasons[0].startswith("it met a robot head-on (front sensor ")
     assert reasons[0].endswith("(a robot)): it turns round to lead or to follow")
+
+
+def test_head_on_by_number_explains_which_robot_waits():
+    model = watched(HeadOn(distance=40, leader="number"), Explore(), poses=[(150, 150, 0.0), (230, 150, math.pi)])
+    model.communication = Radio(message=("number", "follows"))
+    reasons = set()
+    for _ in range(60):
+        model.step()
+        reasons |= {why.reason for why in map(model.explain, model.robots) if why.layer == "HeadOn"}
+    assert any(reason.endswith("it waits for that to turn round, and follows") for reason in reasons)
+    assert any(reason.endswith("it turns round to lead or to follow") for reason in reasons)
+
+
+def test_lead_states_that_it_leads():
+    model = watched(Lead(), Explore(), poses=[(150, 150, 0.0), (230, 150, math.pi)])
+    model.communication = Radio(message=("rank",))
+    model.run(2)
+    leads = [model.explain(robot) for robot in model.robots]
+    assert sorted(why.layer for why in leads) == ["Explore", "Lead"]
+    assert "no robot that it hears has a lower rank: it leads" in [why.reason for why in leads]
 
 
 def test_match_velocity_reports_how_many_sensors_see_robots():

@@ -1,11 +1,12 @@
-"""Gather and Follow: when they are active, and what they do."""
+"""Gather, Lead and Follow: when they are active, and what they do."""
 
 import math
 
+import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, disc
-from mesa_swarm.control import Explore, Follow, Gather, Subsumption
+from mesa_swarm import AGENT9, Radio, disc
+from mesa_swarm.control import Explore, Follow, Gather, Lead, Subsumption
 from mesa_swarm.errors import InvalidValueError
 from support.scenes import empty
 
@@ -46,6 +47,38 @@ class TestGather:
     def test_never_turns_beyond_the_centroid(self):
         (left, right), _ = decision(Gather(critical_angle_degrees=0), (30, 30))
         assert right == -left == 1.0
+
+
+class TestLead:
+    @staticmethod
+    def group(poses, reach=100.0):
+        """Return a model of robots that lead or stay."""
+        model = empty(rng=5)
+        model.add_robots(AGENT9, poses=poses)
+        model.communication = Radio(range=reach, state=False, goal=False, message=("rank",))
+        model.control = Subsumption(Lead(speed=0.25))
+        return model.run(2)
+
+    def test_of_robots_in_range_only_the_one_of_the_lowest_rank_drives(self):
+        model = self.group([(100, 100, 0.0), (140, 100, 0.0), (120, 140, 0.0)])
+        lowest = int(model.swarm.columns["0.Lead.rank"].argmin())
+        assert np.flatnonzero(model.swarm.layer == 0).tolist() == [lowest]
+        assert model.swarm.command[lowest].tolist() == [0.25, 0.25]
+        assert (model.swarm.columns["0.Lead.rank"] > 0).all()
+
+    def test_a_robot_that_hears_no_other_does_not_lead(self):
+        assert (self.group([(100, 100, 0.0), (300, 100, 0.0)]).swarm.layer == -1).all()
+
+    def test_groups_out_of_range_have_a_leader_each(self):
+        model = self.group([(60, 60, 0.0), (100, 60, 0.0), (300, 240, 0.0), (340, 240, 0.0)], reach=50)
+        assert (model.swarm.layer[:2] == 0).sum() == (model.swarm.layer[2:] == 0).sum() == 1
+
+    def test_without_messages_it_is_refused_in_one_line(self):
+        model = empty()
+        model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+        model.control = Subsumption(Lead())
+        with pytest.raises(InvalidValueError, match=r"Lead compares ranks, .* model\.communication = Radio"):
+            model.step()
 
 
 class TestFollow:

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9
+from mesa_swarm import AGENT9, Radio
 from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from support.scenes import empty
 
 CHAIN = Avoid(distance=6), Follow(), Explore(speed=0.7)
@@ -78,3 +78,73 @@ def test_draws_are_the_same_for_the_same_seed_and_others_for_another():
 def test_parameters_out_of_range_are_refused_by_name(bad):
     with pytest.raises(InvalidValueError, match=next(iter(bad))):
         HeadOn(**bad)
+
+
+def test_without_messages_a_leader_by_number_is_refused_in_one_line():
+    model = meeting(1, HeadOn(leader="number"), *CHAIN)
+    with pytest.raises(InvalidValueError, match=r"HeadOn decides by number, .* model\.communication = Radio"):
+        model.step()
+
+
+def test_an_unknown_way_to_choose_a_leader_is_refused():
+    with pytest.raises(UnknownNameError, match="leader"):
+        HeadOn(leader="rank")
+
+
+def by_number(rng: int, poses: list, design=AGENT9):
+    """Return a world of robots that decide by number."""
+    model = empty(width=1600, height=1200, rng=rng)
+    model.add_robots(design, poses=poses, tendency="left")
+    model.communication = Radio(range=80, state=False, goal=False, message=("number", "follows"))
+    model.control = Subsumption(HeadOn(leader="number", distance=40), *CHAIN)
+    return model
+
+
+PAIR = [(750, 600, 0.0), (850, 600, math.pi)]
+
+
+def test_by_number_the_one_with_the_higher_number_leads_and_the_other_waits_and_follows():
+    for rng in range(10):
+        model = by_number(rng, PAIR)
+        while (model.swarm.layer != 0).all():
+            model.step()
+        number = model.swarm.columns["0.HeadOn.number"].copy()
+        higher = int(number.argmax())
+        assert model.swarm.command[higher, 0] == -model.swarm.command[higher, 1] != 0.0
+        assert model.swarm.command[1 - higher].tolist() == [0.0, 0.0]
+        model.run(120)
+        assert leads_the_other(model)
+        ahead = model.swarm.position[higher] - model.swarm.position[1 - higher]
+        heading = model.swarm.heading[1 - higher]
+        assert ahead @ np.array([math.cos(heading), math.sin(heading)]) > 0.0
+        assert (model.swarm.columns["0.HeadOn.number"] == number).all()
+
+
+def test_a_robot_that_is_followed_waits_for_one_that_is_not_and_gains_a_head():
+    for rng in range(10):
+        # Two robots in a chain, and one that comes towards it, whatever its number.
+        model = by_number(rng, [(700, 600, 0.0), (675, 600, 0.0), (800, 600, math.pi)])
+        turned = set()
+        for _ in range(200):
+            model.step()
+            on_the_spot = (model.swarm.command[:, 0] == -model.swarm.command[:, 1]) & (model.swarm.command[:, 1] != 0)
+            turned |= set(np.flatnonzero(on_the_spot & (model.swarm.layer == 0)).tolist())
+        assert turned == {2}
+        assert math.cos(model.swarm.heading[2]) > 0.9
+        assert np.argsort(model.swarm.position[:, 0]).tolist() == [1, 0, 2]
+
+
+def test_where_both_are_followed_neither_turns_round_or_waits():
+    poses = [(700, 600, 0.0), (675, 600, 0.0), (800, 600, math.pi), (825, 600, math.pi)]
+    model = by_number(1, poses)
+    for _ in range(100):
+        model.step()
+        heads = model.swarm.layer[[0, 2]]
+        if abs(model.swarm.position[0, 0] - model.swarm.position[2, 0]) < 20:
+            break
+        assert (heads != 0).all()
+
+
+def test_robots_by_number_are_the_same_for_the_same_seed():
+    first, again, other = (by_number(rng, PAIR).run(100).state_hash() for rng in (3, 3, 4))
+    assert first == again != other

@@ -8,7 +8,15 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.learning import HebbianLearning, QLearning, QPolicy, ReflexPolicy, SensorLayout, WireFittedQ
+from mesa_swarm.learning import (
+    HebbianLearning,
+    QLearning,
+    QPolicy,
+    ReflexPolicy,
+    SensorLayout,
+    TableQLearning,
+    WireFittedQ,
+)
 from mesa_swarm.learning.actions import boltzmann, choose_all, chosen, temperature_at
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fire_learning import LearnFires
@@ -55,6 +63,13 @@ NUMBERS = [
     (LearnFires, "first_temperature", 5, ABOVE_0, 1e6),
     (LearnFires, "last_temperature", 0.1, ABOVE_0, 1e6),
     (LearnFires, "hold", 50, 1, 2**31 - 1),
+    (TableQLearning, "sectors", 5, 1, 10),
+    (TableQLearning, "alpha", 0.4, 0.0, 1.0),
+    (TableQLearning, "gamma", 0.7, 0.0, 0.999),
+    (TableQLearning, "beta", 1e-4, 0.0, 1.0),
+    (TableQLearning, "critical", 0.08, ABOVE_0, 1.0),
+    (TableQLearning, "first_temperature", 1.0, ABOVE_0, 1e6),
+    (TableQLearning, "last_temperature", 0.2, ABOVE_0, 1e6),
     (Fitness, "collision_cost", 800, 0.0, 1e6),
     (Fitness, "coverage_worth", 15, 0.0, 1e6),
     (Fitness, "speed_worth", 1, 0.0, 1e6),

@@ -11,10 +11,18 @@ from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.environments.task_world import Commanded
 from mesa_swarm.errors import LearningError
-from mesa_swarm.learning import HebbianLearning, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
+from mesa_swarm.learning import (
+    HebbianLearning,
+    PolicyLayer,
+    QLearning,
+    TableQLearning,
+    WireFittedQ,
+    load_policy,
+    save_policy,
+)
 from mesa_swarm.learning.fire_learning import LearnFires
 
-LEARNERS = [QLearning, WireFittedQ, HebbianLearning, LearnFires]
+LEARNERS = [QLearning, WireFittedQ, HebbianLearning, LearnFires, TableQLearning]
 OF_POLICIES = LEARNERS[:3]
 
 
