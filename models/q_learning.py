@@ -33,10 +33,11 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.learning import TableQLearning, q_learning
-from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, STATE
 from mesa_swarm.parameters import YES_NO, Choice, Slider, is_yes
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
+
+REWARD_OF = ("state", "next state")
 
 
 class QLearning(SwarmModel):
@@ -50,7 +51,7 @@ class QLearning(SwarmModel):
 
     compares = "beta", (1e-4, 5e-3)
     steps_to_compare = 33_000
-    earlier_defaults: ClassVar = {"reward_of": NEXT_STATE}  # of recordings without this parameter
+    earlier_defaults: ClassVar = {"reward_of": "next state"}  # of recordings without this parameter
 
     def __init__(
         self,
@@ -64,8 +65,8 @@ class QLearning(SwarmModel):
         gamma: Annotated[float, Slider(0, 0.95, 0.05, "weight of the next step's value")] = 0.7,
         first_temperature: Annotated[float, Slider(0.01, 5, 0.01, "T at the start")] = 1.0,
         last_temperature: Annotated[float, Slider(0.01, 5, 0.01, "final T")] = 0.2,
-        critical: Annotated[float, Slider(0.005, 1, 0.005, "reading below which only distance is rewarded")] = CRITICAL,
-        reward_of: Annotated[str, Choice(REWARD_STATES, "whose readings count: before or after the action")] = STATE,
+        critical: Annotated[float, Slider(0.005, 1, 0.005, "reading below which only distance is rewarded")] = 0.08,
+        reward_of: Annotated[str, Choice(REWARD_OF, "whose readings count: before or after the action")] = "state",
         encoding: Annotated[str, Choice(("distance", "typed"), "inputs: distances, or also body kinds")] = "distance",
         memory: Annotated[str, Choice(("networks", "table"), "what values are learned in")] = "networks",
         shared: Annotated[str, Choice(YES_NO, "whether all robots share one set of networks")] = "no",

@@ -14,6 +14,7 @@ from mesa_swarm.reproduction.drawing import column, draw_means, plain_axes
 from mesa_swarm.reproduction.judging import Result, judged_difference, judged_fact, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.viewing.palette import LIGHT
 
 POINTS = 30
 # An error of this many times the noise is a bad fit: the thesis calls it bias.
@@ -192,7 +193,9 @@ def forgetting(laboratory: Laboratory) -> Result:
         draw_means(axes, places, [column(rows[way], task) for way in REHEARSALS], f"{task}, after both", i)
     for line in axes.get_lines():  # nothing lies between two ways
         line.set_linestyle("")
-    axes.axhline(float(np.mean(column(rows["none"], "old task at first"))), color="grey", linestyle=":", linewidth=1)
+    axes.axhline(
+        float(np.mean(column(rows["none"], "old task at first"))), color=LIGHT.faint, linestyle=":", linewidth=1
+    )
     axes.set_xticks(np.arange(len(REHEARSALS)) + 0.05, REHEARSALS)
     axes.margins(x=0.15)
     axes.set_ylim(bottom=0)
