@@ -17,7 +17,7 @@ fro between two sensors. A robot that is followed by all others, until it turns 
 THINGS TO TRY. Longer sight: are there fewer groups? Random turns: do groups grow afterwards? A larger stop distance:
 why are there only pairs?
 
-EXTENDING IT. Let a leader that has met nobody for long turn by chance.
+EXTENDING IT. Let a leader that has met no robot for long turn by chance.
 
 REFERENCE. Thesis, sections 5.2.3.1, 5.3.2 and 5.3.4.
 """

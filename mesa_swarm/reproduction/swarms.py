@@ -360,7 +360,7 @@ def parting_check(rows: list[dict]) -> Check:
 
 
 MOVING_SEEDS = 60
-# How much shorter chains may be by a rule that is said not to shorten them: a tenth.
+# How much shorter chains may be by a rule that should not shorten them: a tenth.
 TENTH = 0.1
 
 

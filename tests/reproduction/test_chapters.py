@@ -120,9 +120,11 @@ def test_a_bar_in_a_cell_is_escaped():
 
 
 def test_runs_of_swarms_measure_what_their_figures_show():
-    assert set(exploration_run(1, steps=100)) == {"collisions", "coverage"}
+    assert set(exploration_run(1, steps=100)) == {"areas", "collisions", "coverage"}
     assert agglomeration_run(1, n_robots=5)["spacing at 1000"] > 0
+    assert agglomeration_run(1, n_robots=5)["groups at 3000, 60"] <= 2
     assert chain_run(1, n_robots=5)["meetings"] >= 0
+    assert 1.0 <= chain_run(1, n_robots=5)["own group at 3000, 40"] <= 5.0
 
 
 def test_what_could_not_be_measured_is_none():

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from mesa_swarm.experiments.statistics import paired_difference
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.reproduction import fire_fighting, fire_growth
 from mesa_swarm.reproduction.complexity import exponents
@@ -25,10 +26,16 @@ class TestCells:
     def test_more_fires_out_win(self):
         cell = fire_fighting.cell_of(PLACE, runs([6, 6, 6]), runs([7, 7, 7]))
         assert (cell.winner, cell.out) == ("B", (6.0, 7.0))
-        assert fire_fighting.cell_of(PLACE, runs([7] * 6), runs([6, 6, 5, 6, 6, 5])).winner == "A"
+        assert fire_fighting.cell_of(PLACE, runs([7] * 12), runs([6, 6, 5, 6, 6, 5] * 2)).winner == "A"
+
+    def test_many_comparisons_ask_for_a_wider_interval(self):
+        few, many = runs([7] * 6), runs([6, 6, 5, 6, 6, 5])
+        cell = fire_fighting.cell_of(PLACE, few, many)
+        assert not cell.more.excludes_zero
+        assert paired_difference([7] * 6, [6, 6, 5, 6, 6, 5])[0].excludes_zero
 
     def test_where_as_many_are_out_the_sooner_wins(self):
-        first, second = runs([7] * 4, [500, 600, 700, 800]), runs([7] * 4, [400, 510, 590, 700])
+        first, second = runs([7] * 12, [500, 600, 700, 800] * 3), runs([7] * 12, [400, 510, 590, 700] * 3)
         assert fire_fighting.cell_of(PLACE, first, second).winner == "B"
         assert fire_fighting.cell_of(PLACE, second, first).winner == "A"
 
