@@ -24,6 +24,7 @@ def laboratory(tmp_path_factory):
         ("5.8", "confirmed", 0),
         ("5.9", "confirmed with limits", 1),
         ("5.10", "confirmed with limits", 1),
+        ("10.2", "not confirmed", 4),
         ("9.1", "confirmed", 0),
         ("9.4", "confirmed with limits", 1),
         ("9.5", "refuted", 2),
