@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
     from mesa_swarm.robots.design import AGENT3, AGENT6, AGENT9, AGENT_FIRE, AGENT_HEAT, RobotDesign, all_round
-    from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive, omni_speeds
+    from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive, omni_speeds
     from mesa_swarm.robots.gripper import Carried, Gripper
     from mesa_swarm.robots.radio import Radio
     from mesa_swarm.robots.real_robots import (
@@ -65,7 +65,7 @@ _MODULES = {
     "physics.neighbours": "NeighbourSensor",
     "robots.actuators": "Actuator Emitter Lamp",
     "robots.design": "AGENT3 AGENT6 AGENT9 AGENT_FIRE AGENT_HEAT RobotDesign all_round",
-    "robots.drive": "DifferentialDrive HolonomicDrive OmniDrive omni_speeds",
+    "robots.drive": "DifferentialDrive DirectedSlip HolonomicDrive OmniDrive omni_speeds",
     "robots.gripper": "Carried Gripper",
     "robots.radio": "Radio",
     "robots.real_robots": "E_PUCK I_SWARM KHEPERA_4 KILOBOT REAL_ROBOTS RealRobot S_BOT Scale THYMIO_2 TURTLEBOT_3",
@@ -96,6 +96,7 @@ __all__ = [
     "Chart",
     "ColourMap",
     "DifferentialDrive",
+    "DirectedSlip",
     "Emitter",
     "Field",
     "FieldSensor",

@@ -9,23 +9,19 @@ its temperature T. One step later it corrects the network by the reward and by t
 T falls from 1 to 0.2: robots first explore, then use what they have learned.
 
 HOW TO USE IT. `reward` (a) is the mean wheel speed, (b) rewards driving straight ahead only, (c) is as (b) without the
-jump at the critical distance. `critical` is that distance, as a share of the sensors' range: the thesis's 0.4 has no
-unit; 0.08 is 0.4 of a robot's diameter, chosen because collisions then fall with T as there. `reward_of` is the state
-whose readings decide the reward: that in which the action was chosen, or the next. `beta` is the rate at which T
-falls. `gamma` is the discount factor. `memory` "table" replaces the networks by a look-up table of coarse readings, to
-which `encoding`, `eta` and `self_adjusting` do not apply. `shared` lets all robots learn with one set of networks or
-one table, `self_adjusting` lets each adapt T, and gamma, to its rate of collisions, and `typed` distinguishes robots,
-fires and loads from obstacles.
+jump at the critical distance. `critical` is that distance, as a share of the range: the thesis's 0.4 has no unit; 0.08
+is 0.4 of a robot's diameter, chosen because collisions then fall with T as there. `reward_of` is the state that is
+rewarded: in which the action was chosen, or the next. `beta` is the rate at which T falls, `gamma` the discount factor.
+`memory` "table" replaces the networks by a look-up table of coarse readings; `encoding`, `eta` and `self_adjusting` do
+not apply to it. `shared` lets all robots learn with one set of networks or table, `self_adjusting` lets each adapt T,
+and gamma, to its rate of collisions, and `typed` distinguishes robots, fires and loads from obstacles.
 
-THINGS TO NOTICE. Collisions become rarer as T falls. Some recur, long after: what a network
-learns in one situation changes its values in others. With beta 0.005 collisions end sooner than with 0.0001.
+THINGS TO NOTICE. Collisions become rarer as T falls, yet recur: a network that learns of one situation changes others.
 
-THINGS TO TRY. Reward (a): why do robots quiver? Four actions instead of eight: do robots turn to and fro beside walls?
-`critical` 0.4 (20 units): why are there hardly any collisions to begin with? gamma 0.9: at what distance do robots
-turn? A single robot: does it learn as well without the others?
+THINGS TO TRY. Reward (a): why do robots quiver? Four actions: do robots turn to and fro beside walls? `critical` 0.4:
+why are there hardly any collisions to begin with? gamma 0.9: at what distance do robots turn?
 
 EXTENDING IT. A reflex above the learner: `model.control = Subsumption(Avoid(distance=3), model.learner)`.
-
 REFERENCE. Thesis, chapters 6 to 8.
 """
 
@@ -37,23 +33,11 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.learning import TableQLearning, q_learning
-from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, STATE
 from mesa_swarm.parameters import YES_NO, Choice, Slider, is_yes
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
 
-MEMORIES = ("networks", "table")
-ADJUSTING = (*YES_NO, "with gamma")
-# The gamma of a robot that bumps often; the largest of the thesis (8.2).
-ALERT_GAMMA = 0.9
-
-
-def adjusted(answer: str | bool) -> tuple[bool, float | None]:
-    """Return whether a robot adapts T to its collisions, and the gamma of one that collides often (None: the same)."""
-    if isinstance(answer, bool | np.bool_):
-        return bool(answer), None
-    chosen = check_choice("self_adjusting", answer, ADJUSTING)
-    return chosen != "no", ALERT_GAMMA if chosen == ADJUSTING[-1] else None
+REWARD_OF = ("state", "next state")
 
 
 class QLearning(SwarmModel):
@@ -67,7 +51,7 @@ class QLearning(SwarmModel):
 
     compares = "beta", (1e-4, 5e-3)
     steps_to_compare = 33_000
-    earlier_defaults: ClassVar = {"reward_of": NEXT_STATE}  # of recordings without this parameter
+    earlier_defaults: ClassVar = {"reward_of": "next state"}  # of recordings without this parameter
 
     def __init__(
         self,
@@ -81,27 +65,24 @@ class QLearning(SwarmModel):
         gamma: Annotated[float, Slider(0, 0.95, 0.05, "weight of the next step's value")] = 0.7,
         first_temperature: Annotated[float, Slider(0.01, 5, 0.01, "T at the start")] = 1.0,
         last_temperature: Annotated[float, Slider(0.01, 5, 0.01, "final T")] = 0.2,
-        critical: Annotated[float, Slider(0.005, 1, 0.005, "reading below which only distance is rewarded")] = CRITICAL,
-        reward_of: Annotated[str, Choice(REWARD_STATES, "whose readings count: before or after the action")] = STATE,
+        critical: Annotated[float, Slider(0.005, 1, 0.005, "reading below which only distance is rewarded")] = 0.08,
+        reward_of: Annotated[str, Choice(REWARD_OF, "whose readings count: before or after the action")] = "state",
         encoding: Annotated[str, Choice(("distance", "typed"), "inputs: distances, or also body kinds")] = "distance",
-        memory: Annotated[str, Choice(MEMORIES, "what values are learned in")] = "networks",
+        memory: Annotated[str, Choice(("networks", "table"), "what values are learned in")] = "networks",
         shared: Annotated[str, Choice(YES_NO, "whether all robots share one set of networks")] = "no",
-        self_adjusting: Annotated[str, Choice(ADJUSTING, "what a robot adapts to its collisions: T, gamma")] = "no",
+        self_adjusting: Annotated[str, Choice(q_learning.ADJUSTING, "adapted to collisions: T, gamma")] = "no",
         map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("temperature", "reward", "forward_speed"))
         self.add_robots(AGENT9, check_count("n_robots", n_robots, minimum=1))
-        adjusting, alert_gamma = adjusted(self_adjusting)
         common: dict[str, Any] = {
             "reward": reward, "actions": actions, "alpha": alpha, "gamma": gamma, "beta": beta, "critical": critical,
             "first_temperature": first_temperature, "last_temperature": last_temperature, "reward_of": reward_of,
             "shared": is_yes("shared", shared),
         }  # fmt: skip
-        networks = q_learning.QLearning(
-            encoding=encoding, eta=eta, self_adjusting=adjusting, alert_gamma=alert_gamma, **common
-        )
-        in_a_table = check_choice("memory", memory, MEMORIES) == "table"
+        networks = q_learning.QLearning(encoding=encoding, eta=eta, **q_learning.adjusted(self_adjusting), **common)
+        in_a_table = check_choice("memory", memory, ("networks", "table")) == "table"
         self.control = Subsumption(TableQLearning(**common) if in_a_table else networks)
 
     @property

@@ -262,11 +262,11 @@ def test_a_recording_of_a_program_is_that_of_the_same_file_by_its_address(folder
         find_model("./other.py").verify("run.arrow")
 
 
-def test_a_bare_model_has_the_parameters_of_its_signature(folder):
+def test_a_bare_model_has_the_parameters_of_its_signature_and_those_of_every_model(folder):
     (folder / "bare.py").write_text(BARE)
     bare = find_model("./bare.py")
     known = parameters_of(bare)
-    assert list(known) == ["n_robots", "flag", "size", "note", "shape"]
+    assert list(known) == ["n_robots", "flag", "size", "note", "shape", "noise", "slip", "imperfections"]
     assert (known["n_robots"].parse("3"), known["flag"].parse("false"), known["size"].parse("")) == (3, False, None)
     assert description(bare) == ""
 

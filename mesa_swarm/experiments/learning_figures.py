@@ -261,7 +261,12 @@ def _draw_frequency(axes: Axes, title: str, run: LearningRun, colour: str) -> No
 
 
 def regression_figure(
-    truth: Callable[[np.ndarray], np.ndarray] = demonstrated, *, rng: int = 1, points: int = 30, networks: int = 40
+    truth: Callable[[np.ndarray], np.ndarray] = demonstrated,
+    *,
+    rng: int = 1,
+    points: int = 30,
+    networks: int = 40,
+    activation: str = "tanh",
 ) -> Figure:
     """Return the thesis's demonstration of regression (6.3): noisy points, the best network, the worst, and all errors.
 
@@ -276,6 +281,8 @@ def regression_figure(
         At least 2.
     networks : int
         At least 2.
+    activation : str
+        Of hidden units, see `learning.Networks`.
 
     Examples
     --------
@@ -285,7 +292,7 @@ def regression_figure(
     chance = np.random.default_rng(check_count("rng", rng))
     x = np.linspace(-1.0, 1.0, check_count("points", points, minimum=2))
     y = truth(x) + NOISE * chance.standard_normal(len(x))
-    fitted = fit(x, y, rng=chance, networks=check_count("networks", networks, minimum=2))
+    fitted = fit(x, y, rng=chance, networks=check_count("networks", networks, minimum=2), activation=activation)
     fine = np.linspace(-1.0, 1.0, 201)
     outputs = np.array([fitted.outputs(np.full((networks, 1), place)) for place in fine])
     errors = np.sqrt(((outputs - truth(fine)[:, None]) ** 2).mean(axis=0))

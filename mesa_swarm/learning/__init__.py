@@ -3,6 +3,7 @@
 from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness, floreano
+from mesa_swarm.learning.forgetting import fit_in_turn
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks, fit
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
@@ -30,6 +31,7 @@ __all__ = [
     "WirePolicy",
     "approach_values",
     "fit",
+    "fit_in_turn",
     "floreano",
     "load_policy",
     "reward",

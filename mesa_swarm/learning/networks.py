@@ -16,6 +16,11 @@ from mesa_swarm.learning.policy import SensorLayout, checked_chances, checked_nu
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
 REGRESSION_RATE = 0.5
 PARTS = ("inner", "inner_bias", "outer", "outer_bias")
+# Hidden units (thesis 6.1).
+TANH = "tanh"
+ACTIVATIONS = (TANH, "step", "linear", "logistic")
+# Indices of the others.
+STEP, LINEAR, LOGISTIC = range(1, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +36,16 @@ class Networks:
         From k inputs to h hidden units.
     inner_bias, outer : ndarrays, shape (m, h)
     outer_bias : ndarray, shape (m,)
+    activation : str
+        Of hidden units, of the sum x of their inputs: "tanh", "step" (1 from 0 on, else 0), "linear" (k x) or
+        "logistic" (1 / (1 + e^(-k x))). A step has no gradient: learning replaces its slope by that of the logistic
+        unit, while its output stays a step. Policies have units of tanh.
+    gain : float
+        The k above, also of tanh(k x); above 0.
 
     Raises
     ------
-    InvalidValueError
+    InvalidValueError, UnknownNameError
         If the four are not arrays of finite float64 numbers that fit together.
 
     Examples
@@ -47,8 +58,12 @@ class Networks:
     inner_bias: np.ndarray
     outer: np.ndarray
     outer_bias: np.ndarray
+    activation: str = field(default=TANH, kw_only=True)
+    gain: float = field(default=1.0, kw_only=True)
 
     def __post_init__(self) -> None:
+        check_choice("activation", self.activation, ACTIVATIONS)
+        check_number("gain", self.gain, above=0, maximum=1e6)
         # Compiled functions do not check bounds.
         first = self.inner
         m, k, h = first.shape if isinstance(first, np.ndarray) and first.ndim == 3 else ("m", "k", "h")
@@ -62,7 +77,16 @@ class Networks:
                 raise InvalidValueError(f"{name} holds weights that are not finite; train them anew")
 
     @classmethod
-    def random(cls, count: int, *, inputs: int, rng: np.random.Generator, hidden: int | None = None) -> "Networks":
+    def random(
+        cls,
+        count: int,
+        *,
+        inputs: int,
+        rng: np.random.Generator,
+        hidden: int | None = None,
+        activation: str = TANH,
+        gain: float = 1.0,
+    ) -> "Networks":
         """Return networks with small random weights: uniform within 1 / sqrt(weights that feed the node) (6.4).
 
         Parameters
@@ -72,6 +96,8 @@ class Networks:
         rng : numpy.random.Generator
         hidden : int, optional
             Hidden units, twice the inputs by default (thesis 8.1).
+        activation, gain
+            Of hidden units.
         """
         if not isinstance(rng, np.random.Generator):
             raise InvalidValueError(
@@ -81,7 +107,8 @@ class Networks:
         h = 2 * k if hidden is None else check_count("hidden", hidden, minimum=1)
         low, high = 1 / math.sqrt(k + 1), 1 / math.sqrt(h + 1)
         shapes = [((m, k, h), low), ((m, h), low), ((m, h), high), ((m,), high)]
-        return cls(*(rng.uniform(-limit, limit, shape) for shape, limit in shapes))
+        weights = (rng.uniform(-limit, limit, shape) for shape, limit in shapes)
+        return cls(*weights, activation=activation, gain=gain)
 
     @property
     def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -91,7 +118,10 @@ class Networks:
     def outputs(self, inputs: ArrayLike) -> np.ndarray:
         """Return the output of every network (m,) for its own inputs (m, k)."""
         given, out = self._checked("inputs", inputs, self.inner.shape[:2]), np.empty(len(self.inner))
-        write_outputs(*self.weights, given, out)
+        if self._units is None:
+            write_outputs(*self.weights, given, out)
+        else:
+            write_outputs_of(*self._units, *self.weights, given, out)
         return out
 
     def learn(self, inputs: ArrayLike, targets: ArrayLike, rate: float = REGRESSION_RATE) -> np.ndarray:
@@ -102,9 +132,18 @@ class Networks:
         """
         given = self._checked("inputs", inputs, self.inner.shape[:2])
         desired = self._checked("targets", targets, self.outer_bias.shape)
-        errors = np.empty(len(desired))
-        descend(*self.weights, given, desired, check_number("rate", rate, minimum=0, maximum=1), errors)
+        errors, rate = np.empty(len(desired)), check_number("rate", rate, minimum=0, maximum=1)
+        if self._units is None:
+            descend(*self.weights, given, desired, rate, errors)
+        else:
+            descend_of(*self._units, *self.weights, given, desired, rate, errors)
         return errors
+
+    @property
+    def _units(self) -> tuple[int, float] | None:
+        """The kind and gain of hidden units, None for tanh of the sum, which has faster functions."""
+        plain = self.activation == TANH and self.gain == 1
+        return None if plain else (ACTIVATIONS.index(self.activation), float(self.gain))
 
     def _checked(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
         array = as_floats(values)
@@ -122,6 +161,8 @@ def fit(
     hidden: int = 2,
     presentations: int = 200,
     rate: float = REGRESSION_RATE,
+    activation: str = TANH,
+    gain: float = 1.0,
 ) -> Networks:
     """Fit networks of one input to noisy points: the thesis's demonstration of regression (6.3).
 
@@ -138,6 +179,8 @@ def fit(
         Hidden units, and rounds.
     rate : float
         Learning rate.
+    activation, gain
+        Of hidden units, see `Networks`.
 
     Returns
     -------
@@ -158,18 +201,23 @@ def fit(
     np.True_
     """
     networks = check_count("networks", networks, minimum=1)
-    stack = Networks.random(networks, inputs=1, hidden=hidden, rng=rng)
-    points = _points(x, y)
+    stack = Networks.random(networks, inputs=1, hidden=hidden, rng=rng, activation=activation, gain=gain)
+    present(stack, points_of(x, y), rng=rng, presentations=presentations, rate=rate)
+    return stack
+
+
+def present(stack: Networks, points: np.ndarray, *, rng: np.random.Generator, presentations: int, rate: float) -> None:
+    """Let networks of one input learn from points (p, 2), all in every round, in orders drawn at random."""
+    networks = len(stack.outer_bias)
     for _ in range(check_count("presentations", presentations)):
         order = rng.permuted(np.tile(np.arange(len(points)), (networks, 1)), axis=1)
         for shown in order.T:
             stack.learn(points[shown, :1], points[shown, 1], rate)
     if not all(np.isfinite(part).all() for part in stack.weights):
         raise LearningError(f"the fit diverged: its weights are not finite; lower rate, which is {rate:g}, or scale y")
-    return stack
 
 
-def _points(x: ArrayLike, y: ArrayLike) -> np.ndarray:
+def points_of(x: ArrayLike, y: ArrayLike) -> np.ndarray:
     """Return x and y as rows of points (p, 2)."""
     columns = {"x": as_floats(x), "y": as_floats(y)}
     for name, column in columns.items():
@@ -235,6 +283,66 @@ def back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, s
             inner[m, k, h] += hidden[h] * x
 
 
+@compiled
+def activated(kind, gain, x):
+    """Return the output of a unit for the sum of its inputs: an index into `ACTIVATIONS`, and k of the thesis."""
+    if kind == STEP:
+        return 1.0 if x >= 0.0 else 0.0
+    if kind == LINEAR:
+        return gain * x
+    if kind == LOGISTIC:
+        return 1.0 / (1.0 + math.exp(-gain * x))
+    return math.tanh(gain * x)
+
+
+@compiled
+def slope_of(kind, gain, x):
+    """Return the slope of a unit, of a step that of the logistic unit: its own is 0, and at 0 infinite."""
+    if kind == LINEAR:
+        return gain
+    if kind in (STEP, LOGISTIC):
+        y = 1.0 / (1.0 + math.exp(-gain * x))
+        return gain * y * (1.0 - y)
+    y = math.tanh(gain * x)
+    return gain * (1.0 - y * y)
+
+
+@compiled
+def output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, sums):
+    """Return the output of network m for row m of the inputs; write the sums of its hidden units' inputs."""
+    y = outer_bias[m]
+    for h in range(sums.shape[0]):
+        sums[h] = inner_bias[m, h]
+        for k in range(inner.shape[1]):
+            sums[h] += inner[m, k, h] * inputs[m, k]
+        y += outer[m, h] * activated(kind, gain, sums[h])
+    return y
+
+
+@compiled
+def write_outputs_of(kind, gain, inner, inner_bias, outer, outer_bias, inputs, out):
+    """Write the output of every network for its own row of inputs (m, k)."""
+    sums = np.empty(inner.shape[2])
+    for m in range(inner.shape[0]):
+        out[m] = output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, sums)
+
+
+@compiled
+def descend_of(kind, gain, inner, inner_bias, outer, outer_bias, inputs, targets, rate, errors):
+    """Take one step of gradient descent in every network; write the errors before it."""
+    sums = np.empty(inner.shape[2])
+    for m in range(inner.shape[0]):
+        errors[m] = targets[m] - output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, sums)
+        step = rate * errors[m]
+        outer_bias[m] += step
+        for h in range(sums.shape[0]):
+            back = step * outer[m, h] * slope_of(kind, gain, sums[h])
+            outer[m, h] += step * activated(kind, gain, sums[h])
+            inner_bias[m, h] += back
+            for k in range(inner.shape[1]):
+                inner[m, k, h] += back * inputs[m, k]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkPolicy:
     """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of network outputs."""
@@ -261,6 +369,11 @@ class NetworkPolicy:
         check_count("steps", self.steps, maximum=2**62)
         if not isinstance(self.networks, Networks):
             raise InvalidValueError(f"networks is {shortened(self.networks)}; expected Networks(...)")
+        if self.networks._units is not None:
+            raise InvalidValueError(
+                f"networks have {self.networks.activation} units of gain {self.networks.gain:g}; expected tanh of gain "
+                "1, as robots learn with"
+            )
         m, k, _ = self.networks.inner.shape
         weights = self.networks.weights
         if not m or m % self.group or k != inputs:

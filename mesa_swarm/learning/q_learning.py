@@ -23,8 +23,24 @@ from mesa_swarm.learning.learner import Learner, cool, discount_of, is_bounded, 
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
+from mesa_swarm.parameters import YES_NO
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
+
+# What a robot adapts to its collisions: nothing, T, or gamma too.
+ADJUSTING = (*YES_NO, "with gamma")
+# The gamma of a robot that collides often; the largest of the thesis (8.2).
+ALERT_GAMMA = 0.9
+
+
+def adjusted(answer: str | bool) -> dict[str, Any]:
+    """Return the settings of a learner for one of `ADJUSTING`, True or False."""
+    if not isinstance(answer, bool | np.bool_):
+        answer = check_choice("self_adjusting", answer, ADJUSTING)
+    return {
+        "self_adjusting": answer not in (False, "no"),
+        "alert_gamma": ALERT_GAMMA if answer == ADJUSTING[-1] else None,
+    }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

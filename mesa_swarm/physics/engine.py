@@ -18,7 +18,7 @@ from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
 from mesa_swarm.physics.travel import travel, travel_pieces, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
-from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, slipped_wheels
+from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import Statics
 
@@ -189,7 +189,9 @@ class CompiledEngine:
         where = columns["position"], columns["radius"], columns["number"]
         self._looking = Block(SENSING, *where, cells, *crowd.sorted, largest_radius, margin, *rest)
         drives, table = [drive for drive, _ in self._drives], swarm.table
-        if [type(drive) for drive in drives] == [DifferentialDrive] and not (table.limited or table.mixed):
+        if [type(drive) for drive in drives] == [DifferentialDrive] and not (
+            table.limited or table.mixed or table.slides
+        ):
             command, n = columns["command"], len(swarm)
             self._wheels = np.zeros((n, 2))
             scratch = command, self._wheels, columns["slip"], np.zeros((n, 2)), np.zeros(n)
@@ -236,6 +238,9 @@ def move_by_commands(
     columns = swarm.columns
     wheels = rolling_wheels(swarm, draws)
     write_motion(swarm, drives, wheels, motion)
+    if swarm.table.slides:
+        lose_motion(motion, columns["design"], swarm.table.directed)
+        wheels = wheels_of(swarm, drives, motion)
     before, heading_before = columns["position"].copy(), columns["heading"].copy()
     extra_turn, collided = carry(surroundings, columns, motion, travel), columns["collided"]
     if np.count_nonzero(collided):

@@ -24,7 +24,7 @@ from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.robots.actuators import Emitter, Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive, OmniDrive
+from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.robots.parts import RobotPart
@@ -39,7 +39,7 @@ from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
 SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, FieldSensor, Carried)
-OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive)
+OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive, DirectedSlip)
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections, Scale)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)

@@ -19,6 +19,7 @@ from mesa_swarm.reproduction.judging import Check, Result, judged_difference, ju
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
 from mesa_swarm.robots.design import AGENT9
+from mesa_swarm.viewing.palette import LIGHT
 
 STEPS = 33_000
 SEEDS = 30
@@ -233,7 +234,7 @@ def utility_figure(exact: dict[float, ApproachValues], rows: dict[float, list[di
     for axes, title in zip(figure.subplots(1, 2, sharey=True), ("exact", "learned, mean of runs"), strict=True):
         axes.set_title(title, fontsize=11)
         axes.set(xlabel="distance from the wall ahead, map units", xlim=(0, FARTHEST_DRAWN))
-        axes.axvline(D_CRIT, color="grey", linestyle=":", linewidth=1)
+        axes.axvline(D_CRIT, color=LIGHT.faint, linestyle=":", linewidth=1)
         axes.spines[["top", "right"]].set_visible(False)
         axes.grid(alpha=0.25)
         draw_reward(axes, exact[0.0])

@@ -56,8 +56,12 @@ class Laboratory:
         return range(1, 1 + self.pick(count, quick))
 
     def fresh_seeds(self, count: int, quick: int = FEW) -> range:
-        """Return as many seeds with which nothing was run before settings and criteria were fixed."""
-        return range(FRESH, FRESH + self.pick(count, quick))
+        """Return as many seeds with which nothing was run before settings and criteria were fixed.
+
+        Where quick is enough they are 1, 2, and so on: trials do not touch seeds that will be judged.
+        """
+        first = self.pick(FRESH, 1)
+        return range(first, first + self.pick(count, quick))
 
     def runs(self, run: Function, seeds: Iterable[int], *, alone: bool = False, **settings: Any) -> list[Numbers]:
         """Return the numbers of a run for every seed, in the order of the seeds."""

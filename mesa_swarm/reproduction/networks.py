@@ -1,16 +1,20 @@
-"""Figures 6.5 and 7.3: small networks, Boltzmann's choice."""
+"""Figures 6.5 and 7.3, and section 6.4: small networks, what they forget, Boltzmann's choice."""
 
 from collections.abc import Callable
 
 import numpy as np
 
+from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.learning_figures import NOISE, demonstrated, regression_figure
+from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import boltzmann, chosen
-from mesa_swarm.learning.networks import fit
-from mesa_swarm.reproduction.drawing import column, plain_axes
-from mesa_swarm.reproduction.judging import Result, judged_fact, judged_mean, judged_number
+from mesa_swarm.learning.forgetting import REHEARSALS, fit_in_turn
+from mesa_swarm.learning.networks import Networks, fit
+from mesa_swarm.reproduction.drawing import column, draw_means, plain_axes
+from mesa_swarm.reproduction.judging import Result, judged_difference, judged_fact, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.viewing.palette import LIGHT
 
 POINTS = 30
 # An error of this many times the noise is a bad fit: the thesis calls it bias.
@@ -49,6 +53,26 @@ def choice_run(rng: int, *, draws: int) -> dict[str, float]:
     values = np.array([3.0, 2.0, 1.0])
     taken = np.array([chosen(values, 1.0, chance) for chance in np.random.default_rng(rng).random(draws)])
     return {"excess": float(np.mean(taken == 0) - np.exp(3) / np.exp(values).sum())}
+
+
+def forgetting_run(rng: int, *, networks: int, rehearsal: str) -> dict[str, float]:
+    """Learn the left half of a noisy curve, then the right one; return median errors of networks, over the noise."""
+    random = np.random.default_rng(rng)
+    x, y = noisy_points(random, demonstrated)
+    halves = x < 0, x >= 0
+    after = fit_in_turn([(x[half], y[half]) for half in halves], rng=random, networks=networks, rehearsal=rehearsal)
+    left, right = ((x[half], demonstrated(x[half])) for half in halves)
+    return {
+        "old task at first": error_of(after[0], *left),
+        "old task": error_of(after[1], *left),
+        "new task": error_of(after[1], *right),
+    }
+
+
+def error_of(fitted: Networks, x: np.ndarray, y: np.ndarray) -> float:
+    """Return the root mean square error of the median network, over the noise."""
+    outputs = np.array([fitted.outputs(np.full((len(fitted.outer_bias), 1), place)) for place in x])
+    return float(np.median(np.sqrt(((outputs - y[:, None]) ** 2).mean(axis=0))) / NOISE)
 
 
 SEEDS = 40
@@ -134,7 +158,130 @@ def choice(laboratory: Laboratory) -> Result:
     return Result(checks=checks, pictures={"": figure}, settings="Q = (3, 2, 1), as in the thesis")
 
 
+FORGETTING_SEEDS = 30
+
+
+def forgetting(laboratory: Laboratory) -> Result:
+    """Measure how much networks forget of a task while they learn another, with and without rehearsal."""
+    points = [{"networks": laboratory.pick(20, 4), "rehearsal": way} for way in REHEARSALS]
+    runs = laboratory.grid(forgetting_run, points, laboratory.fresh_seeds(FORGETTING_SEEDS))
+    rows = dict(zip(REHEARSALS, runs, strict=True))
+    plain = column(rows["none"], "old task")
+    rehearsed = [
+        judged_difference(
+            f"{way} learning: error of the old task is smaller than without rehearsal, relative to the noise",
+            "prevents forgetting",
+            column(rows[way], "old task"),
+            plain,
+            names=(way, "none"),
+        )
+        for way in REHEARSALS[1:]
+    ]
+    checks = (
+        judged_difference(
+            "networks forget: error of the old task grows while they learn the new one, relative to the noise",
+            "forgetting",
+            column(rows["none"], "old task at first"),
+            plain,
+            names=("before", "after"),
+        ),
+        *rehearsed,
+    )
+    figure, axes = plain_axes("", "error of the median network over the noise")
+    for i, task in enumerate(("old task", "new task")):
+        places = np.arange(len(REHEARSALS)) + 0.1 * i
+        draw_means(axes, places, [column(rows[way], task) for way in REHEARSALS], f"{task}, after both", i)
+    for line in axes.get_lines():  # nothing lies between two ways
+        line.set_linestyle("")
+    axes.axhline(
+        float(np.mean(column(rows["none"], "old task at first"))), color=LIGHT.faint, linestyle=":", linewidth=1
+    )
+    axes.set_xticks(np.arange(len(REHEARSALS)) + 0.05, REHEARSALS)
+    axes.margins(x=0.15)
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False)
+    return Result(
+        checks=checks,
+        pictures={"": figure},
+        settings=(
+            "1-8-1 networks of tanh units, eta 0.1, 200 presentations of each of 15 points of the left half of the "
+            "curve of 6.5, then of the right half; consolidated: then 200 more of all points; dotted: the old task "
+            "before"
+        ),
+    )
+
+
+MEMORY_STEPS = 10_000
+MEMORY_BETA = 1e-3
+MEMORIES = ("networks", "table")
+
+
+def memory_run(rng: int, *, memory: str, steps: int) -> dict[str, float]:
+    """Let 15 robots learn in networks or tables; return reward, collisions and speed of the first and last tenth."""
+    model = find_model("q_learning")(rng=rng, memory=memory, beta=MEMORY_BETA).run(steps)
+    tenth, variables = steps // 10, model.datacollector.model_vars
+    rates = {"reward": 1.0, "collisions": 1000.0 / len(model.swarm), "forward_speed": 1.0}
+    return {
+        f"{name} {when}": factor * float(np.mean(variables[name][part]))
+        for name, factor in rates.items()
+        for when, part in (("early", slice(tenth)), ("late", slice(-tenth, None)))
+    }
+
+
+def tables(laboratory: Laboratory) -> Result:
+    """Compare robots that learn in a look-up table of discrete states with robots that learn in networks."""
+    points = [{"memory": memory, "steps": laboratory.pick(MEMORY_STEPS, 500)} for memory in MEMORIES]
+    runs = laboratory.grid(memory_run, points, laboratory.fresh_seeds(FORGETTING_SEEDS))
+    rows = dict(zip(MEMORIES, runs, strict=True))
+    learns = [
+        judged_difference(
+            f"robots learn in {name}: mean reward of the last tenth of a run is above that of the first",
+            "either may be used",
+            column(rows[memory], "reward early"),
+            column(rows[memory], "reward late"),
+            names=("first", "last"),
+        )
+        for memory, name in zip(MEMORIES, ("networks", "a table"), strict=True)
+    ]
+    late = [
+        judged_difference(
+            f"in the last tenth: {claim}",
+            "networks generalise",
+            column(rows[less], f"{measure} late"),
+            column(rows[more], f"{measure} late"),
+            names=(less, more),
+            main=False,
+        )
+        for claim, measure, less, more in (
+            ("networks are rewarded more", "reward", "table", "networks"),
+            ("networks collide less, a robot and 1,000 steps", "collisions", "networks", "table"),
+            ("networks drive faster", "forward_speed", "table", "networks"),
+        )
+    ]
+    figure, axes = plain_axes("mean forward speed, share of the full one", "collisions a robot in 1,000 steps")
+    for i, memory in enumerate(MEMORIES):
+        for when, marker in (("early", "o"), ("late", "s")):
+            places = column(rows[memory], f"forward_speed {when}"), column(rows[memory], f"collisions {when}")
+            label = f"{memory}, {'first' if when == 'early' else 'last'} tenth"
+            axes.plot(
+                *places, marker, color=COLOURS[i], alpha=0.4 if when == "early" else 0.9, markersize=5, label=label
+            )
+    axes.set_ylim(bottom=0)
+    axes.legend(frameon=False)
+    return Result(
+        checks=(*learns, *late),
+        pictures={"": figure},
+        settings=(
+            f"map original, 15 robots, {MEMORY_STEPS:,} steps, beta {MEMORY_BETA:g}, otherwise the defaults of the "
+            "model; the table has 243 states: the nearest reading in each of five sectors in three bins, with edges at "
+            "0.08 and 0.3 of the range"
+        ),
+    )
+
+
 ITEMS = (
     Item(figure="6.5", title="two runs of a regression", section="6.3", make=regression),
+    Item(figure="6.4", title="forgetting, and rehearsal against it", section="6.4", make=forgetting),
+    Item(figure="7.3.2", title="a look-up table beside networks", section="7.3.2", make=tables),
     Item(figure="7.3", title="Boltzmann's probabilities", section="7.4", make=choice),
 )

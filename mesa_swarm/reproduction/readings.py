@@ -27,6 +27,7 @@ from mesa_swarm.reproduction.learning import (
     runs_of,
 )
 from mesa_swarm.reproduction.registry import Item, table_of
+from mesa_swarm.viewing.palette import LIGHT
 
 RUNS = 24
 # d_crit as a share of the range of 50 units, by what 0.4 is a share of.
@@ -129,10 +130,11 @@ def readings_figure(rows: Rows) -> Figure:
     _draw_dots(rates, rows, "late", COLOURS[0], "last 3,000 steps")
     _draw_dots(warmth, rows, "with temperature", COLOURS[0], "")
     _draw_dots(speed, rows, "speed", COLOURS[0], "")
-    rates.set(xlabel="collisions a robot and 1,000 steps", xscale="log", yticks=places)
+    rates.set_xscale("symlog", linthresh=1.0)
+    rates.set(xlabel="collisions a robot and 1,000 steps", xlim=(0, None), yticks=places)
     rates.set_yticklabels(list(map(name_of, rows)))
     rates.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, 1.1), ncols=2)
-    warmth.axvline(0, color="0.5", linewidth=0.8)
+    warmth.axvline(0, color=LIGHT.faint, linewidth=0.8)
     warmth.set(xlabel="correlation with T", xlim=(-1, 1))
     speed.set(xlabel="share of full speed, end", xlim=(0, 1))
     for axes in figure.axes:

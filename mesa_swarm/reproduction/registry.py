@@ -103,7 +103,7 @@ repeated over many seeds, and comparisons are paired by seed: same start positio
 
 {VERDICTS_IN_WORDS}
 The thesis gives few distances, speeds and constants: we chose the others, which are listed as settings. Where the
-thesis leaves open what a number means, the reading that reproduces its results was chosen; how much the verdicts depend
+thesis leaves open what a number means, a reading with which its results hold was chosen; how much the verdicts depend
 on that is on the page [how one reads](readings.md). Settings were chosen in runs with seeds of 10,000 and more, and
 settings and criteria were fixed before the judged runs, which have seeds from 1,001 on. Earlier verdicts, of seeds from
 1 on, led to other measures of cohesion (5.9), exploration (5.5) and learning (8.2 to 8.7), and are in the list of

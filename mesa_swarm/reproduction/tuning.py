@@ -11,6 +11,7 @@ from mesa_swarm.reproduction.drawing import column, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_mean
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.viewing.palette import LIGHT
 
 SEEDS = 30
 # The mean forward speed of the thesis's robots in their first 1,000 steps, with seeds from 10,000 on, was 0.276.
@@ -106,7 +107,7 @@ def trade(rows: dict[str, list[dict]]) -> str:
 def goal_figure(rows: dict[str, list[dict]]) -> Figure:
     """Return a figure of collisions over speed: a dot a run, and means with their intervals."""
     figure, axes = plain_axes("mean forward speed, share of the full one", "collisions a robot in 1,000 steps")
-    axes.axvline(GOAL.least_speed, color="grey", linestyle=":", linewidth=1)
+    axes.axvline(GOAL.least_speed, color=LIGHT.faint, linestyle=":", linewidth=1)
     for i, (name, runs) in enumerate(rows.items()):
         speeds, collisions = column(runs, "speed"), column(runs, "collisions")
         axes.plot(speeds, collisions, ".", color=COLOURS[i], alpha=0.35, markersize=5)

@@ -10,7 +10,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, asked, check_count, check_name, check_number, shortened
 from mesa_swarm.geometry.sector import half_angle
 from mesa_swarm.robots.actuators import ACT, Actuator, check_actions, check_actuator
-from mesa_swarm.robots.drive import DifferentialDrive, Drive
+from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, Drive
 from mesa_swarm.robots.sensors import (
     BUILT_IN,
     LineSensor,
@@ -52,6 +52,8 @@ class RobotDesign:
         How wheels move the body; `DifferentialDrive()` by default.
     actuators : tuple of Actuator
         What it has besides wheels.
+    directed_slip : DirectedSlip, optional
+        What the body loses of its motion by direction, None for nothing.
     battery : float
         Steps at full speed that a charge lasts, after which the robot stands; 0 for that of the model's
         `imperfections`, which is without end by default.
@@ -76,6 +78,7 @@ class RobotDesign:
     drive: Drive = field(default_factory=DifferentialDrive)
     actuators: tuple[Actuator, ...] = ()
     battery: float = 0.0
+    directed_slip: DirectedSlip | None = None
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -83,6 +86,10 @@ class RobotDesign:
         check_number("max_speed", self.max_speed, minimum=0, maximum=FASTEST_IN_RADII * radius)
         check_number("slip_probability", self.slip_probability, minimum=0, maximum=1)
         check_number("slip_magnitude", self.slip_magnitude, minimum=0, maximum=1)
+        if self.directed_slip is not None and not isinstance(self.directed_slip, DirectedSlip):
+            raise InvalidValueError(
+                f"directed_slip is {shortened(self.directed_slip)}; expected DirectedSlip(...) or None"
+            )
         check_number("battery", self.battery, minimum=0, maximum=LONGEST_CHARGE)
         check_name("name", self.name)
         if not isinstance(self.sensors, (tuple, list)):
@@ -268,6 +275,8 @@ class DesignTable:
         Indices of the front, left and right proximity sensors, -1 for none.
     slip : ndarray, shape (2, d)
         Probability and magnitude.
+    directed : ndarray, shape (d, 4)
+        The shares of motion that each design loses, see `DirectedSlip`.
     battery : ndarray, shape (d,)
         Steps at full speed that a charge lasts, 0 for what the model decides.
     sideways : bool ndarray, shape (d,)
@@ -278,8 +287,8 @@ class DesignTable:
         The greatest change of the wheels' speeds in a step, infinite for no limit.
     wheels : int
         The width of commands: the most numbers of any design, at least 2.
-    mixed, limited : bool
-        Whether any design has fewer numbers than that, any a limited acceleration.
+    mixed, limited, slides : bool
+        Whether any design has fewer numbers than that, any a limited acceleration, any a directed slip.
     slips, noisy, slow, exposed : bool
         Whether any wheel slips at random, any sensor errs, any sensor is refreshed less often than every step,
         any proximity sensor sits outside its robot's body, where an obstacle can be.
@@ -299,6 +308,7 @@ class DesignTable:
     reach: np.ndarray
     forward: np.ndarray
     slip: np.ndarray
+    directed: np.ndarray
     battery: np.ndarray
     sideways: np.ndarray
     numbers: np.ndarray
@@ -306,6 +316,7 @@ class DesignTable:
     wheels: int
     mixed: bool
     limited: bool
+    slides: bool
     slips: bool
     noisy: bool
     slow: bool
@@ -341,6 +352,8 @@ class DesignTable:
             reach=np.max(mounts + proximity[..., RANGE], axis=1, initial=0.0),
             forward=np.array([(d.front, d.left, d.right) for d in designs], np.int64).reshape(-1, 3),
             slip=slip,
+            directed=np.array([(d.directed_slip or DirectedSlip()).shares for d in designs], float).reshape(-1, 4),
+            slides=any(d.directed_slip is not None for d in designs),
             battery=np.array([d.battery for d in designs], float),
             sideways=np.array([d.turns is False for d in designs], np.bool_),
             numbers=numbers,

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -375,3 +375,53 @@ def approach(bearing: float, critical_angle: float, speed: float, radius: float)
     if abs(bearing) <= critical_angle:
         return speed, speed
     return turn_towards(bearing, speed, radius)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DirectedSlip:
+    """Share of its motion that a body always loses, by direction: ahead, back, sideways and in a turn.
+
+    Unlike random slip, which is drawn for each wheel, it is the same in every step: that of wheels that roll more
+    easily in one direction than in another, or of a floor. The thesis names anisotropic slip as an extension (A.2.2).
+    It acts on what a robot drives: robots that others push apart yield alike in all directions.
+
+    Parameters
+    ----------
+    forward, backward, sideways, turn : float
+        Shares, 0 to 1; robots without sideways motion lose none of it.
+
+    Raises
+    ------
+    InvalidValueError
+        If a share is out of its range.
+
+    Examples
+    --------
+    >>> DirectedSlip(forward=0.1, turn=0.3).shares
+    (0.1, 0.0, 0.0, 0.3)
+    """
+
+    forward: float = 0.0
+    backward: float = 0.0
+    sideways: float = 0.0
+    turn: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check every share."""
+        for field in fields(self):
+            check_number(f"slip {field.name}", getattr(self, field.name), minimum=0, maximum=1)
+
+    @property
+    def shares(self) -> tuple[float, float, float, float]:
+        """All shares, as the compiled function takes them."""
+        return float(self.forward), float(self.backward), float(self.sideways), float(self.turn)
+
+
+@compiled
+def lose_motion(motion, design, shares):
+    """Reduce motions (n, 3), ahead, sideways and turning, by the shares (d, 4) that robots of each design lose."""
+    for i in range(motion.shape[0]):
+        forward, backward, sideways, turn = shares[design[i]]
+        motion[i, 0] *= 1.0 - (forward if motion[i, 0] > 0.0 else backward)
+        motion[i, 1] *= 1.0 - sideways
+        motion[i, 2] *= 1.0 - turn

@@ -209,3 +209,12 @@ def test_wrong_values_are_refused_in_one_line(wrong):
 def test_a_table_of_states_that_does_not_fit_is_refused(table):
     with pytest.raises(InvalidValueError):
         value_iteration(*table, 0.5)
+
+
+@pytest.mark.parametrize(("gamma", "oscillates"), [(0.5, True), (0.7, True), (0.9, True), (0.95, False)])
+def test_moving_to_and_fro_at_the_critical_distance_is_the_best_that_reward_b_allows_up_to_gamma_0_9(gamma, oscillates):
+    values = approach_values(gamma, cells=4)
+    at, inside = (np.flatnonzero(np.isclose(values.distance, x))[0] for x in (4.0, 3.0))
+    for_ever = (1 + gamma * values.reward[inside, BACK]) / (1 - gamma**2)
+    assert (values.values[at].max() < for_ever + 1e-6) == oscillates
+    assert (values.values[inside].argmax() == BACK) == oscillates

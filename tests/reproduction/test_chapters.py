@@ -13,7 +13,7 @@ from mesa_swarm.reproduction.complexity import ROBOTS, explained, quadratic, tim
 from mesa_swarm.reproduction.drawing import plain_axes, svg
 from mesa_swarm.reproduction.judging import above_zero, judged_fact, limits_in_words
 from mesa_swarm.reproduction.maps import share_covered
-from mesa_swarm.reproduction.networks import choice_run, noisy_points, regression_run
+from mesa_swarm.reproduction.networks import choice_run, forgetting_run, memory_run, noisy_points, regression_run
 from mesa_swarm.reproduction.registry import table_of
 from mesa_swarm.reproduction.swarms import agglomeration_run, chain_run, exploration_run, known
 from mesa_swarm.world.map import Map
@@ -97,6 +97,18 @@ def test_nothing_covers_the_open_space():
 def test_networks_are_fitted_to_thirty_noisy_points():
     assert noisy_points(np.random.default_rng(1), demonstrated)[0].shape == (30,)
     assert set(regression_run(1, networks=2, curve="ours")) == {"bad", "median"}
+
+
+def test_networks_of_a_run_forget_unless_they_rehearse():
+    plain, mixed = (forgetting_run(10_001, networks=3, rehearsal=way) for way in ("none", "interleaved"))
+    assert plain["old task"] > 3 * plain["old task at first"]
+    assert mixed["old task"] < plain["old task"] / 3
+
+
+def test_runs_in_networks_and_tables_are_measured_alike():
+    networks, table = (memory_run(10_001, memory=memory, steps=20) for memory in ("networks", "table"))
+    assert networks.keys() == table.keys()
+    assert networks != table
 
 
 def test_choices_follow_their_probabilities():

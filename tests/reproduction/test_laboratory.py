@@ -78,10 +78,17 @@ def test_a_key_distinguishes_runs_settings_and_seeds_and_not_the_order_of_settin
     assert key_of(noted, {"a": 1, "b": 2}, 1) == key_of(noted, {"b": 2, "a": 1}, 1)
 
 
+def test_judged_seeds_are_neither_those_of_trials_nor_of_settings(tmp_path):
+    with Laboratory(tmp_path) as full:
+        assert list(full.fresh_seeds(2)) == [1001, 1002]
+        assert not set(full.fresh_seeds(8_000)) & {*full.seeds(1_000), *range(10_000, 20_000)}
+
+
 def test_quick_is_a_few_seeds(tmp_path):
     with Laboratory(tmp_path, quick=True) as quick:
         assert list(quick.seeds(40)) == [1, 2, 3]
         assert list(quick.seeds(40, quick=2)) == [1, 2]
+        assert list(quick.fresh_seeds(40, quick=2)) == [1, 2]
         assert quick.pick("full", "quick") == "quick"
 
 
