@@ -37,8 +37,6 @@ from mesa_swarm.parameters import YES_NO, Choice, Slider, is_yes
 from mesa_swarm.reporters import held
 from mesa_swarm.streams import Seed
 
-REWARD_OF = ("state", "next state")
-
 
 class QLearning(SwarmModel):
     """Robots that learn to avoid collisions.
@@ -66,7 +64,7 @@ class QLearning(SwarmModel):
         first_temperature: Annotated[float, Slider(0.01, 5, 0.01, "T at the start")] = 1.0,
         last_temperature: Annotated[float, Slider(0.01, 5, 0.01, "final T")] = 0.2,
         critical: Annotated[float, Slider(0.005, 1, 0.005, "reading below which only distance is rewarded")] = 0.08,
-        reward_of: Annotated[str, Choice(REWARD_OF, "whose readings count: before or after the action")] = "state",
+        reward_of: Annotated[str, Choice(("state", "next state"), "whose readings are rewarded")] = "state",
         encoding: Annotated[str, Choice(("distance", "typed"), "inputs: distances, or also body kinds")] = "distance",
         memory: Annotated[str, Choice(("networks", "table"), "what values are learned in")] = "networks",
         shared: Annotated[str, Choice(YES_NO, "whether all robots share one set of networks")] = "no",

@@ -15,7 +15,7 @@ from typing import IO, Any, cast
 
 from joblib import cpu_count
 
-from mesa_swarm.dashboard import FIRST, check_page_model
+from mesa_swarm.dashboard import check_page_model
 from mesa_swarm.dashboard.pair import NAMES, Pair
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
@@ -25,7 +25,7 @@ from mesa_swarm.experiments.figures import comparison_figure, main_measure
 from mesa_swarm.experiments.plan import Plan, checked_plan
 from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
-from mesa_swarm.gallery import find_model, imported, short_name
+from mesa_swarm.gallery import find_model, imported
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
@@ -277,11 +277,6 @@ class Comparing:
         self.model_class = find_model(name)
         self.parameters = parameters_of(self.model_class)
         self.steps = min(getattr(self.model_class, "steps_to_compare", DEFAULT_STEPS), MOST_STEPS)
-        if not self.choices:
-            self.choose_model(FIRST)
-            self.faults["worlds"] = f"{short_name(name)} has no parameter with a Slider, a Choice or a map to compare"
-            self.pair.changed.notify()
-            return
         suggested = getattr(self.model_class, "compares", (None,))[0]
         self.choose_parameter(suggested if suggested in self.choices else next(iter(self.choices)))
 

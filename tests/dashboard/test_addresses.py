@@ -78,14 +78,15 @@ def test_an_installed_model_is_on_the_page_and_a_spoilt_one_is_not(folder, monke
     session.close()
 
 
-def test_a_bare_model_has_inputs_and_nothing_to_compare(folder, monkeypatch):
+def test_a_bare_model_has_inputs_and_compares_what_every_model_has(folder, monkeypatch):
     (folder / "bare.py").write_text(BARE)
     monkeypatch.setenv(MODEL_VARIABLE, "./bare.py:Bare")
     session = Session("./bare.py:Bare")
     assert session.error == ""
     fields = [field for group in groups_of(session) for field in group["fields"]]
     assert {field["name"]: field["kind"] for field in fields} == {
-        "n_robots": "text", "flag": "choice", "note": "text"
+        "n_robots": "text", "flag": "choice", "note": "text",
+        "noise": "slider", "slip": "slider", "imperfections": "slider",
     }  # fmt: skip
     session.set_parameter("flag", "False")
     session.set_parameter("n_robots", "3")
@@ -93,8 +94,7 @@ def test_a_bare_model_has_inputs_and_nothing_to_compare(folder, monkeypatch):
     assert (session.settings["flag"], len(session.model.swarm)) == (False, 3)
     assert values_of(session)["flag"]["text"] == "False"
     comparing = Comparing(session)
-    assert comparing.name == "fire_fighting"
-    assert comparing.faults["worlds"].startswith("bare has no parameter with a Slider")
+    assert (comparing.name, comparing.parameter, comparing.faults) == ("./bare.py:Bare", "noise", {})
     comparing.close()
     session.close()
 
@@ -107,7 +107,7 @@ def test_a_recording_of_the_page_s_own_model_can_be_continued(folder):
     replaying = session.companion(Replaying)
     replaying._open(folder / "run.arrow", "run.arrow")
     assert replaying.model_name == ADDRESS
-    assert replaying.parameters == {"n_robots": 3}
+    assert replaying.parameters == {"n_robots": 3, "noise": 0.0, "slip": 0.0, "imperfections": 0.0}
     session.close()
 
 
