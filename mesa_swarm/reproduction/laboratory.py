@@ -29,14 +29,25 @@ class Laboratory:
 
     def __init__(self, folder: Path, *, quick: bool = False, jobs: int = 1, progress: bool = False) -> None:
         self.quick, self.jobs, self.progress = quick, jobs, progress
-        self.made = self.found = 0
         self._ledger = Ledger(folder / RUNS)
+        self._made: set[str] = set()
+        self._found: set[str] = set()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+    @property
+    def made(self) -> int:
+        """How many runs were made by this laboratory."""
+        return len(self._made)
+
+    @property
+    def found(self) -> int:
+        """How many runs that were asked for had been made before this laboratory was opened."""
+        return len(self._found)
 
     @property
     def path(self) -> Path:
@@ -77,20 +88,17 @@ class Laboratory:
         listed = list(seeds)
         rows = [[Run(run, dict(point), rng, key=key_of(run, point, rng)) for rng in listed] for point in points]
         distinct = list({run.key: run for row in rows for run in row}.values())
-        before = sum(run.key in self._ledger for run in distinct)
-        self.found += before
+        known = {run.key for run in distinct if run.key in self._ledger}
+        self._found |= known - self._made
+        self._made |= {run.key for run in distinct} - known
         found = completed(
             distinct,
             call,
             ledger=self._ledger,
-            each=self._count,
             workers=1 if alone else self.jobs,
-            progress=self.progress and before < len(distinct),
+            progress=self.progress and len(known) < len(distinct),
         )
         return [[self._numbers(found[run.key]) for run in row] for row in rows]
-
-    def _count(self, outcome: Outcome) -> None:
-        self.made += 1
 
     def _numbers(self, outcome: Outcome) -> Numbers:
         if outcome.results is None:
