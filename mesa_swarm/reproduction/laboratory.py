@@ -46,7 +46,7 @@ class Laboratory:
 
     @property
     def found(self) -> int:
-        """How many runs that were asked for had been made before this laboratory was opened."""
+        """How many of the requested runs had been made before this laboratory was opened."""
         return len(self._found)
 
     @property
