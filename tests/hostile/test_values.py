@@ -177,7 +177,8 @@ MODELS = [find_model(name) for name in model_names()]
 
 def arguments(function):
     """Return the names of what a function or class takes."""
-    return [name for name, each in inspect.signature(function).parameters.items() if each.kind is not each.VAR_KEYWORD]
+    listed = inspect.signature(function).parameters.items()
+    return [name for name, each in listed if each.kind not in (each.VAR_KEYWORD, each.VAR_POSITIONAL)]
 
 
 def ran(model):
