@@ -10,7 +10,8 @@ while it is farther than the gap, otherwise at cruise speed. Explore drives stra
 followers can catch up.
 
 HOW TO USE IT. `gap` and `gap_rule`: without the rule all robots drive equally fast and followers remain at the limit
-of their sight. `head_on` chooses the leader rule: on for random turning speeds, number for communicated numbers.
+of their sight. `head_on` chooses the leader rule: on for random turning speeds, number for communicated numbers, chain
+for robots without followers that turn round before a chain and become its head.
 
 THINGS TO NOTICE. Chains bend at walls and stay intact if they arrive at an angle; a leader that turns for long meets
 its own followers. Chains that meet head-on split into two others. A ring can follow itself for ever.
@@ -37,7 +38,11 @@ from mesa_swarm.streams import Seed
 DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9}
 SWITCH = ("on", "off")
 # The parameters of HeadOn, if any.
-LEADERS: dict[str, dict] = {"off": {}, "on": {"leader": "speed"}, "number": {"leader": "number"}}
+LEADERS: dict[str, dict] = {
+    "off": {},
+    "on": {"leader": "speed"},
+    **{how: {"leader": how} for how in ("number", "chain")},
+}
 
 
 class ChainFormation(SwarmModel):
@@ -72,7 +77,7 @@ class ChainFormation(SwarmModel):
         self.link_distance = sight + 2.0 * body.radius
         hurries = check_choice("gap_rule", gap_rule, SWITCH) == "on"
         rule = LEADERS[check_choice("head_on", head_on, LEADERS)]
-        if head_on == "number":
+        if head_on in ("number", "chain"):
             self.communication = Radio(range=self.link_distance, state=False, goal=False, message=NUMBERS)
         chooses = (HeadOn(**rule),) if rule else ()
         self.control = Subsumption(

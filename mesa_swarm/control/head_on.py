@@ -15,7 +15,7 @@ from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
-LEADERS = ("speed", "number")
+LEADERS = ("speed", "number", "chain")
 # What robots broadcast that decide by numbers: one drawn once, below 0 while it is followed; how far away, from centre
 # to centre, the robot is that it follows.
 NUMBERS = ("number", "follows")
@@ -37,6 +37,9 @@ class HeadOn:
     are followed both go on. A robot is followed if a sender behind it follows something that is as far away as itself,
     and met by a sender ahead of which the same holds. Needs ``communication = Radio(message=("number", "follows"))``.
 
+    By chain: as by number, but only a robot that nothing follows turns round, and only before one that is followed,
+    which goes on and follows it. Two that nothing follows, and two that are followed, go on as without this layer.
+
     Put this layer above `Avoid`, which would make both turn aside.
 
     Active from when the front sensor sees a robot nearer than `distance` that closes faster than the
@@ -56,10 +59,10 @@ class HeadOn:
         The other goes away when it is read this much farther than at its nearest, map units, above 0: more than
         the readings of a turning robot differ from sector to sector.
     leader : str
-        "speed" or "number": how it is decided which of two robots leads.
+        "speed", "number" or "chain": how it is decided which of two robots leads.
     tolerance : float
-        By number: a distance that is heard and one that is sensed, both from centre to centre, are the same if they
-        differ by less, map units, above 0.
+        By number or chain: a distance that is heard and one that is sensed, both from centre to centre, are the same
+        if they differ by less, map units, above 0.
 
     Examples
     --------
@@ -92,7 +95,7 @@ class HeadOn:
             swarm.remember(f"{prefix}.{memory}", (), np.float64, -1.0)
         for memory in ("speed", "left"):
             swarm.remember(f"{prefix}.{memory}", (), np.float64, 0.0)
-        if self.leader == "number":
+        if self.leader != "speed":
             swarm.remember(f"{prefix}.number", (), np.float64, 0.0)
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
@@ -109,13 +112,14 @@ class HeadOn:
             head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
         else:
             heard = self._exchanged(senses, nearest)
-            lead_by_number(*sensed, *robots, *heard, *limits, float(self.tolerance), *memory, command, layer, index)
+            rule = float(self.tolerance), self.leader == "chain"
+            lead_by_number(*sensed, *robots, *heard, *limits, *rule, *memory, command, layer, index)
 
     def _exchanged(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
         """Send this robot's number and how far what it follows is; return what is heard, and the number sent."""
         if not set(NUMBERS) <= senses.send.keys():
             raise InvalidValueError(
-                "HeadOn decides by number, but robots broadcast none; set model.communication = "
+                f"HeadOn decides by {self.leader}, but robots broadcast no numbers; set model.communication = "
                 f"Radio(message={NUMBERS})"
             )
         number, heard = self._swarm.columns[f"{self._prefix}.number"], senses.heard
@@ -178,7 +182,7 @@ def announce(nearest, distance, radius, number, count, away, bearing, heard_foll
 @compiled
 def lead_by_number(
     nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, count, away, bearing, heard,
-    heard_follows, sent, near, margin, parting, tolerance, front, least, speed, left, command, layer, index,
+    heard_follows, sent, near, margin, parting, tolerance, by_chain, front, least, speed, left, command, layer, index,
 ):  # fmt: skip
     """Begin, go on with and end encounters; a robot that turns round has a `speed` above 0, one that waits below."""
     for i in range(layer.shape[0]):
@@ -194,10 +198,9 @@ def lead_by_number(
             if front[i] - reading > own + margin * max_speed[i]:
                 far = reading + 2.0 * radius[i]
                 other = number_ahead(count[i], away[i], bearing[i], heard[i], heard_follows[i], far, tolerance)
-                if not math.isnan(other) and (sent[i] > 0.0 or other > 0.0):
-                    # One that waits does so for as long as the other needs to turn round.
-                    speed[i] = max_speed[i] if sent[i] > other else -max_speed[i]
-                    left[i], least[i] = math.pi, reading
+                turns = who_turns(sent[i], other, by_chain)
+                # One that waits does so for as long as the other needs to turn round.
+                speed[i], left[i], least[i] = turns * max_speed[i], math.pi, reading
         front[i] = reading
         if speed[i] != 0.0 and layer[i] < 0:
             turn_left, turn_right = turn_towards(tendency[i] * left[i], max_speed[i], radius[i])
@@ -205,6 +208,21 @@ def lead_by_number(
             command[i, 0], command[i, 1] = (0.0, 0.0) if waits else (turn_left, turn_right)
             left[i] -= abs(turn_right) / radius[i]
             layer[i] = index
+
+
+@compiled
+def who_turns(own, other, by_chain):
+    """Return 1 for a robot that turns round, -1 for one that waits, 0 for one that goes on.
+
+    Both are given by the numbers that they broadcast, which are negative while another robot follows them.
+    """
+    if math.isnan(other):
+        return 0.0
+    if by_chain:
+        return 1.0 if own > 0.0 > other else 0.0
+    if own <= 0.0 and other <= 0.0:
+        return 0.0
+    return 1.0 if own > other else -1.0
 
 
 @compiled

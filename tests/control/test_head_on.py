@@ -91,12 +91,12 @@ def test_an_unknown_way_to_choose_a_leader_is_refused():
         HeadOn(leader="rank")
 
 
-def by_number(rng: int, poses: list, design=AGENT9):
-    """Return a world of robots that decide by number."""
+def by_number(rng: int, poses: list, design=AGENT9, leader="number"):
+    """Return a world of robots that decide by number, or by chain."""
     model = empty(width=1600, height=1200, rng=rng)
     model.add_robots(design, poses=poses, tendency="left")
     model.communication = Radio(range=80, state=False, goal=False, message=("number", "follows"))
-    model.control = Subsumption(HeadOn(leader="number", distance=40), *CHAIN)
+    model.control = Subsumption(HeadOn(leader=leader, distance=40), *CHAIN)
     return model
 
 
@@ -120,10 +120,11 @@ def test_by_number_the_one_with_the_higher_number_leads_and_the_other_waits_and_
         assert (model.swarm.columns["0.HeadOn.number"] == number).all()
 
 
-def test_a_robot_that_is_followed_waits_for_one_that_is_not_and_gains_a_head():
+@pytest.mark.parametrize("leader", ["number", "chain"])
+def test_a_robot_that_is_followed_gains_the_head_that_none_follows(leader):
     for rng in range(10):
         # Two robots in a chain, and one that comes towards it, whatever its number.
-        model = by_number(rng, [(700, 600, 0.0), (675, 600, 0.0), (800, 600, math.pi)])
+        model = by_number(rng, [(700, 600, 0.0), (675, 600, 0.0), (800, 600, math.pi)], leader=leader)
         turned = set()
         for _ in range(200):
             model.step()
@@ -134,9 +135,20 @@ def test_a_robot_that_is_followed_waits_for_one_that_is_not_and_gains_a_head():
         assert np.argsort(model.swarm.position[:, 0]).tolist() == [1, 0, 2]
 
 
-def test_where_both_are_followed_neither_turns_round_or_waits():
+def test_by_chain_two_that_none_follows_go_on_as_without_the_layer():
+    ruled, free = (by_number(3, PAIR, leader="chain") for _ in range(2))
+    free.control = Subsumption(*CHAIN)
+    for _ in range(120):
+        ruled.step()
+        free.step()
+        assert (ruled.swarm.layer != 0).all()
+        assert (ruled.swarm.position == free.swarm.position).all()
+
+
+@pytest.mark.parametrize("leader", ["number", "chain"])
+def test_where_both_are_followed_neither_turns_round_or_waits(leader):
     poses = [(700, 600, 0.0), (675, 600, 0.0), (800, 600, math.pi), (825, 600, math.pi)]
-    model = by_number(1, poses)
+    model = by_number(1, poses, leader=leader)
     for _ in range(100):
         model.step()
         heads = model.swarm.layer[[0, 2]]
