@@ -368,7 +368,7 @@ TENTH = 0.1
 
 
 def head_on(laboratory: Laboratory) -> Result:
-    """Judge the two proposals for robots that meet head-on, and one of ours (5.2.3.2, 5.3.3, 10.2)."""
+    """Judge the two proposals for robots that meet head-on, and our own (5.2.3.2, 5.3.3, 10.2)."""
     points = [{}, {"head_on": "on"}, {"head_on": "number"}, {"head_on": "chain"}]
     without, speed, number, chain = laboratory.grid(chain_run, points, laboratory.fresh_seeds(HEAD_ON_SEEDS))
     return Result(
@@ -386,7 +386,7 @@ def head_on(laboratory: Laboratory) -> Result:
         remarks=(
             "By speed both robots turn round, the leader of a chain towards its own followers. By number a robot that "
             "is followed does not turn round: one that none follows does, and becomes the head of its chain. By chain "
-            "nothing else happens, and robots that none follows do not wait for each other: a rule of ours, chosen "
+            "nothing else happens, and robots that none follows do not wait for each other: our own rule, chosen "
             "among nine on seeds from 10,200 on. The first 60 seeds of the other two were judged before, with the same "
             "criteria.",
         ),
