@@ -387,8 +387,8 @@ def head_on(laboratory: Laboratory) -> Result:
             "By speed both robots turn round, the leader of a chain towards its own followers. By number a robot that "
             "is followed does not turn round: one that none follows does, and becomes the head of its chain. By chain "
             "nothing else happens, and robots that none follows do not wait for each other: our own rule, chosen "
-            "among eight on seeds from 10,200 on. The first 60 seeds of the other two were judged before, with the same "
-            "criteria.",
+            "among eight on seeds from 10,200 on. The first 60 seeds of the other two were judged before, with the same"
+            " criteria.",
         ),
     )
 
