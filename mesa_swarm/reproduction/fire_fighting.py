@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap, TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from mesa_swarm.experiments.figures import fires_figure
+from mesa_swarm.experiments.figures import COLOURS, fires_figure
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, mean_interval, pair_differences
 from mesa_swarm.experiments.tables import with_limits
 from mesa_swarm.fire.burning import is_hot, next_temperature
@@ -492,6 +492,10 @@ def search_run(rng: int, *, team: str, steps: int = SEARCHING_STEPS) -> dict[str
 TEAMS: dict[str, dict[str, Any]] = {"explore": {}, "follow": {"follow": "on"}, "respond": {"communication": "goal"}}
 
 
+# The same as labels.
+SEARCHERS = {"half": "half follow", "explore": "explore", "follow": "follow", "respond": "go where a fire is broadcast"}
+
+
 def searching_model(rng: int, team: str) -> SwarmModel:
     """Return a model of robots that explore, follow, go where fires are broadcast, or half of which follow."""
     if team != "half":
@@ -529,17 +533,19 @@ def followers(laboratory: Laboratory) -> Result:
             "where it has not; followers drive after the nearest robot ahead, as fast as explorers, and fight what "
             "they see"
         ),
-        reason=(
-            "a follower searches where its leader has searched, and comes to a fire after it; what brings robots to "
-            "fires sooner is a broadcast of where one burns"
+        remarks=(
+            "A likely reason, which was not measured: a follower searches where its leader has searched, and comes to "
+            "a fire after it. What brings robots to fires sooner is a broadcast of where one burns.",
         ),
     )  # fmt: skip
 
 
 def search_figure(times: Mapping[str, list[float]]) -> Figure:
     """Return a figure of the steps until robots find a fire, a box for each team."""
-    figure, axes = plain_axes("team", "steps until a robot finds a fire")
-    axes.boxplot(list(times.values()), tick_labels=list(times))
+    figure, axes = plain_axes("robots", "mean steps until a robot finds a fire, each run")
+    names = [SEARCHERS[team] for team in times]
+    axes.boxplot(list(times.values()), tick_labels=names, medianprops={"color": COLOURS[1], "linewidth": 1.8})
+    axes.set_ylim(bottom=0)
     return figure
 
 

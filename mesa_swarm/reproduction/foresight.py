@@ -161,10 +161,10 @@ def learned_checks(rows: dict[float, list[dict]]) -> tuple[Check, ...]:
 
 
 REASON = (
-    "at d_crit and beyond, reward (b) charges every action but forward 1, more than a step into the critical zone "
+    "At d_crit and beyond, reward (b) charges every action but forward 1, more than a step into the critical zone "
     "costs: if turning leads to open ground, Q*(forward) exceeds Q*(turning) at d_crit by 2 - gamma (1 - r), where r, "
     "above -1, is the reward one step nearer; that is above 0 for every gamma below 1. Gamma changes the values, which "
-    "fall from farther away, and with them how often Boltzmann's choice errs, but not which action is the best"
+    "fall from farther away, and with them how often Boltzmann's choice errs, but not which action is the best."
 )
 
 

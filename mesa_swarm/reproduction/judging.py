@@ -119,6 +119,17 @@ def placed(interval: Interval, low: float = -math.inf, high: float = math.inf) -
     return FAILED if interval.high < low or interval.low > high else UNDECIDED
 
 
+def rounded(value: float, digits: int) -> str:
+    """Return a number with at least this many digits, without an exponent where it is large.
+
+    Examples
+    --------
+    >>> rounded(1208.6, 3), rounded(0.04567, 2)
+    ('1,209', '0.046')
+    """
+    return f"{value:,.0f}" if abs(value) >= 10 ** (digits - 1) else f"{value:.{digits}g}"
+
+
 def detectable_mean(values: Sequence[float]) -> str:
     """Return how far from a limit a mean must be for as many runs to decide: (t_0.975 + t_0.8) s / sqrt(n).
 
@@ -128,7 +139,7 @@ def detectable_mean(values: Sequence[float]) -> str:
     if n < 2:
         return "unknown"
     steps = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) + stdtrit(n - 1, POWER))
-    return f"{steps * float(np.std(values, ddof=1)) / math.sqrt(n):.2g} beyond"
+    return f"{rounded(steps * float(np.std(values, ddof=1)) / math.sqrt(n), 2)} beyond"
 
 
 def detectable_share(runs: int, low: float, high: float) -> str:
@@ -215,7 +226,7 @@ def judged_difference(
     """
     difference, pairs = paired_difference(first, second)
     means = [mean_interval([value for value in side if value is not None]).estimate for side in (first, second)]
-    sides = ", ".join(f"{name} {mean:.3g}" for name, mean in zip(names, means, strict=True))
+    sides = ", ".join(f"{name} {rounded(mean, 3)}" for name, mean in zip(names, means, strict=True))
     return Check(
         claim=claim,
         reported=reported,

@@ -1,4 +1,4 @@
-"""Figure 8.6: the two oscillations of robots that learn, and their cures."""
+"""Figure 8.6: the two oscillations of robots that learn, and what makes them rarer."""
 
 from typing import Any
 
@@ -246,4 +246,4 @@ def _draw_way(axes: Axes, trace: dict[str, Any]) -> None:
     axes.set_aspect("equal")
 
 
-ITEMS = (Item(figure="8.6", title="the two oscillations, and their cures", section="8.3", make=oscillations),)
+ITEMS = (Item(figure="8.6", title="the two oscillations, and what makes them rarer", section="8.3", make=oscillations),)

@@ -28,7 +28,7 @@ def laboratory(tmp_path_factory):
         ("10.2", "not confirmed", 4),
         ("9.1", "confirmed", 0),
         ("9.4", "confirmed with limits", 1),
-        ("9.5", "refuted", 2),
+        ("9.5", "not confirmed", 2),
     ],
 )
 def test_a_figure_has_the_verdict_that_was_reported(laboratory, figure, verdict, limits):
