@@ -25,7 +25,7 @@ def laboratory(tmp_path_factory):
         ("5.9", "confirmed with limits", 1),
         ("5.10", "confirmed with limits", 1),
         ("5.3.4", "confirmed with limits", 4),
-        ("10.2", "not confirmed", 4),
+        ("10.2", "not confirmed", 5),
         ("9.1", "confirmed", 0),
         ("9.4", "confirmed with limits", 1),
         ("9.5", "not confirmed", 2),
