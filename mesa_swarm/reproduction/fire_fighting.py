@@ -413,7 +413,12 @@ def shared(laboratory: Laboratory) -> Result:
         checks=(*alone_checks(plain, held), *strategy_checks(leaving, waiting)),
         pictures={
             "": outs_figure(
-                {f"{side}, {TEAM} robots": rows for side, rows in zip(SIDES, (leaving, waiting), strict=True)}
+                {
+                    f"A, {TEAM} robots": leaving,
+                    f"B, {TEAM} robots": waiting,
+                    "a single robot": held,
+                    "a single robot, default constants": plain,
+                }
             )
         },
         settings=(
@@ -460,13 +465,14 @@ def strategy_checks(leaving: list[dict], waiting: list[dict]) -> list[Check]:
 
 
 def outs_figure(runs: Mapping[str, list[dict]]) -> Figure:
-    """Return a figure of how many runs put out how many fires."""
-    figure, axes = plain_axes("fires out", "runs")
+    """Return a figure of the share of runs that put out each number of fires."""
+    figure, axes = plain_axes("fires out", "share of runs")
+    width = 0.8 / len(runs)
     for place, (label, rows) in enumerate(runs.items()):
-        counts = np.bincount(column(rows, "out"), minlength=FIRES + 1)
-        axes.bar(np.arange(FIRES + 1) + 0.4 * (place - 0.5), counts, 0.38, label=label)
+        shares = np.bincount(column(rows, "out"), minlength=FIRES + 1) / len(rows)
+        axes.bar(np.arange(FIRES + 1) + width * (place - (len(runs) - 1) / 2), shares, 0.95 * width, label=label)
     axes.set_xticks(range(FIRES + 1))
-    axes.legend(frameon=False)
+    axes.legend(frameon=False, loc="upper center")
     return figure
 
 
