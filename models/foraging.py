@@ -101,12 +101,12 @@ class Foraging(SwarmModel):
         super().__init__(map=FIELD, rng=rng, model_reporters=held("energy", "outside"))
         self.add_obstacle(disc(NEST, NEST_RADIUS, contact=False))  # a mark on the ground
         self.communication = Radio(range=1000.0, state=False, beacons=(NEST,))
-        n = check_count("n_robots", n_robots)
+        eyes = (*all_round(12, range=40.0).sensors, LineSensor(), Carried(), Need())
+        design = RobotDesign(sensors=eyes, actuators=(Gripper(kinds=("food",), reach=5.0),))
+        n = len(self.add_robots(design, check_count("n_robots", n_robots)))
         rests = check_choice("thresholds", thresholds, ("yes", "no")) == "yes"
         limits = np.linspace(0.0, FULL, n) if rests else np.full(n, 2 * FULL)
         self.state.update(energy=FULL / 2, spent=0.0, items=0, thresholds=limits)
-        eyes = (*all_round(12, range=40.0).sensors, LineSensor(), Carried(), Need())
-        self.add_robots(RobotDesign(sensors=eyes, actuators=(Gripper(kinds=("food",), reach=5.0),)), n)
         for _ in range(check_count("items", items, maximum=200)):
             self.add_food()
         self.control = Subsumption(forage(food=self.kind_code("food")))

@@ -1,5 +1,6 @@
 import inspect
 import math
+import tracemalloc
 from pathlib import Path
 
 import mesa
@@ -112,6 +113,16 @@ class TestEveryModel:
         with pytest.raises(SwarmError) as caught:
             find_model(name)(**wrong)
         assert "\n" not in str(caught.value)
+
+    def test_refuses_too_many_robots_before_it_makes_arrays_of_that_size(self, name):
+        tracemalloc.start()
+        try:
+            with pytest.raises(SwarmError):
+                find_model(name)(n_robots=10**8)
+            _, peak = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert peak < 10**8  # bytes; one number for each robot would be eight times as much
 
 
 def refusal(model_class, name, value):
