@@ -11,6 +11,7 @@ from mesa_swarm.analysis import central_moving_average
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
+from mesa_swarm.learning.dynamic_programming import approach_values
 from mesa_swarm.learning.rewards import reward
 from mesa_swarm.reproduction.drawing import column, count_steps, draw_bundle, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_number
@@ -126,31 +127,42 @@ def rewards(laboratory: Laboratory) -> Result:
     """Make figure 8.1: the rewards over the nearest reading."""
     readings = np.linspace(0, 1, 501)
     worth = partial(reward, critical=CRITICAL)
+    half = CRITICAL / 2
+    q = (math.exp(worth("b", half, 1, 1) + 1) - 1) / half
     leaps = {kind: worth(kind, CRITICAL, 1, 1) - worth(kind, CRITICAL - 1e-9, 1, 1) for kind in "abc"}
     checks = (
-        judged_number("q for d_crit 0.4", "4.2957", (math.e - 1) / CRITICAL, low=4.29565, high=4.29575),
+        judged_number("q for d_crit 0.4, from a reward below it", "4.2957", q, low=4.29565, high=4.29575),
         judged_number("reward when touching", "-1", worth("b", 0.0, 1, 1), low=-1, high=-1),
         judged_number("reward just below d_crit", "0", worth("b", CRITICAL - 1e-12, 1, 1), low=-1e-9, high=1e-9),
         judged_number("jump of (b) at d_crit, driving ahead", "discontinuity (8.3)", leaps["b"], low=0.99, high=1.01),
         judged_number("jump of (c), its remedy", "proposed", leaps["c"], low=-1e-6, high=1e-6),
-        judged_number("largest Q at gamma 0.7 (8.4)", "3.3", 1 / (1 - 0.7), low=3.25, high=3.35),
-        judged_number("largest Q at gamma 0.9 (8.4)", "10", 1 / (1 - 0.9), low=9.99, high=10.01),
+        judged_number("largest Q at gamma 0.7 (8.4), by value iteration", "3.3", largest(0.7), low=3.25, high=3.35),
+        judged_number("largest Q at gamma 0.9 (8.4), by value iteration", "10", largest(0.9), low=9.99, high=10.01),
         judged_fact(
             "(8.5) is defined without a detection, if that reads -1 as in the thesis",
             "-1 for no detection",
-            (math.e - 1) / CRITICAL * -1 + 1 > 0,
-            measured=f"ln({(math.e - 1) / CRITICAL * -1 + 1:.2f}): undefined; here no detection reads as the range",
+            q * -1 + 1 > 0,
+            measured=f"ln({q * -1 + 1:.2f}): undefined; here no detection reads as the range",
             criterion="the logarithm's argument is above 0",
             main=False,
         ),
     )
     figure, axes = plain_axes("nearest reading, in the unit of d_crit", "reward")
-    for kind, wheels, style in (("b", (1, 1), "-"), ("c", (1, 1), "--"), ("a", (1, 0), "-."), ("b", (1, 0), ":")):
+    ways = {(1, 1): "ahead", (1, 0): "one wheel ahead", (1, -1): "turning on the spot"}
+    for kind, wheels, style in (
+        ("a", (1, 1), (0, (4, 4))), ("a", (1, 0), "-."), ("a", (1, -1), (0, (1, 3))), ("b", (1, 1), "-"),
+        ("b", (1, 0), ":"), ("c", (1, 1), "--"),
+    ):  # fmt: skip
         values = [worth(kind, float(reading), *wheels) for reading in readings]
-        way = "ahead" if wheels == (1, 1) else "turning"
-        axes.plot(readings, values, style, linewidth=1.8, label=f"({kind}), {way}")
+        way = ways[wheels]
+        axes.plot(readings, values, linestyle=style, linewidth=1.8, label=f"({kind}), {way}")
     axes.legend(frameon=False)
     return Result(checks=checks, pictures={"": figure}, settings="d_crit 0.4, in the thesis's unit")
+
+
+def largest(gamma: float) -> float:
+    """Return the largest exact value of an action, with reward (b)."""
+    return float(approach_values(gamma, turning="leave").values.max())
 
 
 def runs_of(
