@@ -228,7 +228,8 @@ def oscillations(laboratory: Laboratory) -> Result:
         ),
         remarks=(
             f"A higher T does not end the oscillation before a wall: {warm:.0f} % of the steps instead of {cold:.0f} "
-            "%. The claims were first worded as cures; measures and criteria are unchanged.",
+            "%. The claims were first worded as cures, and robots watched at T 0.05 and 0.5 only; measures and "
+            "criteria are unchanged.",
             by_chance(rows),
         ),
     )
