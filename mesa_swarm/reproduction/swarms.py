@@ -427,7 +427,12 @@ def longer(claim: str, first: list[dict], second: list[dict], names: tuple[str, 
 
 
 # The ways in which groups move.
-MOVING = {"lead": "a leader of the lowest rank", "match": "velocity matching", "together": "all together"}
+MOVING = {
+    "lead": "a leader of the lowest rank",
+    "match": "velocity matching",
+    "together": "all together",
+    "together by chain": "all together, head-on by chain",
+}
 
 
 def moving_groups(laboratory: Laboratory) -> Result:
@@ -440,8 +445,8 @@ def moving_groups(laboratory: Laboratory) -> Result:
         pictures={"": gathering_picture(laboratory.pick(LATE, 200), moving="lead")},
         settings=(
             f"{GATHERING}; groups are of robots that links of {GROUP:g} join, at step 3,000; Lead(speed=0.3) with a "
-            "radio of range 100, MatchVelocity() above Gather; together: these two and HeadOn by number; settings "
-            "chosen on seeds from 10,000 on"
+            "radio of range 100, MatchVelocity() above Gather; together: these two and HeadOn by number or by chain; "
+            "settings chosen on seeds from 10,000 on"
         ),
         remarks=(
             "Global agglomeration would be one group of 50: "
@@ -462,7 +467,8 @@ def moving_checks(how: str, still: list[dict], moved: list[dict]) -> list[Check]
     def judged(claim: str, name: str, *, fewer: bool = False) -> Check:
         pair = [column(side, f"{name} at {LATE}, {GROUP:g}") for side in (still, moved)]
         pair, names = (pair[::-1], sides[::-1]) if fewer else (pair, sides)
-        return judged_difference(f"{MOVING[how]}: {claim}", "proposed", *pair, names=names, main=how == "lead")
+        reported = "not proposed" if how == "together by chain" else "proposed"
+        return judged_difference(f"{MOVING[how]}: {claim}", reported, *pair, names=names, main=how == "lead")
 
     return [
         judged("a robot's own group is larger", "own group"),
