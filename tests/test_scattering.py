@@ -13,7 +13,7 @@ from mesa_swarm import AGENT9, Recording, SwarmModel, Wander, disc, rectangle, s
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, PlacementError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
-from mesa_swarm.scattering import swept
+from mesa_swarm.world.movers import swept, way_of
 from support.scenes import ahead, blind, empty
 
 
@@ -76,6 +76,60 @@ def test_wandering_obstacles_never_overlap_anything_and_none_stands_for_ever(see
         assert gaps(shapes, robots).min() > -1e-6 * AGENT9.radius
     assert (travelled > 0).all()
     assert travelled.mean() > 0.5 * 59 * speed
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([3.0, 20.0]))
+def test_bodies_of_several_processes_never_overlap_each_other(seed, speed):
+    model = SwarmModel(map="openspace", rng=seed)
+    for count in (8, 8, 1):
+        scatter(model, count, speed=speed, size=12, gap=0)
+    for step in range(80):
+        model.step()
+        if step == 30:
+            scatter(model, 8, speed=0.5 * speed, size=12, gap=0)  # where none is about to go
+        assert least_gap([body.shape for body in model.movers.agents]) > 0
+
+
+class Turnstile:
+    """A process that turns a long body and moves it to and fro."""
+
+    def step(self, model):
+        """Ask for the next pose."""
+        body = model.movers.agents[0]
+        body.move_to((400 + 30 * math.sin(model.steps / 10), 300, body.heading + 0.2))
+
+
+def test_wandering_bodies_keep_clear_of_where_an_earlier_process_sends_another_body():
+    model = SwarmModel(map="openspace", rng=1)
+    bar = model.add_body(rectangle((350, 297), (450, 303)))
+    sheep = [model.add_body(disc((400 + 70 * math.cos(k), 300 + 70 * math.sin(k)), 5)) for k in range(6)]
+    turnstile, wander = Turnstile(), Wander(sheep, speed=2.0)
+    model.add_process(turnstile)
+    model.add_process(wander)
+    ways = []
+    for _ in range(200):
+        model.step()
+        before = [body.position for body in sheep]
+        geometry, radius = way_of(bar)
+        for body, place in zip(sheep, before, strict=True):
+            to = body.movers.aim[body.row]
+            if (to != place).any() and geometry.distance(Point(place)) - radius > 5.1:
+                ways.append(swept(Point(place), to - place).distance(geometry) - radius - 5)
+    assert len(ways) > 100
+    assert min(ways) > 0
+
+
+def test_what_a_robot_carries_is_not_put_down_where_a_body_is_about_to_go():
+    model = empty()
+    (robot,) = model.add_robots(blind(), poses=[(100, 100, 0.0)])
+    model.attach(robot, model.add_body(disc((200, 200), 5), kind="puck"))
+    cart = model.add_body(rectangle((100, 190), (130, 200)))
+    model.run(1)
+    cart.position = (115, 5)
+    assert model.release(robot) is False
+    cart.position = cart.position
+    assert model.release(robot) is True
 
 
 def test_a_wandering_body_goes_straight_at_its_speed_until_something_is_in_the_way():
