@@ -1,7 +1,8 @@
 """Scattered obstacles: discs and rectangles at random free places, which stand still or wander."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 import shapely
@@ -11,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, PlacementError, check_choice, c
 from mesa_swarm.geometry.room import room_to_try
 from mesa_swarm.open_model import OpenModel
 from mesa_swarm.world.bodies import Body, placed
-from mesa_swarm.world.movers import Driven, occupied, swept
+from mesa_swarm.world.movers import Driven, Movers, occupied, swept
 from mesa_swarm.world.placement import QUARTER_SEGMENTS, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, rectangle
 
@@ -28,6 +29,8 @@ CLEAR = 1e-3
 MOVING = "moving_obstacle"
 # A share of a step.
 NUDGE = 0.01
+# The table of the bodies of each process that was made by its constructor: which model they are of is not part of state.
+TABLES: "WeakKeyDictionary[Wander, ref[Movers]]" = WeakKeyDictionary()
 
 
 def scatter(
@@ -144,7 +147,8 @@ class Wander:
     Raises
     ------
     InvalidValueError
-        If a body is not driven, or follows an agent, or the speed is out of its range.
+        If a body is not driven, or follows an agent, or the speed is out of its range; by `add_process` if the bodies
+        are not of that model.
 
     Examples
     --------
@@ -158,12 +162,25 @@ class Wander:
 
     def __init__(self, bodies: Sequence[Body], *, speed: float) -> None:
         self.speed = check_number("speed", speed, above=0, maximum=LARGEST_COORDINATE)
+        if not isinstance(bodies, Iterable):
+            raise InvalidValueError(f"bodies is {shortened(bodies)}; expected a list of driven ones, from add_body")
         listed = list(bodies)
         for body in listed:
             if not isinstance(body, Driven) or body.agent is not None:
                 raise InvalidValueError(f"bodies holds {shortened(body)}; expected driven ones without an agent")
+        tables = {id(body.movers): body.movers for body in listed}
+        if len(tables) > 1:
+            raise InvalidValueError("bodies of Wander are of several models; expected a process for each model")
+        if tables:
+            TABLES[self] = ref(*tables.values())
         self.ids = np.array([body.unique_id for body in listed], np.int64)
         self.azimuth = np.full(len(listed), math.nan)
+
+    def check_model(self, model: OpenModel) -> None:
+        """Refuse a model of which its bodies are not: it may have others with the same unique_id."""
+        table = TABLES.get(self)
+        if table is not None and table() is not model.movers:
+            raise InvalidValueError("bodies of Wander are not of this model; expected some of its add_body")
 
     def step(self, model: OpenModel) -> None:
         """Ask for the next pose of each body."""

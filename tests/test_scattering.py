@@ -1,5 +1,7 @@
 """Scattered obstacles: where they are, how they wander, and that nothing ever overlaps."""
 
+import copy
+import gc
 import math
 
 import numpy as np
@@ -275,6 +277,47 @@ def test_only_driven_bodies_without_agents_wander():
         Wander([], speed=0)
     model.add_process(Wander([], speed=1))
     assert model.run(2).steps == 2
+
+
+@pytest.mark.parametrize("wrong", [None, 3, disc((100, 100), 5)])
+def test_what_is_not_a_sequence_of_bodies_does_not_wander(wrong):
+    with pytest.raises(InvalidValueError, match=r"^bodies is .*; expected a list of driven ones, from add_body$"):
+        Wander(wrong, speed=1)
+
+
+def test_bodies_of_another_model_are_refused_and_their_namesakes_stay():
+    mine, other = SwarmModel(map="openspace", rng=1), SwarmModel(map="openspace", rng=1)
+    mine.add_body(disc((100, 100), 5))
+    stranger = other.add_body(disc((200, 200), 5))
+    wander = Wander([stranger], speed=1.0)
+    with pytest.raises(InvalidValueError, match=r"^bodies of Wander are not of this model; expected some of its add_b"):
+        mine.add_process(wander)
+    assert mine.processes == ()
+    other.add_process(wander)
+    other.run(2).remove_process(wander)
+    with pytest.raises(InvalidValueError, match="not of this model"):
+        mine.add_process(wander)
+    other.add_process(wander)
+    with pytest.raises(InvalidValueError, match=r"^bodies of Wander are of several models"):
+        Wander([stranger, *mine.movers.agents], speed=1.0)
+
+
+def test_bodies_of_a_model_that_is_gone_are_not_mistaken_for_others():
+    wander = Wander([SwarmModel(map="openspace", rng=1).add_body(disc((100, 100), 5))], speed=1.0)
+    gc.collect()
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_body(disc((100, 100), 5))
+    with pytest.raises(InvalidValueError, match="not of this model"):
+        model.add_process(wander)
+
+
+def test_a_copy_of_a_model_has_its_own_wandering_bodies():
+    model = crowd(3).run(5)
+    twin = copy.deepcopy(model)
+    wander = twin.processes[0]
+    twin.remove_process(wander)
+    twin.add_process(wander)
+    assert twin.run(5).movers.position.tolist() == model.run(5).movers.position.tolist()
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5))
