@@ -63,6 +63,11 @@ class ImperfectModel(OpenModel):
     ) -> None:
         given = {"noise": noise, "slip": slip, "imperfections": imperfections, **self.__dict__.pop("_common", {})}
         for name, value in given.items():
+            if name == "imperfections" and isinstance(value, Imperfections):
+                raise InvalidValueError(
+                    f"imperfections is {shortened(value)}; expected a number from 0, ideal robots, to 1, MEASURED; "
+                    "give an object to the model that was made: model.imperfections = Imperfections(...)"
+                )
             check_number(name, value, minimum=0, maximum=1)
         super().__init__(map=map, rng=rng, scale=scale)
         self._imperfect: Imperfect | None = None

@@ -227,6 +227,18 @@ def test_anything_but_a_number_from_0_to_1_is_refused_in_one_line(name, wrong):
     assert "\n" not in str(caught.value)
 
 
+def test_an_object_for_the_dial_is_refused_with_the_attribute_that_takes_it():
+    for model_class in (SwarmModel, Plain, find_model("boids")):
+        with pytest.raises(InvalidValueError, match=r"^imperfections is Imperfections\(") as caught:
+            model_class(imperfections=MEASURED)
+        assert "from 0, ideal robots, to 1, MEASURED" in str(caught.value)
+        assert "model.imperfections = " in str(caught.value)
+        assert len(str(caught.value)) <= 300
+    model = SwarmModel(rng=1)
+    model.imperfections = MEASURED
+    assert model.imperfections == SwarmModel(imperfections=1, rng=1).imperfections
+
+
 def test_a_slipping_wheel_rolls_at_half_its_speed_as_often_as_given():
     class Straight(SwarmModel):
         def __init__(self, *, rng=None):
