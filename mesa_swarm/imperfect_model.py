@@ -2,7 +2,7 @@
 
 import inspect
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, ClassVar
 
@@ -47,8 +47,9 @@ class ImperfectModel(OpenModel):
     def __init_subclass__(cls, **named: Any) -> None:
         """Let the constructor of the class take the parameters that every model takes."""
         super().__init_subclass__(**named)
-        if "__init__" in cls.__dict__:
-            cls.__init__ = _with_common(cls.__init__)  # type: ignore[method-assign]
+        # A class of several bases may inherit its constructor from one and a default of these parameters from another.
+        if "__init__" in cls.__dict__ or len(cls.__bases__) > 1:
+            cls.__init__ = _with_common(cls)  # type: ignore[method-assign]
 
     def __init__(
         self,
@@ -62,6 +63,11 @@ class ImperfectModel(OpenModel):
     ) -> None:
         given = {"noise": noise, "slip": slip, "imperfections": imperfections, **self.__dict__.pop("_common", {})}
         for name, value in given.items():
+            if name == "imperfections" and isinstance(value, Imperfections):
+                raise InvalidValueError(
+                    f"imperfections is {shortened(value)}; expected a number from 0, ideal robots, to 1, MEASURED; "
+                    "give an object to the model that was made: model.imperfections = Imperfections(...)"
+                )
             check_number(name, value, minimum=0, maximum=1)
         super().__init__(map=map, rng=rng, scale=scale)
         self._imperfect: Imperfect | None = None
@@ -113,28 +119,54 @@ class ImperfectModel(OpenModel):
             self.imperfections = Imperfections()
 
 
-def common_parameters() -> dict[str, inspect.Parameter]:
-    """Return the parameters that every model takes, by name."""
-    known = inspect.signature(ImperfectModel.__init__).parameters
-    return {name: known[name] for name in COMMON}
+def _with_common(cls: type) -> Callable[..., None]:
+    """Return the constructor of a class so that it takes the common parameters too, each as its bases do.
 
-
-def _with_common(constructor: Callable[..., None]) -> Callable[..., None]:
-    """Return a constructor that takes the common parameters too, those that it does not declare itself."""
+    Values of those that it does not declare skip it, and go to the next class that declares them.
+    """
+    constructor = _declared(cls.__dict__.get("__init__", cls.__init__))  # type: ignore[misc]
     signature = inspect.signature(constructor)
-    missing = {name: one for name, one in common_parameters().items() if name not in signature.parameters}
-    if not missing:
-        return constructor
+    missing = {name: _inherited(cls, name) for name in COMMON if name not in signature.parameters}
 
     @wraps(constructor)
     def extended(self: Any, *given: Any, **named: Any) -> None:
         taken = {name: named.pop(name) for name in missing if name in named}
-        if taken:  # what the outermost constructor is given counts
-            self.__dict__["_common"] = {**taken, **self.__dict__.get("_common", {})}
+        common = {**taken, **self.__dict__.pop("_common", {})}  # what the outermost constructor is given counts
+        replaced = {name: value for name, value in common.items() if name not in missing}
+        if len(replaced) < len(common):
+            self.__dict__["_common"] = {name: value for name, value in common.items() if name in missing}
+        if replaced:
+            bound = signature.bind_partial(self, *given, **named)
+            bound.arguments.update(replaced)
+            given, named = bound.args[1:], bound.kwargs
         constructor(self, *given, **named)
 
+    extended.declared = constructor  # type: ignore[attr-defined]
     extended.__signature__ = _extended(signature, missing)  # type: ignore[attr-defined]
     return extended
+
+
+def _declared(constructor: Callable[..., None]) -> Callable[..., None]:
+    """Return a constructor as its class declares it, without the parameters that `_with_common` adds."""
+    declared: Callable[..., None] = getattr(constructor, "declared", constructor)
+    return declared
+
+
+def _inherited(cls: type, name: str) -> inspect.Parameter:
+    """Return a common parameter with the default and the annotation of the next class that declares it."""
+    for base in cls.__mro__[1:]:
+        known = _parameters(_declared(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
+        if name in known and known[name].default is not inspect.Parameter.empty:
+            return known[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
+    raise LookupError(name)  # never: `ImperfectModel` declares all of them
+
+
+def _parameters(constructor: Callable[..., None]) -> Mapping[str, inspect.Parameter]:
+    """Return the parameters of a constructor, with annotations that are not texts if they can be evaluated."""
+    try:
+        return inspect.signature(constructor, eval_str=True).parameters
+    except Exception:  # annotations of a user's may be any expression
+        return inspect.signature(constructor).parameters
 
 
 def _extended(signature: inspect.Signature, more: dict[str, inspect.Parameter]) -> inspect.Signature:

@@ -97,6 +97,7 @@ class Parameter:
             return text  # a file, which the model reads or refuses
         if self.name == "map":
             check_present_format(text)
+            self._check_offered(text)
             text = builtin_name(text) or text
         if isinstance(self.control, Choice):
             return check_choice(self.name, text, self.control.options)
@@ -113,6 +114,7 @@ class Parameter:
         if value is None and self.default is None:
             return value
         if isinstance(self.control, Choice):
+            self._check_offered(value)
             return check_choice(self.name, value, self.control.options)
         if self.kind is int and not isinstance(value, bool):
             return check_count(self.name, value, minimum=-LARGEST_WHOLE, maximum=LARGEST_WHOLE)
@@ -122,6 +124,14 @@ class Parameter:
             wanted = {bool: "true or false", str: "a text"}.get(self.kind, f"a {self.kind.__name__}")
             raise InvalidValueError(f"{self.name} is {shortened(value)}; expected {wanted}")
         return value
+
+    def _check_offered(self, value: Any) -> None:
+        """Refuse a built-in map that is not one of the choice."""
+        offered = self.control.options if isinstance(self.control, Choice) else ()
+        name = builtin_name(value) if self.name == "map" and offered else None
+        if name is not None and not {name, value} & set(offered):
+            expected = f"expected {', '.join(offered)} or a file of your own"
+            raise InvalidValueError(f"map is {shortened(value)}, which this model does not offer; {expected}")
 
     def _number(self, text: str) -> float:
         try:

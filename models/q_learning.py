@@ -10,11 +10,11 @@ T falls from 1 to 0.2: robots first explore, then use what they have learned.
 
 HOW TO USE IT. `reward` (a) is the mean wheel speed, (b) rewards driving straight ahead only, (c) is as (b) without the
 jump at the critical distance. `critical` is that distance, as a share of the range: the thesis's 0.4 has no unit; 0.08
-is 0.4 of a robot's diameter, chosen because collisions then fall with T as there. `reward_of` is the state that is
-rewarded: in which the action was chosen, or the next. `beta` is the rate at which T falls, `gamma` the discount factor.
-`memory` "table" replaces the networks by a look-up table of coarse readings; `encoding`, `eta` and `self_adjusting` do
-not apply to it. `shared` lets all robots learn with one set of networks or table, `self_adjusting` lets each adapt T,
-and gamma, to its rate of collisions, and `typed` distinguishes robots, fires and loads from obstacles.
+is 0.4 of a robot's diameter, chosen because collisions then fall with T as there, to its levels with `reward_of` "next
+state" and to about twice these by default. `reward_of` is the state that is rewarded: in which the action was chosen,
+or the next. `beta` is the rate at which T falls, `gamma` the discount factor. `memory` "table" replaces the networks by
+a look-up table of coarse readings, without `encoding`, `eta` and `self_adjusting`. `shared` lets robots learn together,
+`self_adjusting` lets each adapt T, and gamma, to its collisions, and `typed` distinguishes kinds of bodies.
 
 THINGS TO NOTICE. Collisions become rarer as T falls, yet recur: a network that learns of one situation changes others.
 
@@ -31,7 +31,7 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.learning import TableQLearning, q_learning
 from mesa_swarm.parameters import YES_NO, Choice, Slider, is_yes
 from mesa_swarm.reporters import held
@@ -63,7 +63,7 @@ class QLearning(SwarmModel):
         gamma: Annotated[float, Slider(0, 0.95, 0.05, "weight of the next step's value")] = 0.7,
         first_temperature: Annotated[float, Slider(0.01, 5, 0.01, "T at the start")] = 1.0,
         last_temperature: Annotated[float, Slider(0.01, 5, 0.01, "final T")] = 0.2,
-        critical: Annotated[float, Slider(0.005, 1, 0.005, "reading below which only distance is rewarded")] = 0.08,
+        critical: Annotated[float, Slider(0.005, 1, 0.001, "reading below which only distance is rewarded")] = 0.08,
         reward_of: Annotated[str, Choice(("state", "next state"), "whose readings are rewarded")] = "state",
         encoding: Annotated[str, Choice(("distance", "typed"), "inputs: distances, or also body kinds")] = "distance",
         memory: Annotated[str, Choice(("networks", "table"), "what values are learned in")] = "networks",
@@ -80,7 +80,8 @@ class QLearning(SwarmModel):
             "shared": is_yes("shared", shared),
         }  # fmt: skip
         networks = q_learning.QLearning(encoding=encoding, eta=eta, **q_learning.adjusted(self_adjusting), **common)
-        in_a_table = check_choice("memory", memory, ("networks", "table")) == "table"
+        of_networks: dict[str, Any] = {"encoding": encoding, "eta": eta, "self_adjusting": self_adjusting}
+        in_a_table = q_learning.in_a_table(memory, networks, **of_networks)
         self.control = Subsumption(TableQLearning(**common) if in_a_table else networks)
 
     @property

@@ -122,12 +122,121 @@ def test_what_a_model_is_given_counts_more_than_what_its_class_passes_on():
     assert Fixed(noise=0.1).imperfections.sensing.error == 0.1
 
 
+class Taught(SwarmModel):
+    """A model with a default of its own and robots."""
+
+    def __init__(self, *, n=5, noise: Noise = 0.3, rng=None):
+        super().__init__(map="openspace", rng=rng, noise=noise)
+        self.own_noise = noise
+        self.add_robots(AGENT9, n)
+        self.control = Subsumption(Avoid(), Explore())
+
+
+class Child(Taught):
+    """One that does not mention it."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+
+
+class Grandchild(Child):
+    """One that passes on all that it is given."""
+
+    def __init__(self, **others):
+        super().__init__(**others)
+
+
+class Passing(SwarmModel):
+    """One that lets the next class of a mixed one decide."""
+
+    def __init__(self, **others):
+        super().__init__(**others)
+
+
+class Mixed(Passing, Taught):
+    """One that inherits its constructor from one class and its noise from the other."""
+
+
+class TestAModelDerivedFromOneWithADefaultOfItsOwn:
+    derived = pytest.mark.parametrize("model_class", [Child, Grandchild, Mixed])
+
+    @derived
+    def test_declares_that_default_and_its_slider(self, model_class):
+        known = parameters_of(model_class)["noise"]
+        assert inspect.signature(model_class).parameters["noise"].default == known.default == 0.3
+        assert isinstance(known.control, Slider)
+        assert inspect.signature(model_class).parameters["slip"].default == 0.0
+        assert model_class(rng=1).imperfections.sensing.error == 0.3
+
+    @derived
+    def test_has_the_same_bits_with_the_default_given_and_others_without_noise(self, model_class):
+        plain, given, ideal = (model_class(rng=1, **one) for one in ({}, {"noise": 0.3}, {"noise": 0}))
+        assert ideal.imperfections is None
+        assert plain.run(20).state_hash() == given.run(20).state_hash() != ideal.run(20).state_hash()
+
+    @derived
+    @pytest.mark.parametrize("noise", [{}, {"noise": 0.1}], ids=str)
+    def test_has_recordings_that_can_be_run_again(self, model_class, noise, tmp_path):
+        with (model := model_class(rng=1, **noise)).record(tmp_path / "run.arrow", checkpoint_every=0):
+            model.run(15)
+        assert model_class.verify(tmp_path / "run.arrow").same
+
+    @derived
+    def test_passes_what_it_is_given_to_the_class_that_declares_it(self, model_class):
+        assert model_class(noise=0.1).own_noise == 0.1
+
+    def test_takes_another_meaning_as_that_class_does(self):
+        class Coloured(Different):
+            def __init__(self, *, rng=None):
+                super().__init__(rng=rng)
+
+        assert parameters_of(Coloured)["noise"].default == "pink"
+        assert Coloured(noise="white").colour == "white"
+        assert Coloured(noise="white", slip=0.5).imperfections.slip_probability == 0.5
+
+    def test_replaces_what_is_passed_on_by_position(self):
+        class Positional(SwarmModel):
+            def __init__(self, noise=0.2, rng=None):
+                super().__init__(rng=rng, noise=noise)
+
+        class Second(Positional):
+            def __init__(self, *, rng=None):
+                super().__init__(0.4, rng)
+
+        assert Second().imperfections.sensing.error == 0.4
+        assert Second(noise=0.1).imperfections.sensing.error == 0.1
+
+    def test_need_not_give_what_its_base_requires(self):
+        class Requiring(SwarmModel):
+            def __init__(self, *, noise, rng=None):
+                super().__init__(rng=rng, noise=noise)
+
+        class Giving(Requiring):
+            def __init__(self, *, rng=None):
+                super().__init__(noise=0.2, rng=rng)
+
+        assert Giving(rng=1).imperfections.sensing.error == 0.2
+        assert Giving(noise=0.1, rng=1).imperfections.sensing.error == 0.1
+
+
 @pytest.mark.parametrize("name", COMMON)
 @pytest.mark.parametrize("wrong", [-0.1, 1.1, np.nan, "much", None, [0.1]])
 def test_anything_but_a_number_from_0_to_1_is_refused_in_one_line(name, wrong):
     with pytest.raises(InvalidValueError, match=rf"^{name} is ") as caught:
         Plain(**{name: wrong})
     assert "\n" not in str(caught.value)
+
+
+def test_an_object_for_the_dial_is_refused_with_the_attribute_that_takes_it():
+    for model_class in (SwarmModel, Plain, find_model("boids")):
+        with pytest.raises(InvalidValueError, match=r"^imperfections is Imperfections\(") as caught:
+            model_class(imperfections=MEASURED)
+        assert "from 0, ideal robots, to 1, MEASURED" in str(caught.value)
+        assert "model.imperfections = " in str(caught.value)
+        assert len(str(caught.value)) <= 300
+    model = SwarmModel(rng=1)
+    model.imperfections = MEASURED
+    assert model.imperfections == SwarmModel(imperfections=1, rng=1).imperfections
 
 
 def test_a_slipping_wheel_rolls_at_half_its_speed_as_often_as_given():

@@ -266,7 +266,11 @@ def place_of(value: float, parameter: Parameter) -> int:
 def values_of(session: Session) -> dict[str, dict[str, Any]]:
     """Return the value of each control, whether it waits for a reset, and its fault."""
     values = {name: value_of(session.settings[name], parameter) for name, parameter in session.parameters.items()}
-    return with_faults({"seed": {"text": str(session.seed)}} | values, session)
+    shown = with_faults({"seed": {"text": str(session.seed)}} | values, session)
+    refused = session.error.partition(" is ")[0]  # the parameter with which no model could be built
+    if refused in values and not shown[refused]["fault"]:
+        shown[refused]["fault"] = session.error
+    return shown
 
 
 def value_of(value: Any, parameter: Parameter) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import check_choice, check_count, check_name
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_name, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import (
     ACTION_NAMES,
@@ -31,6 +31,8 @@ from mesa_swarm.robots.reasons import Moment, Reason
 ADJUSTING = (*YES_NO, "with gamma")
 # The gamma of a robot that collides often; the largest of the thesis (8.2).
 ALERT_GAMMA = 0.9
+# What only networks have, with the defaults of models.
+OF_NETWORKS = {"encoding": "distance", "eta": 0.1, "self_adjusting": "no"}
 
 
 def adjusted(answer: str | bool) -> dict[str, Any]:
@@ -41,6 +43,32 @@ def adjusted(answer: str | bool) -> dict[str, Any]:
         "self_adjusting": answer not in (False, "no"),
         "alert_gamma": ALERT_GAMMA if answer == ADJUSTING[-1] else None,
     }
+
+
+def in_a_table(memory: str, networks: "QLearning", **given: str | float) -> bool:
+    """Return whether `memory` is "table", to which settings of networks do not apply: these must have their defaults.
+
+    Parameters
+    ----------
+    memory : str
+        "networks" or "table".
+    networks : QLearning
+        The learner with networks of these settings.
+    **given
+        Settings among `OF_NETWORKS`, as the user gave them.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+    """
+    is_table = check_choice("memory", memory, ("networks", "table")) == "table"
+    for name, value in given.items():
+        if is_table and getattr(networks, name) != getattr(QLearning, name):
+            raise InvalidValueError(
+                f"{name} is {shortened(value)}, which does not apply to memory 'table'; "
+                f"expected {OF_NETWORKS[name]!r}, or memory 'networks'"
+            )
+    return is_table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

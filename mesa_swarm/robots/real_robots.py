@@ -118,8 +118,9 @@ def scale_or_none(scale: object) -> Scale | None:
     """Return a model's scale, or refuse what is neither one nor None."""
     if scale is None or isinstance(scale, Scale):
         return scale
+    cure = "; of a robot give its scale, such as E_PUCK.scale" if isinstance(scale, RealRobot) else ""
     raise InvalidValueError(
-        f"scale is {shortened(scale)}; expected Scale(units_per_metre=..., seconds_per_step=...) or None"
+        f"scale is {shortened(scale)}; expected Scale(units_per_metre=..., seconds_per_step=...) or None{cure}"
     )
 
 

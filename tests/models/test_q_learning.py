@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.dashboard.controls import values_of
+from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.models.q_learning import QLearning
+from mesa_swarm.parameters import parameters_of
 from mesa_swarm.recording.provenance import provenance_of, rebuilt
 
 
@@ -52,3 +55,41 @@ def test_a_recording_of_before_the_state_was_rewarded_is_run_again_with_the_next
     del provenance["parameters"]["reward_of"]
     older = rebuilt(provenance, QLearning)
     assert (older.learner.reward_of, older.learner.critical, older.learner.actions) == ("next state", 0.4, 4)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"eta": 0.3}, {"eta": 0}, {"encoding": "typed"}, {"self_adjusting": "yes"}, {"self_adjusting": "with gamma"}],
+    ids=str,
+)
+def test_a_table_refuses_settings_of_networks_instead_of_ignoring_them(given):
+    QLearning(n_robots=2, rng=1, **given)
+    ((name, value),) = given.items()
+    with pytest.raises(InvalidValueError, match=rf"^{name} is {value!r}, .*memory 'table'; expected .*'networks'$"):
+        QLearning(n_robots=2, rng=1, memory="table", **given)
+
+
+@pytest.mark.parametrize("off", ["no", False, np.False_])
+def test_a_table_takes_the_defaults_of_settings_of_networks(off):
+    given = {"eta": 0.1, "encoding": "distance", "self_adjusting": off}
+    plain, same = (QLearning(n_robots=2, rng=1, memory="table", **one).run(5) for one in ({}, given))
+    assert plain.state_hash() == same.state_hash()
+
+
+def test_the_page_shows_beside_the_control_that_a_table_has_no_eta_and_goes_on():
+    session = Session("q_learning", {"n_robots": 2, "eta": 0.3})
+    session.set_parameter("memory", "table")
+    session.reset()
+    fault = values_of(session)["eta"]["fault"]
+    assert fault == session.error
+    assert fault.startswith("eta is 0.3")
+    session.set_parameter("eta", 0.1)
+    session.reset()
+    assert {value["fault"] for value in values_of(session).values()} == {""}
+    assert (session.error, session.model.given[1]["memory"]) == ("", "table")
+
+
+def test_the_slider_of_critical_reaches_the_thesis_s_number_in_map_units():
+    slider = parameters_of(QLearning)["critical"].control
+    assert ((0.008 - slider.minimum) / slider.step) == pytest.approx(round((0.008 - slider.minimum) / slider.step))
+    assert (slider.minimum, slider.maximum) == (0.005, 1)

@@ -169,3 +169,13 @@ def test_collision_avoidance_drives_each_real_robot_at_its_scale(name):
     assert model.scale == REAL_ROBOTS[name].scale
     assert (np.hypot(*(model.swarm.position - before).T) > 1).all()
     assert CollisionAvoidance(rng=1).scale is None
+
+
+@pytest.mark.parametrize("take", [lambda scale: SwarmModel(scale=scale), lambda scale: E_PUCK.design(scale=scale)])
+def test_a_robot_given_as_a_scale_is_refused_with_its_own_scale_as_the_cure(take):
+    with pytest.raises(InvalidValueError, match=r"^scale is RealRobot\(.*; expected .*E_PUCK\.scale") as caught:
+        take(E_PUCK)
+    assert len(str(caught.value)) <= 300
+    with pytest.raises(InvalidValueError) as caught:
+        take(3)
+    assert "E_PUCK" not in str(caught.value)
