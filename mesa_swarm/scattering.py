@@ -29,7 +29,7 @@ CLEAR = 1e-3
 MOVING = "moving_obstacle"
 # A share of a step.
 NUDGE = 0.01
-# The table of the bodies of each process made by its constructor: which model they are of is no part of its state.
+# The table of the bodies of each process made by its constructor: which model they are of does not belong to its state.
 TABLES: "WeakKeyDictionary[Wander, ref[Movers]]" = WeakKeyDictionary()
 
 

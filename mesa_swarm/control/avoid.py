@@ -51,6 +51,13 @@ class Avoid(Memoryless):
     back_steps, turn_steps : int
         Of "back up", 0 to 1,000,000.
 
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of its range, or `name` is not one line of text.
+    UnknownNameError
+        If `turn`, `fires`, `loads`, `front` or `sides` is not one of its names.
+
     Examples
     --------
     >>> Avoid(distance=20).turn

@@ -90,6 +90,12 @@ class Lead:
     speed : float
         Share of max_speed, 0 to 1: low, so that the others keep up.
 
+    Raises
+    ------
+    InvalidValueError
+        If the speed is out of its range, or `name` is not one line of text; in the first step of a model whose
+        `communication` has no message "rank".
+
     Examples
     --------
     >>> Lead(speed=0.2).name

@@ -64,6 +64,14 @@ class HeadOn:
         By number or chain: a distance that is heard and one that is sensed, both from centre to centre, are the same
         if they differ by less, map units, above 0.
 
+    Raises
+    ------
+    InvalidValueError
+        If a number is out of its range, or `name` is not one line of text; by number or chain also in the first step of
+        a model whose `communication` does not have both messages.
+    UnknownNameError
+        If `leader` is not one of its names.
+
     Examples
     --------
     >>> HeadOn(distance=40).slowest

@@ -145,7 +145,8 @@ class SeekHeat(Memoryless):
     Raises
     ------
     InvalidValueError
-        If a value is out of its range; in the first step of robots of which none has a radiation sensor.
+        If a number is out of its range, or `name` is not one line of text; in the first step of a model whose robots
+        have no radiation sensor.
 
     Examples
     --------

@@ -1,4 +1,9 @@
-"""Robots of laboratories and classrooms, from their data sheets in metres and seconds; the scale of a model."""
+"""Robots of laboratories and classrooms in metres and seconds, and the scale of a model.
+
+Their values are from data sheets and published descriptions or, where these give none that we found, from descriptions
+of simulators: size, speed, range and bearings of the e-puck, and size, speed and sensors of the Thymio II, are Webots';
+size and range of the Khepera IV are a plugin's for ARGoS, its speed is Webots'. The sources are beside each robot.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -49,17 +54,47 @@ class Scale:
             object.__setattr__(self, name, checked)
 
     def metres(self, units: Any) -> Any:
-        """Return lengths in map units as metres; of an array, each."""
+        """Return lengths in map units as metres; of an array, each.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> scale = Scale(units_per_metre=100, seconds_per_step=0.1)
+        >>> scale.metres(50), scale.metres(np.array([0, 250])).tolist()
+        (0.5, [0.0, 2.5])
+        """
         return units / self.units_per_metre
 
     def seconds(self, steps: Any) -> Any:
-        """Return a number of steps in seconds; of an array, each."""
+        """Return a number of steps in seconds; of an array, each.
+
+        Examples
+        --------
+        >>> Scale(units_per_metre=100, seconds_per_step=0.25).seconds(30)
+        7.5
+        """
         return steps * self.seconds_per_step
 
     def ruler(self, width: float) -> tuple[float, str]:
         """Return the length (map units) and the text of a scale bar for a picture of this width.
 
         It is 1, 2 or 5 times a power of ten long, and at most a quarter of the width.
+
+        Parameters
+        ----------
+        width : float
+            Map units, above 0.
+
+        Raises
+        ------
+        InvalidValueError
+            If the width is not a finite number above 0.
+
+        Examples
+        --------
+        >>> scale = Scale(units_per_metre=100, seconds_per_step=0.1)
+        >>> scale.ruler(800), scale.ruler(3)
+        ((200.0, '2 m'), (0.5, '5 mm'))
         """
         most = self.metres(check_number("width", width, above=0)) / 4
         power = 10.0 ** math.floor(math.log10(most))
@@ -147,6 +182,19 @@ class RealRobot:
             By default its own.
         **changes
             Other fields of `RobotDesign`.
+
+        Raises
+        ------
+        InvalidValueError
+            If the scale is not one, or a value that follows, or is given, is out of its range.
+
+        Examples
+        --------
+        >>> design = E_PUCK.design(battery=5000)
+        >>> design.radius, design.max_speed, design.battery, round(design.sensors[0].range, 1)
+        (5.0, 1.0, 5000, 5.4)
+        >>> round(KILOBOT.design(scale=E_PUCK.scale).radius, 2)  # beside an e-puck
+        2.23
         """
         given = scale_or_none(scale)
         units, step = (given or self.scale).units_per_metre, (given or self.scale).seconds_per_step
