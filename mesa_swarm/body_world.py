@@ -7,6 +7,7 @@ from typing import ClassVar, cast
 import mesa
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import (
     InvalidValueError,
@@ -23,7 +24,7 @@ from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.arena import Agents, Arena
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_resistance, placed
 from mesa_swarm.world.map import Map
-from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, poses_of_agents
+from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, occupied, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
 
@@ -272,7 +273,8 @@ class BodyWorld(mesa.Model):
     def release(self, robot: Robot) -> bool:
         """Put down in front of a robot what it carries, and return whether there was room and something to put down.
 
-        The place is the nearest to straight ahead, within 60 degrees, where the body is on the map and touches nothing.
+        The place is the nearest to straight ahead, within 60 degrees, where the body is on the map and touches nothing,
+        nor is in the way of a body that was sent elsewhere.
         """
         body = self.carried_by(robot)
         if body is None:
@@ -304,8 +306,8 @@ class BodyWorld(mesa.Model):
             return False
         x, y, _ = pose
         bodies = (*self._obstacles, *self._heat_bodies())
-        solid = (one.shape for one in bodies if one.contact and not self._is_carried(one))
-        return not any(body.form.overlaps(pose, shape) for shape in solid if _is_near(shape, x, y, body))
+        near = (one for one in occupied(bodies) if _is_near(*one, x, y, body))
+        return not any(body.form.meets(pose, geometry, radius) for geometry, radius in near)
 
     def _is_carried(self, body: Body) -> bool:
         return isinstance(body, Driven) and body.carrier is not None
@@ -531,10 +533,10 @@ class BodyWorld(mesa.Model):
         return array
 
 
-def _is_near(shape: Shape, x: float, y: float, body: Driven) -> bool:
-    """Return whether a shape may touch a body with its centre at a point."""
-    x_min, y_min, x_max, y_max = shape.bounds
-    far = body.form.reach
+def _is_near(geometry: BaseGeometry, radius: float, x: float, y: float, body: Driven) -> bool:
+    """Return whether what lies within a radius of a geometry may touch a body with its centre at a point."""
+    x_min, y_min, x_max, y_max = geometry.bounds
+    far = radius + body.form.reach
     return x_min - far <= x <= x_max + far and y_min - far <= y <= y_max + far
 
 

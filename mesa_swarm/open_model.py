@@ -17,7 +17,8 @@ class Process(Protocol):
     Any object with `step` serves; `fire.Burning` is one. Its attributes are part of the model's state: plain values,
     arrays and random generators are hashed, stored and resumed. A class with other attributes has two more methods,
     `checkpoint`, which returns all on which a later step depends, as plain values and arrays by name, and `restore`,
-    which takes it back.
+    which takes it back. A class may have a method ``check_model(model)``, which raises an error if a model lacks what
+    the process needs; it is called before the process is added.
 
     Examples
     --------
@@ -84,7 +85,7 @@ class OpenModel(World):
         Raises
         ------
         InvalidValueError
-            If it has no `step`, or was added before.
+            If it has no `step`, was added before, or refuses this model.
 
         Examples
         --------
@@ -105,6 +106,9 @@ class OpenModel(World):
             )
         if any(process is one for one in self._processes.values()):
             raise InvalidValueError(f"process {shortened(process)} was added before; expected another one")
+        check = asked(process, "check_model")
+        if callable(check):
+            check(self)
         self._processes[max(self._processes, default=0) + 1] = process
         return process
 

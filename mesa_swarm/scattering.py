@@ -1,17 +1,19 @@
 """Scattered obstacles: discs and rectangles at random free places, which stand still or wander."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import InvalidValueError, PlacementError, check_choice, check_count, check_number, shortened
+from mesa_swarm.geometry.room import room_to_try
 from mesa_swarm.open_model import OpenModel
 from mesa_swarm.world.bodies import Body, placed
-from mesa_swarm.world.movers import Driven
-from mesa_swarm.world.placement import free_places, place_apart
+from mesa_swarm.world.movers import Driven, Movers, occupied, swept
+from mesa_swarm.world.placement import QUARTER_SEGMENTS, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, rectangle
 
 FORMS = ("both", "discs", "rectangles")
@@ -27,6 +29,8 @@ CLEAR = 1e-3
 MOVING = "moving_obstacle"
 # A share of a step.
 NUDGE = 0.01
+# The table of the bodies of each process made by its constructor: which model they are of is no part of its state.
+TABLES: "WeakKeyDictionary[Wander, ref[Movers]]" = WeakKeyDictionary()
 
 
 def scatter(
@@ -93,9 +97,8 @@ def scatter(
 
 def _free_places(model: OpenModel, number: int, size: float, gap: float, rng: np.random.Generator) -> np.ndarray:
     """Return places (number, 2) of obstacles of this size."""
-    solids = [body.shape for body in model.bodies if body.contact]
     radius = size * (1.0 + 2.0 * CLEAR) + gap
-    space = free_places(model.map.bounds, solids, np.empty((0, 3)), radius)
+    space = room_to_try(model.map.bounds, list(occupied(model.bodies)), radius, QUARTER_SEGMENTS)
     try:
         return place_apart(number, radius, space, model.swarm.position, model.swarm.radius, rng)
     except PlacementError:
@@ -119,9 +122,11 @@ def _random_shape(x: float, y: float, size: float, forms: str, rng: np.random.Ge
 class Wander:
     """A process that moves driven bodies: straight on, and in a new random direction where something is in the way.
 
-    They do not turn about their centres. They never overlap each other, other bodies or the edge of the map, also not
-    during a step: all that a body sweeps over in a step is free. Robots they push, see `add_body`; a body that was
-    blocked, because robots had no room, turns away.
+    They do not turn about their centres. They never overlap each other, bodies of other such processes, what stands or
+    the edge of the map, also not during a step: all that a body sweeps over in a step is free. Of bodies that move in
+    other ways they keep clear where these are, and where an earlier process sends them; a body that later is moved by
+    hand, by a later process or by the agent that it follows may run into them. Robots they push, see `add_body`; a body
+    that was blocked, because robots had no room, turns away.
 
     Parameters
     ----------
@@ -142,7 +147,8 @@ class Wander:
     Raises
     ------
     InvalidValueError
-        If a body is not driven, or follows an agent, or the speed is out of its range.
+        If a body is not driven, or follows an agent, or the speed is out of its range; by `add_process` if the bodies
+        are not of that model.
 
     Examples
     --------
@@ -156,12 +162,25 @@ class Wander:
 
     def __init__(self, bodies: Sequence[Body], *, speed: float) -> None:
         self.speed = check_number("speed", speed, above=0, maximum=LARGEST_COORDINATE)
+        if not isinstance(bodies, Iterable):
+            raise InvalidValueError(f"bodies is {shortened(bodies)}; expected a list of driven ones, from add_body")
         listed = list(bodies)
         for body in listed:
             if not isinstance(body, Driven) or body.agent is not None:
                 raise InvalidValueError(f"bodies holds {shortened(body)}; expected driven ones without an agent")
+        tables = {id(body.movers): body.movers for body in listed}
+        if len(tables) > 1:
+            raise InvalidValueError("bodies of Wander are of several models; expected a process for each model")
+        if tables:
+            TABLES[self] = ref(*tables.values())
         self.ids = np.array([body.unique_id for body in listed], np.int64)
         self.azimuth = np.full(len(listed), math.nan)
+
+    def check_model(self, model: OpenModel) -> None:
+        """Refuse a model of which its bodies are not: it may have others with the same unique_id."""
+        table = TABLES.get(self)
+        if table is not None and table() is not model.movers:
+            raise InvalidValueError("bodies of Wander are not of this model; expected some of its add_body")
 
     def step(self, model: OpenModel) -> None:
         """Ask for the next pose of each body."""
@@ -193,18 +212,17 @@ class Wander:
 
 
 class _Obstacles:
-    """What is in the way of bodies in a step: those that stand, and what those that go sweep over."""
+    """What is in the way of bodies in a step: those that stand, and what those that go sweep over.
+
+    Others may have been sent already, by a process before this one.
+    """
 
     def __init__(self, model: OpenModel, bodies: Sequence[Driven]) -> None:
         moving = {body.unique_id for body in bodies}
-        still = [
-            body.shape
-            for body in model.bodies
-            if body.contact and body.unique_id not in moving and getattr(body, "carrier", None) is None
-        ]
+        others = list(occupied(body for body in model.bodies if body.unique_id not in moving))
         outlines = [placed(body.form.outline, body.pose) for body in bodies]
-        self.swept = np.array([*outlines, *(shape.geometry for shape in still)], object)
-        self.radius = np.array([*(body.form.radius for body in bodies), *(shape.radius for shape in still)])
+        self.swept = np.array([*outlines, *(geometry for geometry, _ in others)], object)
+        self.radius = np.array([*(body.form.radius for body in bodies), *(radius for _, radius in others)])
         self.clear = [CLEAR * body.form.reach for body in bodies]
         self.bounds = model.map.bounds
 
@@ -235,15 +253,3 @@ class _Obstacles:
         gaps = shapely.distance(outline, self.swept) - self.radius - self.radius[row]
         gaps[row] = math.inf
         return gaps
-
-
-def swept(outline: BaseGeometry, step: tuple[float, float]) -> BaseGeometry:
-    """Return what a point or a convex polygon sweeps over when it is displaced.
-
-    Examples
-    --------
-    >>> swept(shapely.box(0, 0, 1, 1), (2.0, 0.0)).area
-    3.0
-    """
-    points = shapely.get_coordinates(outline)
-    return shapely.convex_hull(shapely.multipoints(np.vstack([points, points + step])))

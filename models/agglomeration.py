@@ -6,7 +6,7 @@ of them end up in many groups rather than in one, which the thesis calls local c
 HOW IT WORKS. Three layers; the first active layer drives. Avoid turns away from very near bodies. Gather turns on the
 spot towards the perceived centroid of the visible robots when its bearing exceeds the critical angle, and stays when
 it is ahead and near. Explore drives straight on. With `moving`, groups do not stay: a robot of the lowest rank within
-range leads (lead), robots drive as those do that they see (match), or both with the head-on rule (together).
+range leads (lead), robots drive as those do that they see (match), or both with a head-on rule (together).
 
 HOW TO USE IT. `sight` is the range at which robots see each other, `stop_distance` the distance of the centroid at
 which they stay, `avoid_distance` the range of Avoid: above `stop_distance` minus a radius, robots never come to rest.
@@ -38,9 +38,8 @@ from mesa_swarm.streams import Seed
 
 # Greatest distance between the centres of linked robots: two robot diameters and a margin.
 LINK = 25.0
-# What robots broadcast where groups move; it carries as far as two sights.
-RANK = Radio(range=100.0, state=False, goal=False, message=("rank", *NUMBERS), most=50)
-MOVING = "off", "lead", "match", "together"
+# How groups move; the last two are the first two and a head-on rule, by number or by chain.
+MOVING = "off", "lead", "match", "together", "together by chain"
 
 
 class Agglomeration(SwarmModel):
@@ -69,11 +68,12 @@ class Agglomeration(SwarmModel):
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("groups", "largest_group", "neighbour_distance"))
-        together = check_choice("moving", moving, MOVING) == "together"
-        self.communication = RANK if together or moving == "lead" else None
+        together = check_choice("moving", moving, MOVING).startswith("together")
         self.add_robots(AGENT9.with_proximity(range=sight), check_count("n_robots", n_robots))
+        if together or moving == "lead":
+            self.communication = Radio(range=2 * sight, state=False, goal=False, message=("rank", *NUMBERS), most=50)
         self.control = Subsumption(
-            *((HeadOn(leader="number"),) if together else ()),
+            *((HeadOn(leader="chain" if "chain" in moving else "number"),) if together else ()),
             Avoid(distance=avoid_distance),
             *((Lead(speed=0.3),) if together or moving == "lead" else ()),
             *((MatchVelocity(),) if together or moving == "match" else ()),

@@ -1,5 +1,7 @@
 """Scattered obstacles: where they are, how they wander, and that nothing ever overlaps."""
 
+import copy
+import gc
 import math
 
 import numpy as np
@@ -13,7 +15,7 @@ from mesa_swarm import AGENT9, Recording, SwarmModel, Wander, disc, rectangle, s
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, PlacementError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
-from mesa_swarm.scattering import swept
+from mesa_swarm.world.movers import swept, way_of
 from support.scenes import ahead, blind, empty
 
 
@@ -76,6 +78,60 @@ def test_wandering_obstacles_never_overlap_anything_and_none_stands_for_ever(see
         assert gaps(shapes, robots).min() > -1e-6 * AGENT9.radius
     assert (travelled > 0).all()
     assert travelled.mean() > 0.5 * 59 * speed
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([3.0, 20.0]))
+def test_bodies_of_several_processes_never_overlap_each_other(seed, speed):
+    model = SwarmModel(map="openspace", rng=seed)
+    for count in (8, 8, 1):
+        scatter(model, count, speed=speed, size=12, gap=0)
+    for step in range(80):
+        model.step()
+        if step == 30:
+            scatter(model, 8, speed=0.5 * speed, size=12, gap=0)  # where none is about to go
+        assert least_gap([body.shape for body in model.movers.agents]) > 0
+
+
+class Turnstile:
+    """A process that turns a long body and moves it to and fro."""
+
+    def step(self, model):
+        """Ask for the next pose."""
+        body = model.movers.agents[0]
+        body.move_to((400 + 30 * math.sin(model.steps / 10), 300, body.heading + 0.2))
+
+
+def test_wandering_bodies_keep_clear_of_where_an_earlier_process_sends_another_body():
+    model = SwarmModel(map="openspace", rng=1)
+    bar = model.add_body(rectangle((350, 297), (450, 303)))
+    sheep = [model.add_body(disc((400 + 70 * math.cos(k), 300 + 70 * math.sin(k)), 5)) for k in range(6)]
+    turnstile, wander = Turnstile(), Wander(sheep, speed=2.0)
+    model.add_process(turnstile)
+    model.add_process(wander)
+    ways = []
+    for _ in range(200):
+        model.step()
+        before = [body.position for body in sheep]
+        geometry, radius = way_of(bar)
+        for body, place in zip(sheep, before, strict=True):
+            to = body.movers.aim[body.row]
+            if (to != place).any() and geometry.distance(Point(place)) - radius > 5.1:
+                ways.append(swept(Point(place), to - place).distance(geometry) - radius - 5)
+    assert len(ways) > 100
+    assert min(ways) > 0
+
+
+def test_what_a_robot_carries_is_not_put_down_where_a_body_is_about_to_go():
+    model = empty()
+    (robot,) = model.add_robots(blind(), poses=[(100, 100, 0.0)])
+    model.attach(robot, model.add_body(disc((200, 200), 5), kind="puck"))
+    cart = model.add_body(rectangle((100, 190), (130, 200)))
+    model.run(1)
+    cart.position = (115, 5)
+    assert model.release(robot) is False
+    cart.position = cart.position
+    assert model.release(robot) is True
 
 
 def test_a_wandering_body_goes_straight_at_its_speed_until_something_is_in_the_way():
@@ -221,6 +277,47 @@ def test_only_driven_bodies_without_agents_wander():
         Wander([], speed=0)
     model.add_process(Wander([], speed=1))
     assert model.run(2).steps == 2
+
+
+@pytest.mark.parametrize("wrong", [None, 3, disc((100, 100), 5)])
+def test_what_is_not_a_sequence_of_bodies_does_not_wander(wrong):
+    with pytest.raises(InvalidValueError, match=r"^bodies is .*; expected a list of driven ones, from add_body$"):
+        Wander(wrong, speed=1)
+
+
+def test_bodies_of_another_model_are_refused_and_their_namesakes_stay():
+    mine, other = SwarmModel(map="openspace", rng=1), SwarmModel(map="openspace", rng=1)
+    mine.add_body(disc((100, 100), 5))
+    stranger = other.add_body(disc((200, 200), 5))
+    wander = Wander([stranger], speed=1.0)
+    with pytest.raises(InvalidValueError, match=r"^bodies of Wander are not of this model; expected some of its add_b"):
+        mine.add_process(wander)
+    assert mine.processes == ()
+    other.add_process(wander)
+    other.run(2).remove_process(wander)
+    with pytest.raises(InvalidValueError, match="not of this model"):
+        mine.add_process(wander)
+    other.add_process(wander)
+    with pytest.raises(InvalidValueError, match=r"^bodies of Wander are of several models"):
+        Wander([stranger, *mine.movers.agents], speed=1.0)
+
+
+def test_bodies_of_a_model_that_is_gone_are_not_mistaken_for_others():
+    wander = Wander([SwarmModel(map="openspace", rng=1).add_body(disc((100, 100), 5))], speed=1.0)
+    gc.collect()
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_body(disc((100, 100), 5))
+    with pytest.raises(InvalidValueError, match="not of this model"):
+        model.add_process(wander)
+
+
+def test_a_copy_of_a_model_has_its_own_wandering_bodies():
+    model = crowd(3).run(5)
+    twin = copy.deepcopy(model)
+    wander = twin.processes[0]
+    twin.remove_process(wander)
+    twin.add_process(wander)
+    assert twin.run(5).movers.position.tolist() == model.run(5).movers.position.tolist()
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5))

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from mesa_swarm.reproduction.registry import Item, Made
 
 MOST_EPISODES = 20
+# Dots per inch of the pictures on a page, which are narrower than those that are stored.
+ON_PAGES = 120
 
 commands = typer.Typer()
 
@@ -172,12 +174,10 @@ def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Mad
 
 def _write_pictures(made: "Sequence[Made]", folder: Path) -> None:
     """Write the pictures to which a page refers, beside it."""
-    from mesa_swarm.reproduction.registry import THESIS
     from mesa_swarm.viewing.pictures import png
 
-    contents = {f"{one.item.figure}.png": png(one.result.pictures[""]) for one in made if one.item.source != THESIS}
-    if contents:
-        write_all(check_writable(folder), contents)
+    contents = {f"{one.item.figure}.png": png(one.result.pictures[""], ON_PAGES) for one in made}
+    write_all(check_writable(folder), contents)
 
 
 def _written(made: "Made", folder: Path, ending: str) -> list[Path]:

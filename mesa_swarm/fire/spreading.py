@@ -8,6 +8,7 @@ import numpy as np
 
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA
+from mesa_swarm.world.movers import occupied
 from mesa_swarm.world.shapes import disc
 
 MOST_FIRES = 10_000
@@ -18,8 +19,9 @@ class Spreading:
     """The process by which fires throw sparks, which ignite new fires where they fall on free ground.
 
     In each step each fire throws a spark with probability `rate` times its temperature: in any direction, to a gap
-    between the two fires that is drawn uniformly from 0 to `reach`. A spark that falls on an obstacle, a fire, a burnt
-    place, a robot or beyond the map goes out. What has burnt out never burns again. Fires do not spread in the thesis.
+    between the two fires that is drawn uniformly from 0 to `reach`. A spark that falls on a body, fixed, pushed or
+    driven, on the way that a driven one has been sent, on a fire, a burnt place, a robot or beyond the map goes out.
+    Bodies that robots carry stop no sparks. What has burnt out never burns again. Fires do not spread in the thesis.
 
     Parameters
     ----------
@@ -89,5 +91,6 @@ class Spreading:
         for centres, radii in round_ones:
             if (np.hypot(*(centres - place).T) < radii + self.radius).any():
                 return False
-        shapes, centre = [body.shape for body in model.obstacles if body.contact], disc(place, self.radius).geometry
-        return not any(shape.geometry.distance(centre) < shape.radius + self.radius for shape in shapes)
+        centre = disc(place, self.radius).geometry
+        solids = occupied(model.obstacle_list)
+        return not any(geometry.distance(centre) < radius + self.radius for geometry, radius in solids)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.control.layer import Memoryless, Senses
-from mesa_swarm.errors import check_choice, check_name, check_number
+from mesa_swarm.errors import InvalidValueError, check_choice, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.drive import approach
@@ -132,7 +132,8 @@ class SeekHeat(Memoryless):
 
     Active while one of them reads more than `least` and the robot is neither too hot nor extinguishing; put it above
     `FightFire`, which stays at a fire that the robot reaches. A radiation sensor reads how hot the hottest fire in its
-    sector is, not where in it: the robot turns until the sensor that looks most nearly ahead feels it.
+    sector is, not where in it: the robot turns until the sensor that looks most nearly ahead feels it. Robots without
+    such sensors, beside others with some, are left to the layers below.
 
     Parameters
     ----------
@@ -140,6 +141,11 @@ class SeekHeat(Memoryless):
         Readings up to this are ignored, 0 to 1.
     critical_angle_degrees : float
         A sensor that points farther than this from straight ahead makes the robot turn on the spot, 0 to 180.
+
+    Raises
+    ------
+    InvalidValueError
+        If a value is out of its range; in the first step of robots of which none has a radiation sensor.
 
     Examples
     --------
@@ -159,6 +165,11 @@ class SeekHeat(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that feel a fire."""
+        if len(layer) and not senses.radiation.shape[1]:
+            raise InvalidValueError(
+                "SeekHeat feels fires by radiation sensors, but robots have none; add RadiationSensor() to their "
+                "sensors, as in RobotDesign(sensors=(*AGENT9.sensors, RadiationSensor()))"
+            )
         seek_heat(
             senses.radiation,
             senses.radiation_bearing,

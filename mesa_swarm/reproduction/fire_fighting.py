@@ -405,12 +405,13 @@ def shared(laboratory: Laboratory) -> Result:
     """Judge whether a single robot can put out a fire (9.4), and A against B where it cannot."""
     steps, seeds = laboratory.pick(MOST_STEPS, 2_000), laboratory.fresh_seeds(SHARED_SEEDS)
     one = {"robots": 1, "strategy": "B", "steps": steps}
-    several = [{"robots": TEAM, "strategy": side, "alone": False, "steps": steps} for side in SIDES]
+    several = [{"robots": TEAM, "strategy": side, "steps": steps} for side in SIDES]
+    several += [{**point, "alone": False} for point in several]
     points = [one, {**one, "strategy": "A"}, {**one, "alone": False}, {**one, "strategy": "A", "alone": False}]
-    *single, leaving, waiting = laboratory.grid(fire_run, [*points, *several], seeds)
+    *single, easy_a, easy_b, leaving, waiting = laboratory.grid(fire_run, [*points, *several], seeds)
     plain, held = [*single[0], *single[1]], [*single[2], *single[3]]
     return Result(
-        checks=(*alone_checks(plain, held), *strategy_checks(leaving, waiting)),
+        checks=(*alone_checks(plain, held), *strategy_checks(leaving, waiting), *default_checks(easy_a, easy_b)),
         pictures={
             "": outs_figure(
                 {
@@ -460,6 +461,21 @@ def strategy_checks(leaving: list[dict], waiting: list[dict]) -> list[Check]:
         judged_difference(
             "B puts out more fires than A", "7 against 6 (one run each)", column(leaving, "out"),
             column(waiting, "out"), names=SIDES,
+        ),
+    ]  # fmt: skip
+
+
+def default_checks(leaving: list[dict], waiting: list[dict]) -> list[Check]:
+    """Return the checks of as many robots with the default constants, of which one robot puts out some fires."""
+    constants = f"with the default constants and {TEAM} robots"
+    return [
+        judged_share(
+            f"{constants} A leaves the large central fire burning", "left burning (one run)",
+            [not out for out in column(leaving, "largest out")], low=0.8, main=False,
+        ),
+        judged_difference(
+            f"{constants} B puts out more fires than A", "7 against 6 (one run each)", column(leaving, "out"),
+            column(waiting, "out"), names=SIDES, main=False,
         ),
     ]  # fmt: skip
 

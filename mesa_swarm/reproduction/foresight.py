@@ -30,6 +30,10 @@ D_CRIT = CRITICAL * RANGE
 # How close a greedy robot's switching point has to be to d_crit, map units: a quarter of a step.
 CLOSE = 0.25
 T_C = 0.2
+# Distances in a step of 1 unit: exact values are computed at each. Where they decide, with two numbers of them.
+CELLS, FEWER_CELLS = 10, 4
+# The other readings of the thesis's d_crit of 0.4, as shares of the range: of the range, and map units.
+OTHER_READINGS = {"0.4 of the range (20 units)": 0.4, "0.4 map units": 0.4 / RANGE}
 LEARNED_GAMMAS = (0.0, 0.3, 0.5, 0.7, 0.9)
 EXACT_GAMMAS = (0.0, 0.5, 0.7, 0.9, 0.95, 0.99)
 DRAWN_GAMMAS = (0.0, 0.5, 0.7, 0.9)
@@ -69,11 +73,13 @@ def falling_distance(values: ApproachValues) -> float:
     return float(values.distance[min(fallen[-1] + 1, len(values.distance) - 1)])
 
 
-def exact_values(laboratory: Laboratory, reward: str = "b") -> dict[float, ApproachValues]:
-    """Return the exact values for each gamma, at distances of a quarter of a step; the heading is part of the state."""
+def exact_values(
+    laboratory: Laboratory, reward: str = "b", critical: float = CRITICAL, cells: int = CELLS
+) -> dict[float, ApproachValues]:
+    """Return the exact values for each gamma, at distances of a share of a step; the heading is part of the state."""
     turning = laboratory.pick("exact", "stand")
     return {
-        gamma: approach_values(gamma, reward=reward, critical=CRITICAL, turning=turning, cells=4)
+        gamma: approach_values(gamma, reward=reward, critical=critical, turning=turning, cells=cells)
         for gamma in EXACT_GAMMAS
     }
 
@@ -112,6 +118,22 @@ def exact_checks(exact: dict[float, ApproachValues]) -> tuple[Check, ...]:
             unit=" units",
             main=False,
         ),
+    )
+
+
+def reading_checks(laboratory: Laboratory) -> tuple[Check, ...]:
+    """Judge whether d_m exceeds d_crit for any gamma with the other readings of d_crit."""
+    return tuple(
+        judged_number(
+            f"d_crit read as {reading}, exact values, greedy choice: the largest d_m less d_crit, gamma 0.5 to 0.99",
+            "d_m is larger than d_crit",
+            max(values.switching_distance for values in exact_values(laboratory, critical=critical).values())
+            - critical * RANGE,
+            low=CLOSE,
+            unit=" units",
+            main=False,
+        )
+        for reading, critical in OTHER_READINGS.items()
     )
 
 
@@ -161,10 +183,11 @@ def learned_checks(rows: dict[float, list[dict]]) -> tuple[Check, ...]:
 
 
 REASON = (
-    "At d_crit and beyond, reward (b) charges every action but forward 1, more than a step into the critical zone "
-    "costs: if turning leads to open ground, Q*(forward) exceeds Q*(turning) at d_crit by 2 - gamma (1 - r), where r, "
-    "above -1, is the reward one step nearer; that is above 0 for every gamma below 1. Gamma changes the values, which "
-    "fall from farther away, and with them how often Boltzmann's choice errs, but not which action is the best."
+    "With d_crit of 4 units, several steps of 1 unit: at d_crit and beyond, reward (b) charges every action but "
+    "forward 1, more than a step into the critical zone costs. If turning leads to open ground, Q*(forward) exceeds "
+    "Q*(turning) at d_crit by 2 - gamma (1 - r), where r, above -1, is the reward one step nearer; that is above 0 for "
+    "every gamma below 1. Gamma changes the values, which fall from farther away, and with them how often Boltzmann's "
+    "choice errs, but not which action is the best."
 )
 
 
@@ -175,7 +198,7 @@ def utility(laboratory: Laboratory) -> Result:
     rows = dict(zip(LEARNED_GAMMAS, runs, strict=True))
     exact = exact_values(laboratory)
     return Result(
-        checks=(*exact_checks(exact), *learned_checks(rows)),
+        checks=(*exact_checks(exact), *reading_checks(laboratory), *learned_checks(rows)),
         pictures={"": utility_figure(exact, rows), "gamma": gamma_figure(exact, rows)},
         settings=(
             "AGENT9, reward (b) of the state of the choice, eight actions, d_crit of 4 units (0.4 of a robot's "
@@ -184,6 +207,7 @@ def utility(laboratory: Laboratory) -> Result:
             "wall"
         ),
         remarks=(
+            near_reading(laboratory),
             even_remark(exact, rows),
             other_reward(laboratory, "a"),
             other_reward(laboratory, "c"),
@@ -203,17 +227,34 @@ def even_remark(exact: dict[float, ApproachValues], rows: dict[float, list[dict]
     )
 
 
+def switching(exact: dict[float, ApproachValues]) -> str:
+    """Return the greedy switching distance for each gamma."""
+    return ", ".join(f"{values.switching_distance:.3g} at gamma {gamma:g}" for gamma, values in exact.items())
+
+
 def by_gamma(exact: dict[float, ApproachValues]) -> str:
     """Return from where on forward has a probability of 1/2, for each gamma."""
     return ", ".join(f"{values.even_distance(T_C):.3g} at gamma {gamma:g}" for gamma, values in exact.items())
 
 
+def near_reading(laboratory: Laboratory) -> str:
+    """Return the greedy d_m where d_crit is less than a step, with two numbers of distances in a step."""
+    critical = OTHER_READINGS["0.4 map units"]
+    rows = [(cells, exact_values(laboratory, critical=critical, cells=cells)) for cells in (CELLS, FEWER_CELLS)]
+    found = "; ".join(f"with {cells} distances in a step {switching(exact)}" for cells, exact in rows)
+    return (
+        "The refutation holds for a d_crit of several steps. Read as 0.4 map units, less than a step of 1, the zone "
+        "is entered before it is seen, and there the claim holds for gamma near 1: greedy d_m by gamma, "
+        f"{found}. Values of forward and turning then nearly tie, so that d_m depends on how finely distances are "
+        "resolved, but it grows with each"
+    )
+
+
 def other_reward(laboratory: Laboratory, reward: str) -> str:
     """Return what is so with another reward, exactly."""
     exact = exact_values(laboratory, reward)
-    switching = ", ".join(f"{values.switching_distance:.3g} at gamma {gamma:g}" for gamma, values in exact.items())
     even = by_gamma(exact)
-    return f"With reward ({reward}), exactly: greedy d_m {switching}; forward half of the time from {even} on"
+    return f"With reward ({reward}), exactly: greedy d_m {switching(exact)}; forward half of the time from {even} on"
 
 
 def never(rows: dict[float, list[dict]]) -> tuple[str, ...]:

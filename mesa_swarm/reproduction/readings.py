@@ -16,9 +16,7 @@ from mesa_swarm.reproduction.drawing import column
 from mesa_swarm.reproduction.judging import PASSED, Check, Result, judged_difference
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.learning import (
-    FALL,
     FAST,
-    FAST_FALL,
     LEVELS,
     SLOW,
     judged_frequency,
@@ -154,7 +152,7 @@ def _draw_dots(axes: Axes, rows: Rows, measure: str, colour: str, label: str) ->
 def frequency(laboratory: Laboratory, robots: int, figure: str) -> Result:
     """Repeat the runs of figure 8.2 or 8.3, T falling slowly, with every way to read the thesis."""
     rows = runs_by_reading(laboratory, robots, SLOW)
-    claims = {reading: judged_frequency(each, FALL) for reading, each in rows.items()}
+    claims = {reading: judged_frequency(each) for reading, each in rows.items()}
     made = result(rows, {figure: claims}, f"{robots} robot{'s' if robots > 1 else ''}, beta {SLOW:g}")
     return made if robots == 1 else replace(made, remarks=(*made.remarks, levels(rows)))
 
@@ -177,7 +175,7 @@ def fast(laboratory: Laboratory) -> Result:
     """Repeat the runs of figures 8.4 and 8.5, T falling fast, with every way to read the thesis."""
     slow, rows = (runs_by_reading(laboratory, 15, beta) for beta in (SLOW, FAST))
     claims = {
-        "8.4": {reading: judged_frequency(each, FAST_FALL) for reading, each in rows.items()},
+        "8.4": {reading: judged_frequency(each) for reading, each in rows.items()},
         "8.5": {reading: judged_totals(slow[reading], each) for reading, each in rows.items()},
     }
     return result(rows, claims, f"15 robots, beta {FAST:g}")

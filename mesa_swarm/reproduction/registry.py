@@ -106,11 +106,12 @@ The thesis gives few distances, speeds and constants: we chose the others, which
 thesis leaves open what a number means, a reading with which its results hold was chosen; how much the verdicts depend
 on that is on the page [how one reads](readings.md). Settings were chosen in runs with seeds of 10,000 and more, and
 settings and criteria were fixed before the judged runs, which have seeds from 1,001 on. Trials of the program had the
-first three of these before criteria were fixed (5.8 to 5.10; 8.2 to 8.6 in short runs); none changed after that.
-Earlier verdicts, of seeds from 1 on, led to other measures of cohesion (5.9), exploration (5.5) and learning (8.2 to
-8.7), and are in the list of changes. Figures have the numbers of the thesis's captions; results without a figure have
-those of their section or equation. Many results are pictures in the thesis: the column "thesis" quotes its text about
-them.
+first three of these before criteria were fixed (5.8 to 5.10; 8.2 to 8.6 in short runs). After a first judgement
+criteria were made stricter in 4.16 and 8.4, replaced in 5.5, where no number of runs could pass, and added in 4.12,
+4.13, 8.2 to 8.4, 8.6, 8.7 and 9.4. Earlier verdicts, of seeds from 1 on, led to other measures of cohesion (5.9),
+exploration (5.5) and learning (8.2 to 8.7), and are in the list of changes. Figures have the numbers of the thesis's
+captions; results without a figure have those of their section or equation. Many results are pictures in the thesis:
+the column "thesis" quotes its text about them.
 """
 OF_READINGS = f"""\
 # How much the verdicts depend on how one reads
@@ -231,10 +232,9 @@ def section(one: Made, quick: bool = False) -> str:
 
 
 def described(item: Item) -> str:
-    """Return the paragraph about the result of a paper or of readings, and its picture."""
-    if item.source == THESIS:
-        return ""
-    return f"{item.about}\n\n![{item.title}](pictures/{item.figure}.png)\n\n"
+    """Return the paragraph about the result of a paper or of readings, and the picture."""
+    about = f"{item.about}\n\n" if item.about else ""
+    return f"{about}![{item.title}](pictures/{item.figure}.png)\n\n"
 
 
 def table_of(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -183,14 +183,39 @@ class Robot(ArenaAgent):
 
     @property
     def battery(self) -> float:
-        """How full its battery is, from 1 down to 0; 1 without one."""
+        """How full its battery is, from 1 down to 0; 1 without one.
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> from mesa_swarm import AGENT3, SwarmModel
+        >>> from mesa_swarm.control import Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(replace(AGENT3, battery=40), poses=[(100, 300, 0.0)])
+        >>> model.control = Subsumption(Explore())
+        >>> model.run(10).robots[0].battery, model.run(30).robots[0].battery
+        (0.75, 0.0)
+        """
         return float(self.swarm.battery[self.alive()])
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What of it failed, such as "stop", "sensor 2" and "wheel 0 stuck"; empty if all works."""
+        """What of it failed: "stop", "battery empty", "sensor 2", "wheel 0 stuck" and so on; empty if all works.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> (robot,) = SwarmModel(rng=1).add_robots(AGENT9, 1)
+        >>> robot.failures
+        ()
+        >>> robot.fail("wheel", index=1, how="free")
+        >>> robot.fail("stop")
+        >>> robot.failures
+        ('stop', 'wheel 1 free')
+        """
         row, columns = self.alive(), self.swarm.columns
         found = ["stop"] if f"{LASTING}broken" in columns and columns[f"{LASTING}broken"][row] else []
+        found += ["battery empty"] if self.battery <= 0.0 else []
         if FAILED_SENSORS in columns:
             found += [f"sensor {index}" for index in np.flatnonzero(columns[FAILED_SENSORS][row]).tolist()]
             wheels = columns[FAILED_WHEELS][row].tolist()
@@ -200,10 +225,14 @@ class Robot(ArenaAgent):
     def fail(self, what: str, index: int | None = None, how: str = "stuck") -> None:
         """Let the robot, one of its sensors or one of its wheels fail, between two steps, until `repair`.
 
+        A robot that stopped, and likewise one with an empty battery, is stopped at its wheels only: it still senses,
+        decides and broadcasts, and others may follow it (`Lead` stays active); it cools a fire at which it stands, and
+        holds what it carries.
+
         Parameters
         ----------
         what : str
-            "stop": the robot stands. "sensor": a sensor reads nothing. "wheel": a wheel no longer obeys.
+            "stop": the robot stands, see above. "sensor": a sensor reads nothing. "wheel": a wheel no longer obeys.
         index : int
             Of the sensor, in the order of ``design.sensors``, or of the wheel: 0 is left, 1 is right.
         how : str
@@ -241,7 +270,17 @@ class Robot(ArenaAgent):
         self.swarm.disturbed = True  # its sensors are read again
 
     def repair(self) -> None:
-        """Let all of the robot work again, with a full battery."""
+        """Let all of the robot work again, with a full battery.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> (robot,) = SwarmModel(rng=1).add_robots(AGENT9, 1)
+        >>> robot.fail("stop")
+        >>> robot.repair()
+        >>> robot.failures, robot.battery
+        ((), 1.0)
+        """
         row, columns = self.alive(), self.swarm.columns
         for name in (f"{LASTING}broken", f"{LASTING}used", FAILED_SENSORS, FAILED_WHEELS):
             if name in columns:

@@ -102,8 +102,11 @@ class Form:
 
     def overlaps(self, pose: Pose, shape: Shape) -> bool:
         """Return whether the body in this pose overlaps a shape by more than rounding."""
-        gap = shapely.distance(placed(self.core, pose), shape.geometry)
-        return bool(gap <= self.core_radius + shape.radius)
+        return self.meets(pose, shape.geometry, shape.radius)
+
+    def meets(self, pose: Pose, geometry: BaseGeometry, radius: float) -> bool:
+        """Return whether it overlaps, by more than rounding, what lies within a radius of a geometry."""
+        return bool(shapely.distance(placed(self.core, pose), geometry) <= self.core_radius + radius)
 
     def is_within(self, pose: Pose, bounds: tuple[float, float, float, float]) -> bool:
         """Return whether the body in this pose is within a map."""

@@ -1,12 +1,13 @@
 """Driven bodies: their poses in one table, and a Mesa agent as the handle of each."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 import shapely
 from mesa import Agent, Model
+from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
@@ -230,6 +231,60 @@ class Driven(Body):
             self.model.move_bodies([self], [(*position.tolist(), heading)])
         else:  # both are checked: many doors have to be quick
             movers.aim[row], movers.aim_heading[row] = position, heading
+
+
+def occupied(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, float]]:
+    """Iterate over what solid bodies occupy until the end of the next step, as geometries and radii about them.
+
+    A driven body occupies its way, see `way_of`; what a robot carries occupies nothing.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel, disc
+    >>> model = SwarmModel(map="openspace", rng=1)
+    >>> body = model.add_body(disc((100, 100), 5))
+    >>> [radius for _, radius in occupied(model.bodies)]  # with four walls
+    [0.0, 0.0, 0.0, 0.0, 5.0]
+    """
+    for body in bodies:
+        if isinstance(body, Driven):
+            if body.carrier is None:
+                yield way_of(body)
+        elif body.contact:
+            yield body.shape.geometry, body.shape.radius
+
+
+def way_of(body: Driven) -> tuple[BaseGeometry, float]:
+    """Return a geometry, and a radius about it, that hold a body where it is and on its way to where it is to go.
+
+    Of a body that turns it is what the disc about its centre sweeps over that holds the body at every heading.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel, rectangle
+    >>> body = SwarmModel(rng=1).run(1).add_body(rectangle((100, 100), (110, 140)))
+    >>> body.model.run(1).move_bodies([body], [(115, 120, 0.0)])
+    >>> way, radius = way_of(body)
+    >>> way.bounds, radius
+    ((100.0, 100.0, 120.0, 140.0), 0.0)
+    """
+    movers, row, shape = body.movers, body.alive(), body.shape
+    step = movers.aim[row] - movers.position[row]
+    if movers.aim_heading[row] != movers.heading[row]:
+        return swept(shapely.Point(movers.position[row]), step), body.form.reach
+    return (swept(shape.geometry, step) if step.any() else shape.geometry), shape.radius
+
+
+def swept(outline: BaseGeometry, step: Sequence[float] | np.ndarray) -> BaseGeometry:
+    """Return what a point or a convex polygon sweeps over when it is displaced; of other polygons, its convex hull.
+
+    Examples
+    --------
+    >>> swept(shapely.box(0, 0, 1, 1), (2.0, 0.0)).area
+    3.0
+    """
+    points = shapely.get_coordinates(outline)
+    return shapely.convex_hull(shapely.multipoints(np.vstack([points, points + step])))
 
 
 def poses_of_agents(followers: Sequence[Driven], space: Arena) -> np.ndarray:

@@ -189,6 +189,12 @@ def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
     assert "| B.1 | how a fire's temperature grows | **confirmed with limits (quick)** |" in page
 
 
+def test_a_page_has_the_pictures_of_its_results_beside_it(typed, tmp_path):
+    typed("reproduce --figure B.1 --quick --quiet --report page.md")
+    assert "![how a fire's temperature grows](pictures/B.1.png)" in (tmp_path / "page.md").read_text()
+    assert (tmp_path / "pictures" / "B.1.png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [

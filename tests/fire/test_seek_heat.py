@@ -63,11 +63,23 @@ def test_robots_that_are_hot_or_extinguish_are_left_to_the_layers_below():
     assert model.run(1).swarm.layer[0] != 1
 
 
-def test_a_robot_without_radiation_sensors_never_seeks():
+def test_among_others_a_robot_without_radiation_sensors_never_seeks():
     model = SwarmModel(map="openspace_fire", rng=1)
     model.add_robots(AGENT9, 5)
+    model.add_robots(SEEKER, 5)
     model.control = Subsumption(SeekHeat(), Explore())
-    assert (model.run(20).swarm.layer == 1).all()
+    assert (model.run(20).swarm.layer[:5] == 1).all()
+
+
+def test_without_any_radiation_sensor_it_is_refused_in_one_line_and_without_robots_it_is_not():
+    model = SwarmModel(map="openspace_fire", rng=1)
+    model.control = Subsumption(SeekHeat(), Explore())
+    model.run(1).add_robots(AGENT9, 5)
+    with pytest.raises(
+        InvalidValueError, match=r"^SeekHeat feels .*; add RadiationSensor\(\) to their sensors"
+    ) as caught:
+        model.step()
+    assert "\n" not in str(caught.value)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.5]))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, disc, rectangle
+from mesa_swarm import AGENT9, SwarmModel, disc, rectangle, scatter
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire import Spreading
 from mesa_swarm.recording import Recording
@@ -31,7 +31,8 @@ def overlaps(model):
     np.fill_diagonal(gaps, np.inf)
     shapes = [fire.shape.geometry for fire in model.fires]
     pairs = list(zip(shapes, radii, strict=True))
-    solid = [o.shape.geometry.distance(s) - o.shape.radius - r for o in model.obstacles for s, r in pairs]
+    bodies = [body for body in model.obstacle_list if getattr(body, "carrier", None) is None]
+    solid = [b.shape.geometry.distance(s) - b.shape.radius - r for b in bodies for s, r in pairs]
     return -min([gaps.min(), *solid])
 
 
@@ -63,6 +64,46 @@ def test_new_fires_lie_within_reach_and_overlap_nothing():
         assert (x < 180).all(), "the wall stops sparks of this reach"
         assert (np.minimum(x, y) > 0).all()
         assert (y < 300).all()
+
+
+def burning(rng=1, **named):
+    """Return a model in which fires spread as soon as they find room."""
+    model = SwarmModel(map="openspace", rng=rng)
+    model.add_fire((400, 300), radius=20)
+    model.add_process(Spreading(rate=0.3, most=40, reach=60, **named))
+    return model
+
+
+def test_sparks_that_fall_on_driven_bodies_or_loads_go_out():
+    model = burning()
+    model.add_body(rectangle((430, 200), (480, 400)), kind="cart")
+    model.add_load(rectangle((320, 200), (370, 400)), resistance=2.0)
+    assert len(model.run(200).fires) > 5
+    assert overlaps(model) <= 1e-9
+
+
+@pytest.mark.parametrize("spreads_first", [True, False])
+def test_sparks_fall_neither_on_wandering_bodies_nor_where_these_are_about_to_go(spreads_first):
+    model = burning()
+    (spreading,) = (one for one in model.processes if isinstance(one, Spreading))
+    scatter(model, 25, speed=8, size=15, gap=2)
+    if not spreads_first:
+        model.remove_process(spreading)
+        model.add_process(spreading)
+    for _ in range(100):
+        model.step()
+        assert overlaps(model) <= 1e-9
+    assert len(model.fires) > 5
+
+
+def test_a_spark_may_fall_where_a_body_is_carried_but_not_on_its_robot():
+    model = burning(area=0.01)
+    (robot,) = model.add_robots(AGENT9, poses=[(435, 300, 0.0)])
+    model.attach(robot, model.add_body(disc((500, 300), 60), kind="balloon"))
+    model.run(200)
+    away = np.hypot(*(model.fires.position - robot.position).T) - model.fires.radius
+    assert away.min() >= robot.radius - 1e-9
+    assert away.min() < 40
 
 
 def test_a_spark_reaches_no_farther_than_given_and_in_every_direction():

@@ -29,6 +29,13 @@ def test_that_the_switching_distance_grows_with_gamma_is_refuted_by_exact_values
     assert outcomes(result, "gamma above 0, exact") == outcomes(result, "gamma towards 1, exact") == [FAILED]
 
 
+def test_the_refutation_is_limited_to_readings_of_a_critical_distance_of_several_steps(result):
+    assert outcomes(result, "d_crit read as 0.4 of the range") == [FAILED]
+    assert outcomes(result, "d_crit read as 0.4 map units") == [PASSED]
+    assert result.reason.startswith("With d_crit of 4 units")
+    assert "The refutation holds for a d_crit of several steps" in result.remarks[0]
+
+
 def test_the_reason_is_so_forward_exceeds_turning_by_the_stated_margin_for_every_gamma(result):
     inside = (math.log((math.e - 1) / 4 * 3 + 1)) - 1
     for gamma in (0.0, 0.3, 0.7, 0.95):
@@ -47,8 +54,8 @@ def test_the_pictures_show_reward_and_utility_and_what_gamma_changes(result):
 
 
 def test_the_remarks_state_where_boltzmann_s_choice_hesitates_with_every_reward(result):
-    assert "forward half of the time" in result.remarks[0]
-    assert [remark[:15] for remark in result.remarks[1:3]] == ["With reward (a)", "With reward (c)"]
+    assert "forward half of the time" in result.remarks[1]
+    assert [remark[:15] for remark in result.remarks[2:4]] == ["With reward (a)", "With reward (c)"]
 
 
 def test_a_robot_is_asked_at_every_place_and_counts_its_collisions():

@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, RobotDesign, Sensor, SwarmModel, disc
-from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, Radio, RobotDesign, Sensor, SwarmModel, disc
+from mesa_swarm.control import Avoid, Explore, Lead, Subsumption
 from mesa_swarm.dashboard.inspector import inspect
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, UnknownNameError
+from mesa_swarm.fire import FightFire
 from mesa_swarm.robots.drive import HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
+from mesa_swarm.robots.swarm import LASTING
 from support.scenes import empty
 
 
@@ -161,6 +163,51 @@ class TestWheel:
                 robot.fail("wheel", index=0, how=how)
 
 
+class TestStoppedAtItsWheelsOnly:
+    def test_it_still_senses_and_broadcasts_and_leads(self):
+        model = empty(communication=Radio(message=("rank",)))
+        robots = model.add_robots(AGENT9, poses=[(100, 150, 0.0), (130, 150, 0.0)])
+        model.control = Subsumption(Lead())
+        leader = robots[int(np.flatnonzero(model.run(2).swarm.layer == 0)[0])]
+        leader.fail("stop")
+        place = leader.position.tolist()
+        model.run(5)
+        assert leader.position.tolist() == place
+        assert leader.layer == 0
+        assert [robot.layer for robot in robots if robot is not leader] == [-1], "it is heard"
+        assert (leader.command > 0).all()
+        robots[0].fail("stop")
+        model.sense()
+        assert (robots[0].distance >= 0).any()
+
+    @pytest.mark.parametrize("empty_battery", [False, True])
+    def test_it_still_cools_a_fire_at_which_it_stands(self, empty_battery):
+        def hottest(robots):
+            model = empty()
+            fire = model.add_fire((200, 150), radius=20, temperature=0.5)
+            for robot in model.add_robots(replace(AGENT_FIRE, battery=9), poses=[(174.5, 150, 0.0)] * robots):
+                if empty_battery:
+                    model.swarm.columns[f"{LASTING}used"][:] = 9
+                else:
+                    robot.fail("stop")
+            model.control = Subsumption(FightFire(), Explore())
+            model.run(50)
+            assert [robot.fire for robot in model.robots] == [0] * robots
+            assert all(robot.failures for robot in model.robots)
+            return fire.temperature
+
+        assert hottest(1) < hottest(0)
+
+    def test_it_still_holds_what_it_carries(self):
+        model = empty()
+        (robot,) = model.add_robots(AGENT9, poses=[(100, 150, 0.0)])
+        puck = model.add_body(disc((200, 200), 2), kind="puck")
+        model.attach(robot, puck)
+        robot.fail("stop")
+        model.run(3)
+        assert puck.carrier is robot
+
+
 class TestBattery:
     def test_it_empties_with_the_way_of_the_wheels_and_the_robot_then_stands(self):
         model = straight(replace(AGENT3, battery=40))
@@ -182,6 +229,27 @@ class TestBattery:
         assert plain.swarm.battery.tolist() == [1.0] * 12
         assert plain.imperfections is None
         assert np.array_equal(plain.swarm.position, charged.swarm.position)
+
+    def test_an_empty_one_is_among_the_failures_until_it_is_repaired(self):
+        model = straight(replace(AGENT3, battery=4), n=2)
+        robot = model.run(3).robots[0]
+        assert robot.failures == ()
+        before = model.run(1).state_hash()
+        assert robot.failures == ("battery empty",)
+        robot.fail("stop")
+        robot.fail("wheel", index=0)
+        assert robot.failures == ("stop", "battery empty", "wheel 0 stuck")
+        robot.repair()
+        assert robot.failures == ()
+        again = straight(replace(AGENT3, battery=4), n=2).run(4)
+        assert again.state_hash() == before, "looking changes nothing"
+
+    def test_an_empty_one_of_the_whole_model_is_shown_by_the_inspector(self):
+        model = straight()
+        model.imperfections = Imperfections(battery=4)
+        model.watch(columns=tuple(name for name in model.swarm.columns if "." not in name))
+        facts = dict(inspect(model.run(6), model.robots[0], 6)["facts"])
+        assert (facts["Battery"], facts["Failed"]) == ("0 %", "battery empty")
 
     def test_repair_fills_it(self):
         model = straight(replace(AGENT3, battery=4)).run(6)
