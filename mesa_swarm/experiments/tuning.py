@@ -182,7 +182,7 @@ def tune(
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Comparison:
+class TuningComparison:
     """Tuned settings beside the thesis's: a table of means with intervals, and remarks on what was not reached.
 
     Parameters
@@ -197,7 +197,7 @@ class Comparison:
     remarks: tuple[str, ...]
 
 
-def comparison(tuned: Tuned, *, seeds: Iterable[int], jobs: int = 1) -> Comparison:
+def comparison(tuned: Tuned, *, seeds: Iterable[int], jobs: int = 1) -> TuningComparison:
     """Compare collisions and speed with the thesis's values and the tuned ones, with at least two seeds.
 
     Differences are paired by seed; intervals are 95 %, Student's t.
@@ -214,7 +214,7 @@ def comparison(tuned: Tuned, *, seeds: Iterable[int], jobs: int = 1) -> Comparis
     numbers = np.reshape(in_order(workers, _measured, tasks), (2, len(listed), 2))
     rows = zip(("thesis", "tuned", "difference"), (*numbers, numbers[1] - numbers[0]), strict=True)
     cells = [[name, *(_shown(mean_interval(values)) for values in measured.T)] for name, measured in rows]
-    return Comparison(
+    return TuningComparison(
         table=[["", "collisions a robot and 1,000 steps", "forward speed"], *cells], remarks=_remarks(goal, numbers)
     )
 

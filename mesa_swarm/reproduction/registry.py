@@ -140,9 +140,10 @@ how.
 OF_A_SELECTION = """\
 # Selected results
 
-This page has only {names}, of {total} results of the thesis, of readings of it and of papers; it is written by
-`mesa-swarm reproduce {figures} --report FILE.md`. Intervals are 95 % (Student's t for means and differences, Wilson's
-for shares).
+This page has only these of the {total} results of the thesis, of readings of it and of papers: {names}. It is written
+by `mesa-swarm reproduce {figures} --report FILE.md`.
+
+Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
 
 """
 

@@ -141,7 +141,7 @@ def test_reproduce_lists_only_what_is_selected(typed, options, listed):
 def test_a_report_of_one_figure_does_not_claim_all_results(typed, tmp_path):
     assert typed("reproduce --figure D.3 --quiet --report page.md")[0] == 0
     page = (tmp_path / "page.md").read_text()
-    assert page.startswith("# Selected results\n\nThis page has only D.3, ")
+    assert page.startswith("# Selected results\n\nThis page has only these of ")
     assert "All results" not in page
 
 

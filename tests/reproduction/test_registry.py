@@ -86,7 +86,8 @@ def heading_and_summary(laboratory, figures):
 def test_a_page_of_selected_figures_states_that_it_has_only_these(figures, laboratory):
     title, first, rest = heading_and_summary(laboratory, figures)
     assert title == "# Selected results"
-    assert f"only {', '.join(figures)}" in first
+    assert first.startswith(f"This page has only these of the {len(items())} results")
+    assert f"papers: {', '.join(figures)}. " in first
     assert f"mesa-swarm reproduce {' '.join(f'--figure {figure}' for figure in figures)} --report" in first
     assert "## All results" not in rest
     assert "## Selected results" in rest
