@@ -6,7 +6,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -73,13 +73,22 @@ def _complain(text: str, status: int = 2) -> int:
 def _in_words(error: Exception) -> str:
     """Return one line about an error: ours unchanged, the system's with the file, others with their class."""
     if hasattr(error, "format_message"):  # Typer does not know the command or option
-        return f"{error.format_message()} (mesa-swarm --help lists what is possible)"
+        command = getattr(getattr(error, "ctx", None), "command_path", "mesa-swarm")
+        return f"{error.format_message()}{_range_of(error)} ({command} --help lists what is possible)"
     if isinstance(error, SwarmError):
         return in_words(error).replace("overwrite=True (--force)", "--force")  # the option, not the Python parameter
     if isinstance(error, OSError):
         unnamed = "standard output or a temporary file" if error.errno in DISK_FULL else None
         return ": ".join(str(part) for part in (error.filename or unnamed, error.strerror or error) if part)
     return f"{in_words(error)} (--debug shows where)"
+
+
+def _range_of(error: Exception) -> str:
+    """Return the range of an option whose value is refused, of which Typer may name one end only."""
+    option: Any = getattr(error, "param", None)
+    limits: Any = option if hasattr(option, "min") else getattr(option, "type", None)  # of older versions of Typer
+    low, high = (getattr(limits, end, None) for end in ("min", "max"))
+    return "" if low is None or high is None else f"; expected {low:,} to {high:,}"
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -109,13 +109,13 @@ def reproduce(
     from mesa_swarm.reproduction import registry
     from mesa_swarm.reproduction.laboratory import Laboratory
 
-    if names:
-        for item in registry.items().values():
-            print(f"{item.figure:5} {item.title} ({item.place})")
-        return
     numbers = {registry.find_item(number).figure for number in figure or ()}
     source = registry.PAPER if published else registry.READING if readings else registry.THESIS
     chosen = [i for i in registry.items().values() if (i.figure in numbers if numbers else i.source == source)]
+    if names:
+        for item in chosen if given else registry.items().values():
+            print(f"{item.figure:5} {item.title} ({item.place})")
+        return
     workers, folder = checked_jobs(jobs), check_writable(out)
     if report is not None:
         checked_file(report, ".md", "report")

@@ -110,13 +110,14 @@ def tune(
     *,
     steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="In which collisions count.")] = 1_000,
     least_speed: Annotated[
-        float, typer.Option(min=-1, max=1, help="Mean forward speed, share of the full one.")
-    ] = 0.28,
+        float | None,
+        typer.Option(min=-1, max=1, help="Mean forward speed, share of the full one; by default the thesis's robots'."),
+    ] = None,
     robots: Annotated[int, typer.Option(min=1, max=1000, help="How many learn together.")] = 15,
     generations: Annotated[int, typer.Option(min=1, max=10_000, help="Of CMA-ES.")] = 24,
     population: Annotated[int, typer.Option(min=4, max=1000, help="Candidates a generation.")] = 8,
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs of each candidate.")] = 6,
-    judged: Annotated[int, typer.Option(min=1, max=1000, help="Runs with other seeds that judge the result.")] = 24,
+    judged: Annotated[int, typer.Option(min=2, max=1000, help="Runs with other seeds that judge the result.")] = 24,
     rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the search.")] = 1,
     jobs: Jobs = 1,
     quiet: Quiet = False,
@@ -125,6 +126,7 @@ def tune(
     from mesa_swarm.experiments import tuning
     from mesa_swarm.experiments.tables import aligned
 
+    least_speed = tuning.LEAST_SPEED if least_speed is None else least_speed
     goal = tuning.LearningGoal(steps=steps, least_speed=least_speed, robots=robots)
     found = tuning.tune(
         goal,
@@ -136,7 +138,8 @@ def tune(
         progress=not quiet,
     )
     print("\n".join(f"{name} = {value:.4g}" for name, value in found.settings.items()))
-    print("\n".join(aligned(tuning.comparison(found, seeds=range(1, judged + 1), jobs=jobs))))
+    judgement = tuning.comparison(found, seeds=range(1, judged + 1), jobs=jobs)
+    print("\n".join([*aligned(judgement.table), *judgement.remarks]))
 
 
 @commands.command("learn-bench")

@@ -51,7 +51,7 @@ class HebbianLearning(LearningLayer):
     persistence : float
         Autocorrelation of trials, since one step moves a robot too little. 0 to below 1.
     critical : float
-        As for `QLearning`.
+        As for `QLearning`, but 0.4 of the range by default, the thesis's number, where that layer has 0.08.
     limit : float
         Of the weights, above 0.
     frozen : bool

@@ -137,6 +137,15 @@ Settings and criteria were fixed before the runs that are judged, which have see
 runs with seeds of 10,000 and more. The robots differ from the animals and robots of the papers: each section states
 how.
 """
+OF_A_SELECTION = """\
+# Selected results
+
+This page has only these of the {total} results of the thesis, of readings of it and of papers: {names}. It is written
+by `mesa-swarm reproduce {figures} --report FILE.md`.
+
+Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
+
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -151,7 +160,7 @@ class Made:
 def report(made: Sequence[Made], *, quick: bool = False, runs: tuple[int, int] = (0, 0)) -> str:
     """Return the page; it states if few seeds were enough, and how many runs were made and found."""
     parts = [
-        introduction_of({one.item.source for one in made}),
+        introduction_of(made),
         surroundings(made, quick, runs),
         summary(made, quick),
         *(section(one, quick) for one in made),
@@ -159,11 +168,23 @@ def report(made: Sequence[Made], *, quick: bool = False, runs: tuple[int, int] =
     return "\n".join(part.rstrip() + "\n" for part in parts)
 
 
-def introduction_of(sources: set[str]) -> str:
-    """Return what begins a page of results from these sources."""
-    if sources == {PAPER}:
-        return OF_PAPERS
-    return OF_READINGS if sources == {READING} else INTRODUCTION
+def is_selection(made: Sequence[Made]) -> bool:
+    """Return whether these are fewer than all results of one source."""
+    sources, figures = {one.item.source for one in made}, {one.item.figure for one in made}
+    return len(sources) > 1 or any(item.source in sources and item.figure not in figures for item in items().values())
+
+
+def introduction_of(made: Sequence[Made]) -> str:
+    """Return what begins a page of these results."""
+    sources = {one.item.source for one in made}
+    of_source = OF_PAPERS if sources == {PAPER} else OF_READINGS if sources == {READING} else INTRODUCTION
+    if not is_selection(made):
+        return of_source
+    names = [one.item.figure for one in made]
+    figures = " ".join(f"--figure {name}" for name in names)
+    begin = OF_A_SELECTION.format(names=", ".join(names), total=len(items()), figures=figures)
+    # Without the title and the paragraph about the whole page; what is settled for all results of a source follows.
+    return begin + (VERDICTS_IN_WORDS if len(sources) > 1 else of_source.split("\n\n", 2)[2])
 
 
 def surroundings(made: Sequence[Made], quick: bool, runs: tuple[int, int]) -> str:
@@ -193,7 +214,7 @@ def summary(made: Sequence[Made], quick: bool) -> str:
         for one in made
     ]
     table = table_of(("figure", "shows", "verdict", "not passed"), lines)
-    return f"## All results\n\n{counted}.\n\n{table}"
+    return f"## {'Selected' if is_selection(made) else 'All'} results\n\n{counted}.\n\n{table}"
 
 
 def section(one: Made, quick: bool = False) -> str:

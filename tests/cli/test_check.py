@@ -122,6 +122,29 @@ def test_reproduce_lists_a_line_for_every_figure(typed, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("options", "listed"),
+    [
+        ("--figure D.3 --figure 8.1", ["8.1", "D.3"]),
+        ("--readings", [figure for figure, item in items().items() if item.source == "reading"]),
+        ("--published", [figure for figure, item in items().items() if item.source == "paper"]),
+        ("--all", [figure for figure, item in items().items() if item.source == "thesis"]),
+    ],
+)
+def test_reproduce_lists_only_what_is_selected(typed, options, listed):
+    status, out, err = typed(f"reproduce {options} --list")
+    assert (status, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()] == listed
+    assert typed("reproduce --list --figure 8.9")[0] == 2
+
+
+def test_a_report_of_one_figure_does_not_claim_all_results(typed, tmp_path):
+    assert typed("reproduce --figure D.3 --quiet --report page.md")[0] == 0
+    page = (tmp_path / "page.md").read_text()
+    assert page.startswith("# Selected results\n\nThis page has only these of ")
+    assert "All results" not in page
+
+
 def test_reproduce_lists_the_state_of_every_item_or_writes_their_page(typed, tmp_path):
     status, out, err = typed("reproduce --items")
     assert (status, err) == (0, "")

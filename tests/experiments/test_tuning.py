@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.tuning import LIMITS, THESIS, LearningGoal, _placed, goal_run, settings_at, tune
+from mesa_swarm.experiments import tuning
+from mesa_swarm.experiments.tuning import LIMITS, THESIS, LearningGoal, Tuned, _placed, goal_run, settings_at, tune
 from mesa_swarm.models.q_learning import QLearning
+from mesa_swarm.reproduction.tuning import GOAL
 
 SHORT = LearningGoal(steps=15, robots=2, least_speed=0.2)
 
@@ -18,6 +20,43 @@ def test_robots_that_stand_still_cost_more_than_robots_that_collide_at_the_goal_
     goal = LearningGoal(least_speed=0.28)
     assert goal.cost(collisions=0.0, speed=0.0) > goal.cost(collisions=200.0, speed=0.28)
     assert goal.cost(collisions=40.0, speed=0.5) == goal.cost(collisions=40.0, speed=0.28) == 40.0
+
+
+def test_robots_that_stand_still_miss_the_goal_s_speed_by_default_too():
+    assert LearningGoal().cost(collisions=0, speed=0) == pytest.approx(280.0)
+    assert LearningGoal().least_speed == GOAL.least_speed == tuning.LEAST_SPEED
+
+
+def judged(monkeypatch, thesis, tuned):
+    """Return the table and the remarks on runs that are given as collisions and speeds, a pair a run."""
+    runs = iter([*thesis, *tuned])
+    monkeypatch.setattr(tuning, "in_order", lambda workers, function, tasks: [next(runs) for _ in tasks])
+    return tuning.comparison(Tuned(settings=THESIS, goal=LearningGoal(), costs=()), seeds=range(len(thesis)))
+
+
+SLOWER, FASTER = [(40.0 + i, 0.28) for i in range(6)], [(20.0 + i % 2, 0.3) for i in range(6)]
+
+
+def test_a_better_result_at_the_goal_s_speed_is_judged_without_a_remark(monkeypatch):
+    assert judged(monkeypatch, SLOWER, FASTER).remarks == ()
+
+
+def test_a_missed_speed_is_stated(monkeypatch):
+    still = [(collisions, 0.1) for collisions, _ in FASTER]
+    assert judged(monkeypatch, SLOWER, still).remarks == ("the goal's speed was missed: 0.1 instead of 0.28",)
+
+
+def test_it_is_stated_that_no_difference_was_shown_or_that_collisions_are_more(monkeypatch):
+    (remark,) = judged(monkeypatch, SLOWER, SLOWER[::-1]).remarks
+    assert remark.startswith("no difference shown")
+    (remark,) = judged(monkeypatch, [(collisions, 0.28) for collisions, _ in FASTER], SLOWER).remarks
+    assert remark.startswith("more collisions than with the thesis's settings")
+
+
+@pytest.mark.parametrize("seeds", [[1], range(1)])
+def test_a_single_run_which_has_no_interval_does_not_judge(seeds):
+    with pytest.raises(SwarmError, match=r"^number of seeds is 1; expected a whole number at least 2"):
+        tuning.comparison(Tuned(settings=THESIS, goal=SHORT, costs=()), seeds=seeds)
 
 
 @given(st.lists(st.floats(-5, 5), min_size=4, max_size=4))

@@ -10,8 +10,15 @@ from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import PolicyLayer, ReflexPolicy, SensorLayout, reward
 from mesa_swarm.learning.hebbian import HebbianLearning
+from mesa_swarm.learning.q_learning import QLearning
 
 PREFIX = "0.HebbianLearning"
+
+
+def test_the_default_of_critical_that_differs_from_q_learning_s_is_in_the_docstring():
+    text = HebbianLearning.__doc__.partition("critical : float")[2].partition(" : ")[0]
+    assert f"{HebbianLearning().critical} of the range by default" in text
+    assert f"has {QLearning().critical}." in text
 
 
 def learning(steps, robots=3, seed=1, design=AGENT9, **options):

@@ -72,6 +72,44 @@ def test_quick_verdicts_are_marked_everywhere_and_the_page_counts_its_runs(labor
     assert "(quick)" not in report(made)
 
 
+def heading_and_summary(laboratory, figures):
+    """Return the first paragraph of a page of these figures, which only one of them is made for, and the rest."""
+    result = find_item("D.3").make(laboratory)
+    page = report([Made(item=find_item(figure), result=result, seconds=1.0) for figure in figures])
+    title, first, rest = page.split("\n\n", 2)
+    return title, " ".join(first.split()), rest
+
+
+@pytest.mark.parametrize(
+    "figures", [("D.3",), ("8.1", "D.3"), ("readings-8.3",), ("task_allocation",), ("8.1", "task_allocation")], ids=str
+)
+def test_a_page_of_selected_figures_states_that_it_has_only_these(figures, laboratory):
+    title, first, rest = heading_and_summary(laboratory, figures)
+    assert title == "# Selected results"
+    assert first.startswith(f"This page has only these of the {len(items())} results")
+    assert f"papers: {', '.join(figures)}. " in first
+    assert f"mesa-swarm reproduce {' '.join(f'--figure {figure}' for figure in figures)} --report" in first
+    assert "## All results" not in rest
+    assert "## Selected results" in rest
+    assert "A check is *passed* if" in rest
+
+
+@pytest.mark.parametrize(
+    ("source", "title"),
+    [
+        ("thesis", "# Reproduced results"),
+        ("paper", "# Published results"),
+        ("reading", "# How much the verdicts depend on how one reads"),
+    ],
+)
+def test_a_page_of_all_results_of_a_source_states_that_these_are_all(source, title, laboratory):
+    figures = [figure for figure, item in items().items() if item.source == source]
+    begin, first, rest = heading_and_summary(laboratory, figures)
+    assert begin == title
+    assert "only" not in first
+    assert "## All results" in rest
+
+
 def test_the_page_has_every_figure_once_with_its_verdict_and_was_made_with_all_seeds():
     page = PAGE.read_text()
     sections = re.findall(r"^## ([\w.]+): ", page, re.M)
