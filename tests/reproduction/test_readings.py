@@ -101,9 +101,10 @@ def test_readings_are_neither_of_the_thesis_nor_of_papers_and_their_page_has_its
     assert all(find_item(item.figure) is item for item in ITEMS)
     assert [item for item in items().values() if item.source == "reading"] == list(ITEMS)
     monkeypatch.setattr("mesa_swarm.reproduction.readings.runs_by_reading", lambda *_: rows_of())
-    monkeypatch.setattr("mesa_swarm.reproduction.readings.judged_frequency", lambda *_: ())
-    made = [Made(item=item, result=item.make(None), seconds=1.0) for item in ITEMS[:2]]
+    for name in ("judged_frequency", "judged_totals"):
+        monkeypatch.setattr(f"mesa_swarm.reproduction.readings.{name}", lambda *_: ())
+    made = [Made(item=item, result=item.make(None), seconds=1.0) for item in ITEMS]
     page = report(made)
     assert page.startswith("# How much the verdicts depend on how one reads")
     assert "![the same, one robot](pictures/readings-8.2.png)" in page
-    assert page.count("| **0.4 of a diameter, 8 actions, r(s, a)** |") == 2
+    assert page.count("| **0.4 of a diameter, 8 actions, r(s, a)** |") == len(ITEMS) == 3
