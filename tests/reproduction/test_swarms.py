@@ -24,10 +24,10 @@ def laboratory(tmp_path_factory):
         ("5.8", "confirmed", 0),
         ("5.9", "confirmed with limits", 1),
         ("5.10", "confirmed with limits", 1),
-        ("5.3.4", "confirmed with limits", 4),
+        ("5.3.4", "confirmed with limits", 6),
         ("10.2", "not confirmed", 5),
         ("9.1", "confirmed", 0),
-        ("9.4", "confirmed with limits", 1),
+        ("9.4", "confirmed with limits", 3),
         ("9.5", "not confirmed", 2),
     ],
 )
