@@ -117,17 +117,17 @@ def reproduce(
             print(f"{item.figure:5} {item.title} ({item.place})")
         return
     workers, folder = checked_jobs(jobs), check_writable(out)
+    beside = None
     if report is not None:
-        checked_file(report, ".md", "report")
+        beside = check_writable(checked_file(report, ".md", "report").parent / "pictures")
     made = []
     with Laboratory(folder, quick=quick, jobs=workers, progress=not quiet) as laboratory, resumable(folder):
         for one in made_by(laboratory, chosen):
             made.append(one)
-            _print_made(one, _written(one, folder, "_quick" if quick else "")[0], quick)
+            _print_made(one, _written(one, folder, "_quick" if quick else "", beside)[0], quick)
     if quick:
         print("Few seeds and short runs: this shows that it works; the verdicts mean nothing.")
     if report is not None:
-        _write_pictures(made, report.parent / "pictures")
         print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
 
 
@@ -172,18 +172,11 @@ def made_by(laboratory: "Laboratory", chosen: "Sequence[Item]") -> "Iterator[Mad
         yield Made(item=item, result=result, seconds=perf_counter() - started)
 
 
-def _write_pictures(made: "Sequence[Made]", folder: Path) -> None:
-    """Write the pictures to which a page refers, beside it."""
-    from mesa_swarm.viewing.pictures import png
+def _written(made: "Made", folder: Path, ending: str, beside: Path | None) -> list[Path]:
+    """Write the pictures and the table of a result, all or none; the first is its picture.
 
-    contents = {f"{one.item.figure}.png": png(one.result.pictures[""], ON_PAGES) for one in made}
-    write_all(check_writable(folder), contents)
-
-
-def _written(made: "Made", folder: Path, ending: str) -> list[Path]:
-    """Write the pictures and the table of a result, each whole or not at all; the first is its picture.
-
-    The ending of their names is one of its own for quick results, so that these do not replace full ones.
+    The ending of their names is one of its own for quick results, so that these do not replace full ones. `beside` is
+    the folder of the pictures to which a page refers, if there will be one.
     """
     from mesa_swarm.reproduction.drawing import svg
     from mesa_swarm.viewing.pictures import png
@@ -193,4 +186,6 @@ def _written(made: "Made", folder: Path, ending: str) -> list[Path]:
         name = f"figure_{made.item.figure}" + (f"_{word}" if word else "") + ending
         contents |= {f"{name}.png": png(picture), f"{name}.svg": svg(picture)}
     contents[f"figure_{made.item.figure}{ending}.csv"] = made.result.csv(made.item.source)
+    if beside is not None:
+        contents[f"{beside.absolute()}/{made.item.figure}.png"] = png(made.result.pictures[""], ON_PAGES)
     return write_all(folder, contents)

@@ -182,8 +182,8 @@ WRITERS = {
             "--report",
             out / "page.md",
         ],
-        ("figure_B.1_quick.csv", "figure_B.1_quick.png", "figure_B.1_quick.svg", "page.md"),
-        size=100_000,
+        ("figure_B.1_quick.csv", "figure_B.1_quick.png", "figure_B.1_quick.svg", "pictures/B.1.png", "page.md"),
+        size=130_000,
         also="figure_*",
     ),
     "reward-lab": Writer(
@@ -253,6 +253,7 @@ def emptied(folder):
 def furnished(folder, writer):
     """Put old files where a writer writes to."""
     for name in writer.files:
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(OLD)
 
 
@@ -345,12 +346,12 @@ def test_in_a_read_only_folder_each_writer_refuses_in_one_line_before_its_work(
     folder.mkdir()
     for writer in WRITERS.values():
         furnished(folder, writer)
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     names = [name for name in RACES if name != "run --record"]  # which stops at the name, as "--force" does not
     with read_only(folder):
         results = attack(lambda name: refused_in(folder, inputs, [name]), [(name, name) for name in names], refusals=())
         tally("disks: read-only").add(results)
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
 def started(writer, inputs, out, gate, report):
