@@ -122,7 +122,8 @@ def write_whole(
 def write_all(folder: Path, contents: Mapping[str, str | bytes]) -> list[Path]:
     """Write files, by name, that belong together: all of them, or none if the disk is full; return their paths.
 
-    All are on the disk before the first is renamed: some disks report only at a sync that they are full.
+    A name that is an absolute path is that of a file in another folder. All are on the disk before the first is
+    renamed: some disks report only at a sync that they are full.
     """
     paths = [folder / name for name in contents]
     with ExitStack() as drafts:

@@ -133,11 +133,14 @@ def rounded(value: float, digits: int) -> str:
 def detectable_mean(values: Sequence[float]) -> str:
     """Return how far from a limit a mean must be for as many runs to decide: (t_0.975 + t_0.8) s / sqrt(n).
 
-    Student's t has n - 1 degrees of freedom; this is the usual approximation of the noncentral t distribution.
+    Student's t has n - 1 degrees of freedom; this is the usual approximation of the noncentral t distribution. It is
+    unknown where all values are equal: they do not show how much others would differ.
     """
     n = len(values)
     if n < 2:
         return "unknown"
+    if min(values) == max(values):
+        return "unknown: all runs equal"
     steps = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) + stdtrit(n - 1, POWER))
     return f"{rounded(steps * float(np.std(values, ddof=1)) / math.sqrt(n), 2)} beyond"
 

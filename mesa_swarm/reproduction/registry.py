@@ -91,7 +91,7 @@ outside, and *undecided* if it includes the limit. A result is **confirmed** if 
 with limits** if all main checks are, and otherwise **not confirmed**, or **refuted** where a main check failed for a
 reason that is known and stated. Side claims are in italics. The column "detectable" is the power of a check: how far
 beyond the limit of what is required the truth has to be for as many runs to pass the check with a probability of 80 %;
-checks without chance are exact.
+checks without chance are exact, and where all runs gave the same number it is unknown.
 """
 INTRODUCTION = f"""\
 # Reproduced results

@@ -90,15 +90,9 @@ class Statics:
         edges, edge_owner, rings = _edges_of(solid, _border(bounds))
         discs, disc_owner = _discs_of(solid)
         owner = np.concatenate([edge_owner, disc_owner, np.arange(len(sources))])
-        body = np.zeros(len(owner), np.int8)
-        body[len(owner) - len(sources) :] = SOURCE
-        of_shape = (body == OBSTACLE) & (owner != BORDER)
+        of_shape = (np.arange(len(owner)) < len(owner) - len(sources)) & (owner != BORDER)
         is_load = of_shape & np.isin(owner, loads)
-        body[is_load] = LOAD
-        if len(codes):
-            body[of_shape] = np.array(codes, np.int8)[owner[of_shape]]
-        kind = body.copy()
-        kind[len(owner) - len(sources) :][~hot] = OBSTACLE
+        body, kind = _kinds_of(owner, of_shape, is_load, codes, hot)
         discs = np.concatenate([discs, sources.reshape(-1, 3)])
         boxes = _boxes(edges, discs)
         boxes[is_load] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
@@ -169,6 +163,21 @@ def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sigh
         if listed <= max(MOST_LISTED, 4 * len(boxes)) or grid.cells == 1:
             return grid
         most = max(1, min(most, grid.cells) // 4)
+
+
+def _kinds_of(
+    owner: np.ndarray, of_shape: np.ndarray, is_load: np.ndarray, codes: Sequence[int], hot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what bodies edges and discs are of, and as what sensors see them: a source is an obstacle if not hot."""
+    body = np.full(len(owner), OBSTACLE, np.int8)
+    body[is_load] = LOAD
+    if len(codes):
+        body[of_shape] = np.array(codes, np.int8)[owner[of_shape]]
+    kind = body.copy()
+    first = len(owner) - len(hot)
+    body[first:] = SOURCE
+    kind[first:] = np.where(hot, SOURCE, OBSTACLE)
+    return body, kind
 
 
 def _border(bounds: Sequence[float]) -> np.ndarray:

@@ -116,6 +116,9 @@ class TestPower:
         assert judging.detectable_share(12, 0.9, 1.0) == "none: too few runs"
         assert judging.detectable_mean([1.0]) == "unknown"
 
+    def test_runs_that_are_all_equal_do_not_show_what_is_detectable(self):
+        assert judging.detectable_mean([1.0, 1.0, 1.0]) == "unknown: all runs equal"
+
 
 def scaled(count):
     """Return as many numbers of standard deviation 1."""
