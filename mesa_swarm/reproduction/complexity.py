@@ -221,7 +221,7 @@ def by_sensors(laboratory: Laboratory) -> Result:
             "longer",
             times["original", a][-1],
             times["original", b][-1],
-            names=(str(a), str(b)),
+            names=(f"{a} sensors", f"{b} sensors"),
         )
         for a, b in ((3, 6), (6, 9))
     ]

@@ -78,7 +78,7 @@ def herding_checks(home: dict[tuple[int, int], list[float]]) -> list[Check]:
             "limit at about half the flock",
             of_ten[24],
             of_ten[16],
-            names=("24", "16"),
+            names=("24 sheep", "16 sheep"),
             main=False,
         ),
         judged_share(
@@ -165,14 +165,14 @@ def foraging_checks(working: list[list[dict]], resting: list[dict]) -> list[Chec
             "efficiency falls with the size of the group",
             column(six, "per robot"),
             column(two, "per robot"),
-            names=("6", "2"),
+            names=("6 robots", "2 robots"),
         ),
         judged_difference(
             f"a robot brings less in a team of 18 than in one of 6: {per_robot}",
             "efficiency falls with the size of the group",
             column(many, "per robot"),
             column(six, "per robot"),
-            names=("18", "6"),
+            names=("18 robots", "6 robots"),
         ),
         judged_difference(
             "with thresholds, 18 robots use less energy for an item",
@@ -186,7 +186,7 @@ def foraging_checks(working: list[list[dict]], resting: list[dict]) -> list[Chec
             "larger groups bring more in all",
             column(six, "items"),
             column(many, "items"),
-            names=("6", "18"),
+            names=("6 robots", "18 robots"),
             main=False,
         ),
         judged_share(

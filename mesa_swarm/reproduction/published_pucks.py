@@ -104,7 +104,8 @@ def slower(
 ) -> Check:
     """Judge whether a team needs more time, or effort, than the one that is to be better."""
     first, second = ([value / 1000 for value in column(by_team[n], measure)] for n in (best, other))
-    return judged_difference(claim, reported, first, second, names=(str(best), str(other)), main=main)
+    names = f"{best} robots", "1 robot" if other == 1 else f"{other} robots"
+    return judged_difference(claim, reported, first, second, names=names, main=main)
 
 
 def gathering_picture(by_team: dict[int, list[dict]]) -> Figure:
