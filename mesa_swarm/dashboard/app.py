@@ -161,31 +161,24 @@ MOST_PAGES = 40
 
 
 class Places:
-    """A limited number of places, to be taken and given back."""
+    """A limited number of places, each held by a page until its session is closed."""
 
     def __init__(self, most: int = MOST_PAGES) -> None:
         self.most = most
-        self._holders: set[object] = set()
+        self._holders: set[threading.Event] = set()
         self._lock = threading.Lock()
 
-    @property
-    def taken(self) -> int:
-        """How many are taken."""
-        return len(self._holders)
+    def take(self, closed: threading.Event) -> bool:
+        """Take a place until this event is set; return False if all are taken.
 
-    def take(self) -> Callable[[], None] | None:
-        """Take a place, and return a function that gives it back; None if all are taken."""
-        holder = object()
+        The place does not depend on what the page does at its end: a panel that fails there keeps none.
+        """
         with self._lock:
-            if len(self._holders) >= self.most:
-                return None
-            self._holders.add(holder)
-
-        def leave() -> None:
-            with self._lock:
-                self._holders.discard(holder)
-
-        return leave
+            self._holders = {holder for holder in self._holders if not holder.is_set()}
+            if closed not in self._holders and len(self._holders) >= self.most:
+                return False
+            self._holders.add(closed)
+            return True
 
 
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
@@ -212,12 +205,11 @@ def Layout(children: list) -> None:
 @solara.component
 def Page() -> None:
     """Show the page, if fewer than the largest number of pages are open."""
-    leave = solara.use_memo(PLACES.take, [])
-    solara.use_effect(lambda: leave, [])
+    has_place = solara.use_memo(lambda: PLACES.take(solara.kernel_closed_event()), [])
     solara.Title("mesa_swarm")
     solara.Style(CSS)
     with rv.Html(tag="main", class_="swarm"):
-        if leave is None:
+        if not has_place:
             TroubleCard(
                 "Too many pages are open",
                 f"{PLACES.most} pages of this dashboard are open, each with its own model.",

@@ -18,11 +18,12 @@ pytestmark = pytest.mark.slow
 
 TOKEN = "a token of this test"
 GUARDED = LAUNCH.replace("open_browser=False", "open_browser=False, host='0.0.0.0'")
-# Boids that break in their third step, and places for two pages.
+# Boids that break in their third step, places for two pages, and no long wait for a page that is gone without a word.
 BREAKING = """
 import sys
 from mesa_swarm.dashboard import launch
-from mesa_swarm.dashboard.app import PLACES
+from mesa_swarm.dashboard.app import PLACES, settings
+settings.kernel.cull_timeout = "10s"
 from mesa_swarm.models.boids import Boids
 step, PLACES.most = Boids.step, 2
 def breaking(self):
@@ -148,7 +149,7 @@ def test_a_model_that_breaks_shows_a_card_and_a_third_page_that_there_is_no_plac
         first.wait_for_step(0)
         first.press("Step")
         first.wait_for_step(1)
-        second.context.close()
+        second.page.goto("about:blank")
         wait_until(lambda: has_place(third))
         assert first.complaints == second.complaints == []
 

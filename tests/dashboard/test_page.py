@@ -1,5 +1,7 @@
 """The page without a browser: what stands on cards and in the address bar, and where the buttons lead."""
 
+from threading import Event
+
 import ipyvuetify
 import pytest
 import solara
@@ -92,13 +94,13 @@ def test_the_address_bar_holds_a_run_that_was_built_elsewhere(session, drawn):
     assert bar.query == "model=fire_fighting&strategy=A&seed=5"
 
 
-def test_a_place_that_was_given_back_is_taken_again():
-    places = Places(1)
-    leave = places.take()
-    assert (places.take(), places.taken) == (None, 1)
-    leave()
-    leave()
-    assert (places.taken, places.take() is None) == (0, False)
+def test_the_place_of_a_page_whose_session_is_closed_is_taken_again():
+    places, first, second = Places(1), Event(), Event()
+    assert places.take(first)
+    assert places.take(first)  # a page that is drawn anew keeps its place
+    assert not places.take(second)
+    first.set()
+    assert places.take(second)
 
 
 @pytest.mark.parametrize("widget", [SwarmCanvas, FilePicker, ChartBoard, ControlPanel, Exporter, Inspector, PageBar])
