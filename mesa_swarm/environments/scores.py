@@ -1,5 +1,6 @@
-"""Observations and rewards of each robot."""
+"""Observations, rewards and measures of robots."""
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +16,9 @@ from mesa_swarm.world.statics import FIRE, OBSTACLE, ROBOT
 # The blocks of a typed observation, in their order.
 KINDS = (OBSTACLE, ROBOT, FIRE)
 BODY = 4
+# Of the grid on which coverage is counted, and the columns of which a tally is made.
+CELLS = (40, 40)
+TALLIED = ("command", "max_speed", "collided", "position")
 OBSERVED = ("distance", "kind", "radiation", "line", "temperature", "hot", "heat", "fire")
 
 
@@ -96,7 +100,10 @@ def observe(distance, kind, radiation, line, temperature, hot, heat, fire, reach
 
 
 class Score(Protocol):
-    """Rewards for the steps of one world."""
+    """Rewards for the steps of one world.
+
+    It may also have `measures`, which returns the task's own measures of the episode so far, numbers by name.
+    """
 
     @property
     def finished(self) -> bool:
@@ -104,6 +111,41 @@ class Score(Protocol):
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step for the first robots, as many as `out` (k,) has rows."""
+
+
+class EpisodeTally:
+    """Sums over the steps of an episode for the first `count` robots of a world, and which cells they were in.
+
+    `sums` (count, 2) are of forward speeds as shares of the greatest, and of collisions; `fresh` (count,) is 1 for
+    the robots that were first in a cell of 40 x 40 in the last step, else 0.
+    """
+
+    def __init__(self, count: int, bounds: tuple[float, float, float, float]) -> None:
+        self.steps = 0
+        self.sums = np.zeros((count, 2))
+        self.fresh = np.zeros(count)
+        self.visited = np.zeros(CELLS, np.bool_)
+        self._bounds = bounds
+
+    def add(self, columns: dict[str, np.ndarray]) -> None:
+        """Add the last step from the swarm's columns."""
+        tally_step(*(columns[name] for name in TALLIED), self._bounds, self.visited, self.fresh, self.sums)
+        self.steps += 1
+
+    def measures(self, reachable: np.ndarray) -> dict[str, float]:
+        """Return collisions per 1,000 steps of the mean and the worst robot, the mean speed ahead, and the coverage.
+
+        The coverage is of the `reachable` cells (40, 40). Without steps all others are NaN.
+        """
+        visited, steps = int((self.visited & reachable).sum()), self.steps or math.nan
+        ahead, collided = self.sums.T
+        return {
+            "steps": float(self.steps),
+            "collisions": float(1000.0 * collided.mean() / steps),
+            "worst robot": float(1000.0 * collided.max() / steps),
+            "speed ahead": float(ahead.mean() / steps),
+            "coverage": visited / max(int(reachable.sum()), 1),
+        }
 
 
 class DrivingScore:
@@ -143,6 +185,7 @@ class FindingScore:
     def __init__(self, model: SwarmModel, count: int, *, arrival: float, step_cost: float) -> None:
         self._model = model
         self._worth = arrival, step_cost
+        self._steps_to_end = math.nan
         self.found = np.zeros((count, len(model.fires)), bool)
 
     @property
@@ -153,6 +196,13 @@ class FindingScore:
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
+        if math.isnan(self._steps_to_end) and self.finished:
+            self._steps_to_end = float(self._model.steps)
+
+    def measures(self) -> dict[str, float]:
+        """Return the share of fires found, and the steps until all were, NaN before that."""
+        found = float(self.found.any(axis=0).mean())
+        return {"fires found": found, "steps until all found": self._steps_to_end}
 
 
 class ExtinguishingScore:
@@ -161,6 +211,7 @@ class ExtinguishingScore:
     def __init__(self, model: SwarmModel, count: int, *, put_out: float, work: float, step_cost: float) -> None:
         self._model = model
         self._worth = put_out, work, step_cost
+        self._steps_to_end = math.nan
         self._fought = np.full(count, -1)
 
     @property
@@ -172,6 +223,33 @@ class ExtinguishingScore:
         """Write the rewards of the last step."""
         out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
         extinguishing(fire, out_now, *self._worth, self._fought, out)
+        if math.isnan(self._steps_to_end) and self.finished:
+            self._steps_to_end = float(self._model.steps)
+
+    def measures(self) -> dict[str, float]:
+        """Return the share of fires out, 1 or 0 for the largest, and the steps until all were out, NaN before that."""
+        fires = self._model.fires.columns
+        largest = fires["out"][np.argmax(fires["radius"])]
+        return {
+            "fires out": float(fires["out"].mean()),
+            "largest fire out": float(largest),
+            "steps until all out": self._steps_to_end,
+        }
+
+
+@compiled
+def tally_step(command, max_speed, collided, position, bounds, visited, fresh, sums):
+    """Add a step to the sums of `EpisodeTally`, write which robots are first in a cell, and mark it as visited."""
+    rows, columns = visited.shape
+    left, below, right, above = bounds
+    for i in range(sums.shape[0]):
+        forward = 0.5 * (command[i, 0] + command[i, 1])
+        sums[i, 0] += forward / max_speed[i] if max_speed[i] > 0.0 else 0.0
+        sums[i, 1] += 1.0 if collided[i] else 0.0
+        column = min(max(int((position[i, 0] - left) / (right - left) * columns), 0), columns - 1)
+        row = min(max(int((position[i, 1] - below) / (above - below) * rows), 0), rows - 1)
+        fresh[i] = 0.0 if visited[row, column] else 1.0
+        visited[row, column] = True
 
 
 @compiled

@@ -1,17 +1,28 @@
 """One world of a task for one episode, and the layer through which a learner drives robots."""
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mesa
 import numpy as np
+import shapely
+from numpy.typing import ArrayLike
 
+from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.control import Subsumption
+from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.team import Key
+from mesa_swarm.environments.actions import shares
+from mesa_swarm.environments.scores import CELLS, EpisodeTally
 from mesa_swarm.environments.tasks import Task
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.streams import Seed
 from mesa_swarm.swarm_model import SwarmModel
+
+Control = Arbiter | Mapping[Key, Arbiter | None]
 
 
 class Commanded:
@@ -56,25 +67,61 @@ class Commanded:
 
 
 class TaskWorld(SwarmModel):
-    """A world for one episode: `advance`, then `observe`, `finished` and `out_of_time`.
+    """A world for one episode: `advance`, then `observe`, `finished`, `out_of_time` and `measures`.
 
-    The first `commanded` robots are commanded, the task's rules drive the others. Its DataCollector collects nothing,
-    so that memory does not grow with the steps.
+    The first `commanded` robots are commanded and rewarded; the task's rules drive the others. Where none is
+    commanded, rules drive all robots, and all of them are rewarded and measured. Its DataCollector collects
+    nothing, so that memory does not grow with the steps.
+
+    Parameters
+    ----------
+    task : Task
+    commanded : int, optional
+        0 to the task's number of robots: all by default, and 0 with a `control`.
+    control : Arbiter, or dict of them by design, optional
+        Drives all robots, instead of the task's rules; see `SwarmModel.control`.
+    rng : int, SeedSequence or Generator, optional
+
+    Raises
+    ------
+    InvalidValueError
+        If robots are to be commanded and driven by `control` at once.
+
+    Examples
+    --------
+    >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+    >>> from mesa_swarm.environments import CollisionAvoidance
+    >>> task = CollisionAvoidance(n_robots=5, map="openspace", max_steps=20)
+    >>> rules = TaskWorld(task=task, control=Subsumption(Avoid(), Explore()), rng=1).play()
+    >>> straight_on = TaskWorld(task=task, rng=1).play(lambda seen: np.ones((5, 2)))
+    >>> rules["steps"], straight_on["speed ahead"]
+    (20.0, 1.0)
     """
 
-    def __init__(self, *, task: Task, commanded: int, rng: int) -> None:
+    def __init__(
+        self, *, task: Task, commanded: int | None = None, control: Control | None = None, rng: Seed = None
+    ) -> None:
         super().__init__(map=task.map, rng=rng, history_every=0, fire_constants=task.constants)
         self.datacollector = mesa.DataCollector()
         self.task = task
-        self.commanded = commanded
+        self.commanded = _checked_commanded(task, commanded, control)
+        self.rewarded = self.commanded or task.n_robots
         self.add_robots(task.design, task.n_robots)
-        others = task.others() if commanded < task.n_robots else ()
-        self.control = Subsumption(Commanded(commanded), *others)
-        commands: Any = self.control.layers[0]  # the copy of Commanded that belongs to this swarm
-        self._wheels = commands.wheels
+        self._wheels = np.empty((0, 2))
+        self.control = self._driver() if control is None else control
+        if self.commanded:
+            commands: Any = self.control.layers[0]  # the copy of Commanded that belongs to this swarm
+            self._wheels = commands.wheels
         self._observer = task.observer()
-        self._score = task.score(self, commanded)
+        self._score = task.score(self, self.rewarded)
+        self._tally = EpisodeTally(self.rewarded, self.map.bounds)
+        self._begun_at = np.empty((0, 2))
         self.sense()
+
+    def _driver(self) -> Arbiter:
+        """Return what drives the robots without a `control`."""
+        others = self.task.others() if self.commanded < self.task.n_robots else ()
+        return Subsumption(Commanded(self.commanded), *others) if self.commanded else Subsumption(*others)
 
     @property
     def finished(self) -> bool:
@@ -86,10 +133,17 @@ class TaskWorld(SwarmModel):
         """Whether the episode's steps are used up."""
         return self.steps >= self.task.max_steps
 
-    def advance(self, shares: np.ndarray, reward: np.ndarray) -> None:
-        """Take a step at these shares (k, 2) of the greatest wheel speed; write the commanded robots' rewards (k,)."""
-        np.multiply(shares, self.task.design.max_speed, out=self._wheels)
+    def advance(self, shares: np.ndarray | None, reward: np.ndarray) -> None:
+        """Take a step, and write the rewards (k,) of the robots that are rewarded.
+
+        `shares` (k, 2) are wheel speeds of the commanded robots, of the greatest; None where none is commanded.
+        """
+        if not self._tally.steps:
+            self._begun_at = self.swarm.position.copy()
+        if shares is not None:
+            np.multiply(shares, self.task.design.max_speed, out=self._wheels)
         self.step()
+        self._tally.add(self.swarm.columns)
         if self.task.rewards_state:
             self._score.reward(reward)
             self.sense()
@@ -98,5 +152,58 @@ class TaskWorld(SwarmModel):
             self._score.reward(reward)
 
     def observe(self, out: np.ndarray) -> None:
-        """Write the observations of the commanded robots, shape (k, width)."""
+        """Write the observations of the first robots, as many as `out` (k, width) has rows."""
         self._observer.observe(self.swarm.columns, out)
+
+    def measures(self) -> dict[str, float]:
+        """Return measures of the episode so far, of the robots that are rewarded.
+
+        Returns
+        -------
+        dict of float
+            "steps"; "collisions" and "worst robot", the collisions of the mean and of the worst robot per 1,000
+            steps; "speed ahead", the mean share of max_speed; "coverage", the visited share of the cells, of 40 x 40,
+            that robots can reach from where they begin; then the task's own. NaN stands for what is not known yet.
+        """
+        begun_at = self._begun_at if self._tally.steps else self.swarm.position
+        solids = [(body.shape.geometry, body.shape.radius) for body in self.obstacle_list if body.contact]
+        solids += [(shapely.Point(x, y), radius) for x, y, radius in self.fires.discs.tolist()]
+        radius = float(self.swarm.radius.min())
+        reachable = cells_from_places(self.map.bounds, solids, radius, begun_at[: self.rewarded], CELLS)
+        own = getattr(self._score, "measures", dict)
+        return {**self._tally.measures(reachable), **own()}
+
+    def play(self, policy: Callable[[np.ndarray], ArrayLike] | None = None) -> dict[str, float]:
+        """Take all steps of the episode and return its measures, with the "reward" of a robot and step.
+
+        Parameters
+        ----------
+        policy : callable, optional
+            Returns an action of each commanded robot for their observations, a float32 ndarray (k, width): wheel
+            speeds (k, 2), or numbers of actions (k,), as the task has it. Needed where robots are commanded.
+        """
+        if (policy is None) == bool(self.commanded):
+            expected = "a policy for them" if self.commanded else "None: no robot is commanded"
+            raise InvalidValueError(f"policy is {shortened(policy)}, {self.commanded} commanded; expected {expected}")
+        seen = np.empty((self.commanded, self._observer.width), np.float32)
+        reward, total = np.empty(self.rewarded), 0.0
+        while not (self.finished or self.out_of_time):
+            command = None
+            if policy is not None:
+                self.observe(seen)
+                command = shares(self.task.actions, policy(seen), (self.commanded,))
+            self.advance(command, reward)
+            total += float(reward.mean())
+        return {"reward": total / max(self._tally.steps, 1), **self.measures()}
+
+
+def _checked_commanded(task: Task, commanded: int | None, control: Control | None) -> int:
+    """Return how many robots are commanded."""
+    if commanded is None:
+        return task.n_robots if control is None else 0
+    check_count("commanded", commanded, maximum=task.n_robots)
+    if commanded and control is not None:
+        raise InvalidValueError(
+            f"commanded is {commanded} beside a control, which drives all robots; give one of them only"
+        )
+    return commanded
