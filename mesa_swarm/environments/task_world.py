@@ -107,11 +107,10 @@ class TaskWorld(SwarmModel):
         self.commanded = _checked_commanded(task, commanded, control)
         self.rewarded = self.commanded or task.n_robots
         self.add_robots(task.design, task.n_robots)
-        self._wheels = np.empty((0, 2))
         self.control = self._driver() if control is None else control
-        if self.commanded:
-            commands: Any = self.control.layers[0]  # the copy of Commanded that belongs to this swarm
-            self._wheels = commands.wheels
+        bound: Any = self.control
+        # Of the copy of Commanded that belongs to this swarm.
+        self._wheels = bound.layers[0].wheels if self.commanded else np.empty((0, 2))
         self._observer = task.observer()
         self._score = task.score(self, self.rewarded)
         self._tally = EpisodeTally(self.rewarded, self.map.bounds)

@@ -373,10 +373,12 @@ def cells_of_nearest_parts(
     array([[ True,  True, False, False]])
     """
     parts, covered = _parts_by_cell(bounds, solids, radius, quarter_segments, shape, fewest_share)
-    if not len(points) or len(parts) < 2:
-        return covered.any(axis=0) & bool(len(points))
-    away = shapely.distance(parts[:, None], shapely.points(np.asarray(points, float)))
-    return covered[np.unique(away.argmin(axis=0))].any(axis=0)
+    if not len(points) or not len(parts):
+        return np.zeros(shape, bool)
+    away = shapely.distance(parts[:, None], shapely.points(np.asarray(points, float))) if len(parts) > 1 else None
+    nearest = slice(None) if away is None else np.unique(away.argmin(axis=0))
+    reached: np.ndarray = covered[nearest].any(axis=0)
+    return reached
 
 
 @lru_cache(maxsize=REMEMBERED)
