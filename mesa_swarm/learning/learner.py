@@ -204,6 +204,7 @@ class Learner(LearningLayer):
     encoding: str = "distance"
     alpha: float = 0.4
     eta: float = 0.1
+    last_eta: float | None = None
     gamma: float = 0.7
     beta: float = 1e-4
     first_temperature: float | None = None
@@ -228,6 +229,7 @@ class Learner(LearningLayer):
         for name in ("alpha", "eta", "beta"):
             check_number(name, getattr(self, name), minimum=0, maximum=1)
         check_number("gamma", self.gamma, minimum=0, maximum=0.999)
+        check_number("last_eta", self._least_eta, minimum=0, maximum=1)
         check_number("alert_gamma", self._alert, minimum=0, maximum=0.999)
         check_number("first_temperature", self._hottest, above=0, maximum=1e6)
         check_number("last_temperature", self.last_temperature, above=0, maximum=1e6)
@@ -259,6 +261,11 @@ class Learner(LearningLayer):
     def _hottest(self) -> float:
         """T_0."""
         return HOT if self.first_temperature is None else self.first_temperature
+
+    @property
+    def _least_eta(self) -> float:
+        """The rate of back-propagation at the last temperature."""
+        return self.eta if self.last_eta is None else self.last_eta
 
     @property
     def _alert(self) -> float:
@@ -363,11 +370,16 @@ class Learner(LearningLayer):
             (*map(self._column, ("reward", "temperature", "bumps")), self._pace()),
             self._rng.random(len(inputs)),
             REWARDS.index(self.reward),
-            (float(self.alpha) * float(self.eta), float(self.gamma), float(self._alert), float(self.critical)),
+            (float(self.gamma), float(self._alert), float(self.critical)),
+            (float(self.alpha) * float(self.eta), float(self.alpha) * float(self._least_eta)),
             (float(self.beta), float(self._hottest), float(self.last_temperature)),
             (float(self.bump_rate), 1.0 / self.bump_window, float(self.bump_distance), float(self.least_speed or 0.0)),
             (bool(self.shared), bool(self.self_adjusting), bool(self.frozen), self.reward_of == NEXT_STATE),
         )
+
+    def _set_apart(self) -> list[str]:
+        """Return the names of parameters that a policy stores only where they differ from their defaults."""
+        return [] if self.last_eta is None else ["last_eta"]
 
     def _pace(self) -> np.ndarray:
         """Return every robot's recent speed, which only self-adjusting robots with a least speed remember."""
@@ -398,7 +410,7 @@ class Learner(LearningLayer):
             "networks": Networks(*(weights[:networks].copy() for weights in self._memory.weights)),
             "encoding": self.encoding,
             "temperature": float(self._column("temperature").mean()),
-            **self._training(TRAINING_PARAMETERS, training),
+            **self._training((*TRAINING_PARAMETERS, *self._set_apart()), training),
         }
 
 
@@ -409,6 +421,15 @@ def is_bounded(outer, m, step):
     for h in range(outer.shape[1]):
         bounded = bounded and abs(outer[m, h]) <= LARGEST
     return bounded
+
+
+@compiled
+def rate_of(rates, temperature, cooling):
+    """Return the weight of a correction at a temperature: linear in it, from that at T_0 to that at T_c."""
+    first_rate, last_rate = rates
+    _, first, last = cooling
+    share = (temperature - last) / (first - last) if first != last else 0.0
+    return last_rate + (first_rate - last_rate) * min(max(share, 0.0), 1.0)
 
 
 @compiled

@@ -1,5 +1,6 @@
 """Q-learning as in the thesis, and its policies."""
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -19,18 +20,21 @@ from mesa_swarm.learning.actions import (
     least_of,
     write_inputs,
 )
-from mesa_swarm.learning.learner import Learner, cool, discount_of, is_bounded, regulate
+from mesa_swarm.learning.learner import Learner, cool, discount_of, is_bounded, rate_of, regulate
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
 from mesa_swarm.parameters import YES_NO
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
+from mesa_swarm.robots.swarm import Swarm
 
 # What a robot adapts to its collisions: nothing, T, or gamma too.
 ADJUSTING = (*YES_NO, "with gamma")
 # The gamma of a robot that collides often; the largest of the thesis (8.2).
 ALERT_GAMMA = 0.9
+# Columns of stored experiences: inputs before and after, the action, its reward.
+REPLAYED = ("replay_before", "replay_after", "replay_action", "replay_reward")
 # What only networks have, with the defaults of models.
 OF_NETWORKS = {"encoding": "distance", "eta": 0.1, "self_adjusting": "no"}
 
@@ -204,6 +208,10 @@ class QLearning(Learner):
         Weight of a new experience, 0 to 1.
     eta : float
         Rate of back-propagation, 0 to 1.
+    last_eta : float, optional
+        The rate at T_c, 0 to 1; in between it is linear in the temperature:
+        ``eta(T) = last_eta + (eta - last_eta) (T - T_c) / (T_0 - T_c)``. By default eta is constant. With a small one
+        the last steps of a training do not undo what the others learned: a frozen policy then acts as the learner did.
     gamma : float
         Discount of the next step's value, 0 to below 1.
     beta : float
@@ -219,6 +227,12 @@ class QLearning(Learner):
     reward_of : str
         "state", as in the thesis: the reward is r(s, a), of the readings with which the action was chosen; or
         "next state": r(s', a), of the readings that follow it.
+    replay : int
+        The number of its latest experiences that each robot stores, 0 to 1,000,000; 0, the default, stores none.
+        From these it learns again, in each step, besides its new experience [1]_.
+    replays : int
+        How many stored experiences, drawn at random with replacement, a robot learns from again in each step, 1 to
+        10,000.
     shared : bool
         Whether all robots learn with one set of networks, from one experience after the other in the order of
         the robots' ids.
@@ -255,6 +269,11 @@ class QLearning(Learner):
     LearningError
         If it is frozen and has no trained start.
 
+    References
+    ----------
+    .. [1] Lin, Self-improving reactive agents based on reinforcement learning, planning and teaching, Machine
+       Learning 8 (1992) 293-321.
+
     Examples
     --------
     >>> QLearning(reward="b", beta=5e-3).gamma
@@ -264,12 +283,16 @@ class QLearning(Learner):
     policy_class: ClassVar[type[QPolicy]] = QPolicy
     last_action: ClassVar[tuple] = ((), np.int64, -1)
     actions: int = 8
+    replay: int = 0
+    replays: int = 1
     start: QPolicy | None = None
     name: str = "QLearning"
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
         checked_actions(self.actions)
+        check_count("replay", self.replay, maximum=1_000_000)
+        check_count("replays", self.replays, minimum=1, maximum=10_000)
         self._check_rates()
         self._check_start()
 
@@ -293,7 +316,30 @@ class QLearning(Learner):
 
         Values that diverge are an error that names the robot; what was learned before is unchanged.
         """
-        self._end_lesson(learn_and_choose(*self._known(senses), command, layer, index))
+        self._end_lesson(learn_and_choose(*self._known(senses), self._past(), command, layer, index))
+
+    def _remember(self, swarm: Swarm, prefix: str) -> None:
+        """Make the columns, also those of the experiences that each robot stores."""
+        super()._remember(swarm, prefix)
+        if self.replay:
+            inputs = (self.replay, ENCODINGS[self.encoding], "proximity")
+            shapes = (inputs, np.float64, 1.0), ((self.replay,), np.int64, 0), ((self.replay,), np.float64, 0.0)
+            for name, column in zip(REPLAYED, (shapes[0], *shapes), strict=True):
+                swarm.remember(f"{prefix}.{name}", *column)
+
+    def _past(self) -> tuple[np.ndarray, ...]:
+        """Return all stored experiences, and the chances by which those to learn from again are drawn."""
+        robots = len(self._column("action"))
+        if not self.replay:
+            nothing, none = np.empty((robots, 0, 0)), np.empty((robots, 0))
+            return nothing, nothing, np.empty((robots, 0), np.int64), none, none
+        before, after, *others = map(self._column, REPLAYED)
+        shape = (*before.shape[:2], math.prod(before.shape[2:]))
+        return before.reshape(shape), after.reshape(shape), *others, self._rng.random((robots, self.replays))
+
+    def _set_apart(self) -> list[str]:
+        """Return the names of parameters that a policy stores only where they differ from their defaults."""
+        return [*super()._set_apart(), *(("replay", "replays") if self.replay else ())]
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return the name and value Q(s, a) of each action at the last choice of the robot in this row.
@@ -319,11 +365,11 @@ class QLearning(Learner):
 @compiled
 def learn_and_choose(
     distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
-    reward, rates, cooling, bumping, options, command, layer, index,
+    reward, discounts, rates, cooling, bumping, options, past, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
     rewards, temperature, bumps, pace = memory
-    rate, gamma, alert, critical = rates
+    gamma, alert, critical = discounts
     shared, self_adjusting, frozen, afterwards = options
     robots = layer.shape[0]
     count = weights[3].shape[0] // max(robots, 1)
@@ -337,6 +383,7 @@ def learn_and_choose(
         if a >= 0:
             reading = nearest if afterwards else least_of(inputs, i, distance.shape[1])
             rewards[i] = rewarded(reward, reading, ACTIONS[a, 0], ACTIONS[a, 1], critical)
+            rate = rate_of(rates, temperature[i], cooling)
             discount = discount_of(gamma, alert, bumps[i], bumping[0], self_adjusting)
             target = rewards[i] + discount * values[best_of(values)]
             if not frozen and not learn_one(weights, first + a, inputs, i, hidden, target, rate):
@@ -344,6 +391,11 @@ def learn_and_choose(
             elif not frozen:
                 lessons[i] += 1
             action_values(weights, first + a, now, 0, hidden, values[a : a + 1])
+            if not frozen and past[2].shape[1]:
+                store(past, i, lessons[i], inputs, a, rewards[i], now)
+                if not learn_again(weights, first, past, i, lessons[i], hidden, values, discount, rate):
+                    diverged = i if diverged < 0 else diverged
+                action_values(weights, first, now, 0, hidden, values)
         if not frozen:
             before = temperature[i]
             cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
@@ -359,6 +411,30 @@ def learn_and_choose(
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
     return diverged
+
+
+@compiled
+def store(past, i, lessons, inputs, action, reward, now):
+    """Store the last experience of robot i, its `lessons`-th, in place of its oldest."""
+    before, after, actions, rewards, _ = past
+    e = (lessons - 1) % actions.shape[1]
+    actions[i, e], rewards[i, e] = action, reward
+    for k in range(inputs.shape[1]):
+        before[i, e, k], after[i, e, k] = inputs[i, k], now[0, k]
+
+
+@compiled
+def learn_again(weights, first, past, i, lessons, hidden, values, discount, rate):
+    """Learn again from stored experiences of robot i, which chances draw; return False if its values diverge."""
+    before, after, actions, rewards, chances = past
+    stored = min(lessons, actions.shape[1])
+    for k in range(chances.shape[1]):
+        e = min(int(chances[i, k] * stored), stored - 1)
+        action_values(weights, first, after[i], e, hidden, values)
+        target = rewards[i, e] + discount * values[best_of(values)]
+        if not learn_one(weights, first + actions[i, e], before[i], e, hidden, target, rate):
+            return False
+    return True
 
 
 @compiled

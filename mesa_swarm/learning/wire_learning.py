@@ -11,7 +11,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, check_count, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, least_of, write_inputs
-from mesa_swarm.learning.learner import LARGEST, Learner, cool, discount_of, is_bounded, regulate
+from mesa_swarm.learning.learner import LARGEST, Learner, cool, discount_of, is_bounded, rate_of, regulate
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
 from mesa_swarm.learning.rewards import rewarded
 
@@ -199,7 +199,7 @@ class WireFittedQ(Learner):
         1 to 8; they begin near the thesis's actions, in their order.
     jitter : float
         Share of max_speed at temperature 1, at least 0.
-    reward, encoding, alpha, eta, gamma, beta, first_temperature, last_temperature, critical, reward_of, \
+    reward, encoding, alpha, eta, last_eta, gamma, beta, first_temperature, last_temperature, critical, reward_of, \
 shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, least_speed, frozen
         As for `QLearning`.
     start : WirePolicy, optional
@@ -256,11 +256,11 @@ shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, leas
 @compiled
 def learn_wires(
     distance, kind, ranges, design, max_speed, weights, inputs, action, lessons, memory, chance,
-    reward, rates, cooling, bumping, options, errors, wires, command, layer, index,
+    reward, discounts, rates, cooling, bumping, options, errors, wires, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action and choose the next; return a robot whose values diverged, or -1."""
     rewards, temperature, bumps, pace = memory
-    rate, gamma, alert, critical = rates
+    gamma, alert, critical = discounts
     shared, self_adjusting, frozen, afterwards = options
     now, hidden = np.empty((1, inputs.shape[1])), np.empty((OUTPUTS * wires, weights[0].shape[2]))
     ends, values = np.empty((wires, 2)), np.empty(wires)
@@ -272,6 +272,7 @@ def learn_wires(
         if not math.isnan(action[i, 0]):
             reading = nearest if afterwards else least_of(inputs, i, distance.shape[1])
             rewards[i] = rewarded(reward, reading, action[i, 0], action[i, 1], critical)
+            rate = rate_of(rates, temperature[i], cooling)
             discount = discount_of(gamma, alert, bumps[i], bumping[0], self_adjusting)
             target = rewards[i] + discount * values[best_of(values)]
             if not frozen and not learn_one(weights, first, inputs, i, hidden, ends, values, action, target, rate):
