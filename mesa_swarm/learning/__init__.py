@@ -1,11 +1,13 @@
 """Learners: networks, policies, and how they are trained."""
 
+from mesa_swarm.learning.c_source import export_c
 from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness, floreano
 from mesa_swarm.learning.forgetting import fit_in_turn
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks, fit
+from mesa_swarm.learning.onnx_files import export_onnx
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.policy_files import load_policy, save_policy
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
@@ -30,6 +32,8 @@ __all__ = [
     "WireFittedQ",
     "WirePolicy",
     "approach_values",
+    "export_c",
+    "export_onnx",
     "fit",
     "fit_in_turn",
     "floreano",
