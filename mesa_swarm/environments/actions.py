@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.errors import InvalidValueError, check_flag, shortened
 from mesa_swarm.learning.actions import ACTIONS
 
 CONTINUOUS = "continuous"
@@ -17,14 +17,24 @@ def checked_choice(actions: str | int) -> str | int:
     return actions
 
 
-def shares(actions: str | int, commands: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
+def checked_clip(actions: str | int, clip: object) -> bool:
+    """Return whether wheel speeds are to be clipped; there is nothing to clip in numbers of actions."""
+    if check_flag("clip", clip) and not isinstance(actions, str):
+        raise InvalidValueError(f"clip is True for actions={actions}; expected False: only wheel speeds can be clipped")
+    return bool(clip)
+
+
+def shares(actions: str | int, commands: ArrayLike, shape: tuple[int, ...], clip: bool = False) -> np.ndarray:
     r"""Return each robot's wheel speeds as shares of its greatest speed, shape (\*shape, 2).
 
     Where `actions` is "continuous", `commands` are such shares, each from -1 to 1; otherwise they are numbers of
-    actions, of this shape: (n,), or (worlds, n). An error names the robot whose action is out of range.
+    actions, of this shape: (n,), or (worlds, n). An error names the robot whose action is out of range; with `clip`
+    speeds beyond -1 and 1 become these, and only NaN is out of range.
     """
     if isinstance(actions, str):  # CONTINUOUS, the only word
         wheels = _array(commands, (*shape, 2), "two wheel speeds")
+        if clip:
+            wheels = np.clip(wheels, -1.0, 1.0)
         if not (np.abs(wheels) <= 1.0).all():  # also refuses NaN
             raise _refused(wheels, ~(np.abs(wheels) <= 1.0).all(axis=-1), "two wheel speeds from -1 to 1")
         return wheels

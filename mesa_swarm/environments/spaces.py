@@ -3,6 +3,7 @@
 import numpy as np
 
 from mesa_swarm.environments.registration import need
+from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.tasks import Task
 
 need("gymnasium")
@@ -18,3 +19,8 @@ def observation_space(task: Task) -> Box:
 def action_space(task: Task) -> Space:
     """Return the space of one robot's actions."""
     return Box(-1.0, 1.0, (2,), np.float32) if isinstance(task.actions, str) else Discrete(task.actions)
+
+
+def state_space(task: Task) -> Box:
+    """Return the space of the states of its worlds, for central critics."""
+    return Box(-1.0, 1.0, (StateEncoder(task).width,), np.float32)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from mesa_swarm.environments.scores import (
     Score,
     ThesisScore,
 )
+from mesa_swarm.environments.variation import Conditions, Variation
 from mesa_swarm.errors import (
     InvalidValueError,
     UnknownNameError,
@@ -55,6 +56,8 @@ class Task:
         4 or 8 actions of the thesis (8.1).
     max_steps : int
         After which an episode is truncated.
+    variation : Variation, optional
+        What is drawn anew for every episode: maps, numbers of robots, speeds, imperfections.
     """
 
     n_robots: int = 15
@@ -63,6 +66,7 @@ class Task:
     encoding: str = "distance"
     actions: str | int = "continuous"
     max_steps: int = 1000
+    variation: Variation | None = None
 
     def __post_init__(self) -> None:
         check_count("n_robots", self.n_robots, minimum=1)
@@ -72,6 +76,8 @@ class Task:
         if not isinstance(self.design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(self.design)}; expected a RobotDesign such as AGENT9")
         self.observer()
+        if self.variation is not None:
+            self._check_variation(self.variation)
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> "Task":
@@ -91,6 +97,25 @@ class Task:
     def constants(self) -> FireConstants:
         """How its fires burn."""
         return LASTING
+
+    @property
+    def most_robots(self) -> int:
+        """The number of robots, or the largest that is drawn."""
+        varied = None if self.variation is None else self.variation.n_robots
+        return self.n_robots if varied is None else varied[1]
+
+    def under(self, conditions: Conditions) -> "Task":
+        """Return the task of one episode: with the map, the number of robots and the speed of these conditions."""
+        design = replace(self.design, max_speed=float(self.design.max_speed) * conditions.speed)
+        return replace(self, map=conditions.map, n_robots=conditions.n_robots, design=design, variation=None)
+
+    def _check_variation(self, variation: Variation) -> None:
+        """Refuse what some episode could not be."""
+        if not isinstance(variation, Variation):
+            raise InvalidValueError(f"variation is {shortened(variation)}; expected Variation(...)")
+        maps: Any = () if callable(variation.maps) else variation.maps
+        for chart in maps or (self.chart,):
+            self.under(Conditions(map=chart, n_robots=self.most_robots, speed=variation.speed[1]))
 
     def observer(self) -> ObservationEncoder:
         """Return what turns readings into observations."""
@@ -119,7 +144,7 @@ class CollisionAvoidance(Task):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps
+    n_robots, map, design, encoding, actions, max_steps, variation
         As for `Task`.
     collision_cost : float
         At least 0; of the reward "speed" only.
@@ -190,7 +215,7 @@ class FindFires(FireTask):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps
+    n_robots, map, design, encoding, actions, max_steps, variation
         As for `Task`.
     step_cost, arrival : float
         At least 0.
@@ -224,7 +249,7 @@ class ExtinguishFires(FireTask):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps
+    n_robots, map, design, encoding, actions, max_steps, variation
         As for `Task`.
     step_cost, put_out, work : float
         At least 0.
