@@ -16,8 +16,15 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.environments.robot_env import RobotEnv, RobotVectorEnv
     from mesa_swarm.environments.sb3 import SharedPolicyVecEnv
     from mesa_swarm.environments.state import StateEncoder
-    from mesa_swarm.environments.task_world import Commanded
-    from mesa_swarm.environments.tasks import CollisionAvoidance, ExtinguishFires, FindFires, Task
+    from mesa_swarm.environments.task_world import Commanded, TaskWorld
+    from mesa_swarm.environments.tasks import (
+        Aggregation,
+        CollisionAvoidance,
+        ExtinguishFires,
+        FindFires,
+        Foraging,
+        Task,
+    )
     from mesa_swarm.environments.variation import Conditions, Variation
     from mesa_swarm.environments.vector import VectorSwarmEnv
 
@@ -27,24 +34,27 @@ _MODULES = {
     "environments.robot_env": "RobotEnv RobotVectorEnv",
     "environments.sb3": "SharedPolicyVecEnv",
     "environments.state": "StateEncoder",
-    "environments.task_world": "Commanded",
-    "environments.tasks": "CollisionAvoidance ExtinguishFires FindFires Task",
+    "environments.task_world": "Commanded TaskWorld",
+    "environments.tasks": "Aggregation CollisionAvoidance ExtinguishFires FindFires Foraging Task",
     "environments.variation": "Conditions Variation",
     "environments.vector": "VectorSwarmEnv",
 }
 
 __all__ = [
+    "Aggregation",
     "CollisionAvoidance",
     "Commanded",
     "Conditions",
     "ExtinguishFires",
     "FindFires",
+    "Foraging",
     "ParallelSwarmEnv",
     "RobotEnv",
     "RobotVectorEnv",
     "SharedPolicyVecEnv",
     "StateEncoder",
     "Task",
+    "TaskWorld",
     "Variation",
     "VectorSwarmEnv",
     "register",

@@ -56,12 +56,13 @@ class ParallelSwarmEnv(ParallelEnv):
         self.task = task
         self.possible_agents = [f"robot_{i}" for i in range(task.most_robots)]
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space(task) for agent in self.possible_agents}
+        self.observation_spaces = {agent: observation_space(task, i) for i, agent in enumerate(self.possible_agents)}
         self.action_spaces = {agent: action_space(task) for agent in self.possible_agents}
         self.state_space = state_space(task)
         self.world: TaskWorld | None = None
         self.conditions: Conditions | None = None
         self._width = task.observer().width
+        self._widths = {agent: space.shape[0] for agent, space in self.observation_spaces.items()}
         self._clip = checked_clip(task.actions, clip)
         self._states = StateEncoder(task)
         self._generator = np.random.default_rng()
@@ -107,7 +108,9 @@ class ParallelSwarmEnv(ParallelEnv):
         """
         world, agents = self._running(), self.agents
         reward = np.empty(len(agents))
-        world.advance(shares(self.task.actions, self._ordered(actions), reward.shape, self._clip), reward)
+        world.advance(
+            shares(self.task.actions, self._ordered(actions), reward.shape, self._clip, self.task.numbers), reward
+        )
         finished, out_of_time = world.finished, world.out_of_time
         infos = self._infos(world, measures(world) if finished or out_of_time else self._unknown)
         observations = self._observations(world)
@@ -163,7 +166,7 @@ class ParallelSwarmEnv(ParallelEnv):
     def _observations(self, world: TaskWorld) -> dict[str, np.ndarray]:
         observations = np.empty((len(self.agents), self._width), np.float32)
         world.observe(observations)
-        return dict(zip(self.agents, observations, strict=True))
+        return {agent: row[: self._widths[agent]] for agent, row in zip(self.agents, observations, strict=True)}
 
 
 def parallel_of(

@@ -10,6 +10,8 @@ REGISTERED = {
     "CollisionAvoidance-v0": "collision_avoidance",
     "FindFires-v0": "find_fires",
     "ExtinguishFires-v0": "extinguish_fires",
+    "Foraging-v0": "foraging",
+    "Aggregation-v0": "aggregation",
 }
 
 

@@ -82,7 +82,9 @@ class RobotEnv(Env):
         """
         world = self._running()
         reward = np.empty(1)
-        world.advance(shares(self.task.actions, np.asarray(action)[None], reward.shape, self._clip), reward)
+        world.advance(
+            shares(self.task.actions, np.asarray(action)[None], reward.shape, self._clip, self.task.numbers), reward
+        )
         finished, out_of_time = world.finished, world.out_of_time
         info: dict = {"collided": bool(world.swarm.columns["collided"][0])}
         if finished or out_of_time:

@@ -1,6 +1,6 @@
 """One world of a task for one episode, and the layer through which a learner drives robots."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mesa
@@ -14,8 +14,8 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key
 from mesa_swarm.environments.actions import shares
-from mesa_swarm.environments.scores import CELLS, EpisodeTally
-from mesa_swarm.environments.tasks import Task
+from mesa_swarm.environments.scores import CELLS, MESSAGE, EpisodeTally
+from mesa_swarm.environments.task import Task
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -30,17 +30,31 @@ class Commanded:
 
     Their `wheels` (count, 2) are rim speeds left and right, map units a step, 0 at first; robots are driven by them
     from the next step on. They exist once the layer belongs to a swarm: ``model.control.layers[0].wheels``.
+
+    Parameters
+    ----------
+    count : int
+        At least 1.
+    acts : sequence of str
+        Names of actuators of one number; `acts` (count, number of names) of the layer is what they are set to, 0 at
+        first.
+    sends : dict of name and width
+        Messages that are sent; `sends` (count, sum of widths) of the layer are the numbers, 0 at first.
     """
 
     name = "Commanded"
     _wheels: np.ndarray | None = None
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, acts: Sequence[str] = (), sends: Mapping[str, int] | None = None) -> None:
         self.count = check_count("count", count, minimum=1)
+        self._actuators, self._messages = tuple(acts), dict(sends or {})
+        self.acts, self.sends = np.empty((0, 0)), np.empty((0, 0))
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Allocate the commands: a copy of this layer belongs to each swarm."""
         self._wheels = np.zeros((self.count, 2))
+        self.acts = np.zeros((self.count, len(self._actuators)))
+        self.sends = np.zeros((self.count, sum(self._messages.values())))
 
     @property
     def wheels(self) -> np.ndarray:
@@ -60,6 +74,13 @@ class Commanded:
             )
         command[: self.count, :2] = self.wheels
         layer[: self.count] = index
+        for k, name in enumerate(self._actuators):
+            senses.act[name][: self.count] = self.acts[:, k]
+        first = 0
+        for name, width in self._messages.items():
+            sent = senses.send[name]
+            sent[: self.count] = self.sends[:, first : first + width].reshape(self.count, *sent.shape[1:])
+            first += width
 
     def reason(self, moment: Moment) -> Reason:
         """Return that the decision came from outside."""
@@ -101,16 +122,20 @@ class TaskWorld(SwarmModel):
     def __init__(
         self, *, task: Task, commanded: int | None = None, control: Control | None = None, rng: Seed = None
     ) -> None:
-        super().__init__(map=task.map, rng=rng, history_every=0, fire_constants=task.constants)
+        super().__init__(
+            map=task.map, rng=rng, history_every=0, fire_constants=task.constants, communication=task.radio
+        )
         self.datacollector = mesa.DataCollector()
         self.task = task
         self.commanded = _checked_commanded(task, commanded, control)
         self.rewarded = self.commanded or task.n_robots
-        self.add_robots(task.design, task.n_robots)
+        for design, count in task.blocks():
+            self.add_robots(design, count)
+        task.furnish(self)
         self.control = self._driver() if control is None else control
         bound: Any = self.control
-        # Of the copy of Commanded that belongs to this swarm.
-        self._wheels = bound.layers[0].wheels if self.commanded else np.empty((0, 2))
+        # The copy of Commanded that belongs to this swarm.
+        self._commands: Commanded | None = bound.layers[0] if self.commanded else None
         self._observer = task.observer()
         self._score = task.score(self, self.rewarded)
         self._tally = EpisodeTally(self.rewarded, self.map.bounds)
@@ -120,7 +145,10 @@ class TaskWorld(SwarmModel):
     def _driver(self) -> Arbiter:
         """Return what drives the robots without a `control`."""
         others = self.task.others() if self.commanded < self.task.n_robots else ()
-        return Subsumption(Commanded(self.commanded), *others) if self.commanded else Subsumption(*others)
+        if not self.commanded:
+            return Subsumption(*others)
+        sends = {MESSAGE: self.task.messages} if self.task.messages else {}
+        return Subsumption(Commanded(self.commanded, acts=self.task.acts, sends=sends), *others)
 
     @property
     def finished(self) -> bool:
@@ -135,20 +163,38 @@ class TaskWorld(SwarmModel):
     def advance(self, shares: np.ndarray | None, reward: np.ndarray) -> None:
         """Take a step, and write the rewards (k,) of the robots that are rewarded.
 
-        `shares` (k, 2) are wheel speeds of the commanded robots, of the greatest; None where none is commanded.
+        `shares` (k, w) are, of each commanded robot, the wheel speeds as shares of the greatest and the other numbers
+        of the task's actions; None where none is commanded.
         """
         if not self._tally.steps:
             self._begun_at = self.swarm.position.copy()
-        if shares is not None:
-            np.multiply(shares, self.task.design.max_speed, out=self._wheels)
+        if shares is not None and self._commands is not None:
+            self._command(self._commands, shares)
         self.step()
         self._tally.add(self.swarm.columns)
         if self.task.rewards_state:
             self._score.reward(reward)
-            self.sense()
+            self._perceive()
         else:
-            self.sense()
+            self._perceive()
             self._score.reward(reward)
+        if self.task.coverage_reward:
+            reward += self.task.coverage_reward * self._tally.fresh
+        if self.task.team:
+            reward += self.task.team * (reward.mean() - reward)
+
+    def _command(self, commands: Commanded, shares: np.ndarray) -> None:
+        """Set wheels, actuators and messages of the commanded robots."""
+        fastest = self.swarm.columns["max_speed"][: self.commanded, None]
+        np.multiply(shares[:, :2], fastest, out=commands.wheels)
+        self.task.set_acts(self, shares, commands.acts)
+        commands.sends[:] = shares[:, self.task.numbers - self.task.messages :]
+
+    def _perceive(self) -> None:
+        """Read all sensors, and let robots hear what was sent in the last step, as in the next step."""
+        self.sense()
+        if self._channel is not None:
+            self._exchange(self._channel)
 
     def observe(self, out: np.ndarray) -> None:
         """Write the observations of the first robots, as many as `out` (k, width) has rows."""
@@ -179,7 +225,8 @@ class TaskWorld(SwarmModel):
         ----------
         policy : callable, optional
             Returns an action of each commanded robot for their observations, a float32 ndarray (k, width): wheel
-            speeds (k, 2), or numbers of actions (k,), as the task has it. Needed where robots are commanded.
+            speeds (k, 2) and what else the task's actions have, or numbers of actions (k,). Needed where robots are
+            commanded.
         """
         if (policy is None) == bool(self.commanded):
             expected = "a policy for them" if self.commanded else "None: no robot is commanded"
@@ -190,7 +237,7 @@ class TaskWorld(SwarmModel):
             command = None
             if policy is not None:
                 self.observe(seen)
-                command = shares(self.task.actions, policy(seen), (self.commanded,))
+                command = shares(self.task.actions, policy(seen), (self.commanded,), numbers=self.task.numbers)
             self.advance(command, reward)
             total += float(reward.mean())
         return {"reward": total / max(self._tally.steps, 1), **self.measures()}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mesa_swarm.environments.actions import checked_clip, shares
+from mesa_swarm.environments.scores import TeamEncoder
 from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
@@ -50,6 +51,8 @@ class VectorSwarmEnv:
         Map, number of robots, speed and imperfection of the current episodes.
     present : bool ndarray, shape (worlds, robots), read-only
         Which commanded robots the current episodes have.
+    observed : bool ndarray, shape (robots, width), read-only
+        Which numbers the robots observe; of teams of several designs, the rows of others than the widest end in 0.
 
     Examples
     --------
@@ -68,7 +71,11 @@ class VectorSwarmEnv:
         self.n_worlds = check_count("n_worlds", n_worlds, minimum=1)
         most = task.most_robots
         self.commanded = check_count("commanded", most if commanded is None else commanded, minimum=1, maximum=most)
-        self.width = task.observer().width
+        observer = task.observer()
+        self.width = observer.width
+        widths = np.array(observer.widths if isinstance(observer, TeamEncoder) else [self.width] * self.commanded)
+        self.observed = np.arange(self.width) < widths[: self.commanded, None]
+        self.observed.flags.writeable = False
         self.worlds: list[TaskWorld] = []
         self.conditions: list[Conditions] = []
         self.present = np.zeros((self.n_worlds, self.commanded), bool)
@@ -107,8 +114,8 @@ class VectorSwarmEnv:
 
         Parameters
         ----------
-        actions : ndarray, shape (worlds, robots, 2) or (worlds, robots)
-            Wheel speeds from -1 to 1, or numbers of actions, depending on the task.
+        actions : ndarray, shape (worlds, robots, w) or (worlds, robots)
+            Wheel speeds and what else the task's actions have (``task.numbers``), from -1 to 1, or numbers of actions.
 
         Returns
         -------
@@ -124,7 +131,7 @@ class VectorSwarmEnv:
         """
         if not self.worlds:
             raise SwarmError("the environment has no episode yet; call reset() before step()")
-        commands = shares(self.task.actions, actions, (self.n_worlds, self.commanded), self._clip)
+        commands = shares(self.task.actions, actions, (self.n_worlds, self.commanded), self._clip, self.task.numbers)
         reward = np.zeros((self.n_worlds, self.commanded))
         collided = np.zeros((self.n_worlds, self.commanded), bool)
         for world, command, row, hit in zip(self.worlds, commands, reward, collided, strict=True):

@@ -377,8 +377,7 @@ def cells_of_nearest_parts(
         return np.zeros(shape, bool)
     away = shapely.distance(parts[:, None], shapely.points(np.asarray(points, float))) if len(parts) > 1 else None
     nearest = slice(None) if away is None else np.unique(away.argmin(axis=0))
-    reached: np.ndarray = covered[nearest].any(axis=0)
-    return reached
+    return np.asarray(covered[nearest].any(axis=0))
 
 
 @lru_cache(maxsize=REMEMBERED)
