@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,11 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.driving import driven_world, tallied
 from mesa_swarm.experiments.evolution import Evolved, Trial, evolve
+from mesa_swarm.experiments.gating import ValidationGate, driven_by, gated
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks
-from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
+from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.learning.rewards import NEXT_STATE
 from mesa_swarm.learning.wire_learning import WireFittedQ
@@ -31,6 +33,15 @@ SMALL, FEW_OBSTACLES, FEW_ROBOTS = (480, 360), 3, 6
 GENERATIONS = len(BREEDING)
 # Robots of the benchmark are to stay far from things: d_crit is 0.4 of the range, and the state they reach is rewarded.
 DISTANT = {"critical": 0.4, "reward_of": NEXT_STATE}
+# Cooled: temperature and learning rate fall together to the end of a training twice as long, after which a frozen
+# policy acts as the learner did. T - T_c falls by e^-COOLING.
+COOLED = {"critical": 0.2, "reward_of": NEXT_STATE, "last_temperature": 0.1, "last_eta": 0.02}
+TWICE, COOLING = 2, 4.0
+COOLED_Q = {**COOLED, "actions": 4, "reward": "b"}
+# Stored experiences, and how many of them a robot learns from again: its networks then learn as often as shared ones.
+REPLAY = {"replay": 1000, "replays": ROBOTS - 1}
+# Steps of validation on each map.
+VALIDATED = 5000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,12 +50,16 @@ class Trained:
 
     `frozen` drives with the learned policy; `learning` continues where the training ended, None for contestants that do
     not learn while they drive. `curve` has the collisions per robot and 1,000 steps in each part of the training.
+    `trainings` were done until one passed on validation maps, of which `robot_steps` are the sum, validation included;
+    `passed` is None where no training was validated. All but the last of the trainings, if that passed, missed.
     """
 
     frozen: Arbiter
     learning: Arbiter | None = None
     robot_steps: int = 0
     curve: list[float] = field(default_factory=list)
+    trainings: int = 1
+    passed: bool | None = None
 
 
 def contestants() -> dict[str, Callable[[int, int], Trained]]:
@@ -53,12 +68,20 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
         "random": _random,
         "Avoid + Explore": _rule,
         "evolved reflex": partial(_evolved, 0),
+        "evolved reflex, gated": partial(_gated, partial(_evolved, 0)),
         "evolved network": partial(_evolved, 2),
         "Q (a)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "a"}),
         "Q (b)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "b"}),
         "Q (c)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "c"}),
         "Q (c), typed": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "c", "encoding": "typed"}),
+        "own Q (b), cooled": partial(_cooled, QLearning, COOLED_Q),
+        "own Q (b), cooled, with replay": partial(_cooled, QLearning, {**COOLED_Q, **REPLAY}),
+        "shared Q (b), cooled, 1/15": partial(_cooled, QLearning, {**COOLED_Q, "shared": True}, share=1 / ROBOTS),
+        "shared Q (b), cooled": SHARED,
+        "shared Q (b), cooled, gated": partial(_gated, SHARED),
         "wire-fitted Q": partial(_taught, WireFittedQ, DISTANT),
+        "shared wire-fitted Q, cooled": SHARED_WIRES,
+        "shared wire-fitted Q, cooled, gated": partial(_gated, SHARED_WIRES),
         "Hebbian": partial(_taught, HebbianLearning, {"reward": "a"}),
     }
 
@@ -68,7 +91,7 @@ def _random(seed: int, steps: int) -> Trained:
     sensors = SensorLayout.of(DESIGN)
     s, count = len(sensors), 8
     nothing = Networks(np.zeros((count, s, 2 * s)), np.zeros((count, 2 * s)), np.zeros((count, 2 * s)), np.zeros(count))
-    return Trained(frozen=_by(QPolicy(sensors=sensors, networks=nothing, steps=1)))
+    return Trained(frozen=driven_by(QPolicy(sensors=sensors, networks=nothing, steps=1)))
 
 
 def _rule(seed: int, steps: int) -> Trained:
@@ -77,7 +100,7 @@ def _rule(seed: int, steps: int) -> Trained:
 
 def _evolved(units: int, seed: int, steps: int) -> Trained:
     policy = bred(units, seed, min(steps / 33_000, 1.0)).policy
-    return Trained(frozen=_by(policy), robot_steps=policy.steps)
+    return Trained(frozen=driven_by(policy), robot_steps=policy.steps)
 
 
 def bred(units: int, seed: int, share: float = 1.0) -> Evolved:
@@ -86,7 +109,8 @@ def bred(units: int, seed: int, share: float = 1.0) -> Evolved:
     `share` is that of the generations and of the steps of every trial: a shorter benchmark breeds less.
     """
     generations = max(round(GENERATIONS * share), 1)
-    fitness = Fitness(collision_cost=700, coverage_worth=10, square=20)
+    # Where speed is worth less, one of ten drives backwards.
+    fitness = Fitness(collision_cost=700, coverage_worth=10, speed_worth=5, square=20)
     trial = Trial(
         robots=FEW_ROBOTS,
         steps=max(round(4500 * share), 1),
@@ -118,8 +142,28 @@ def _taught(learner: type, options: dict[str, Any], seed: int, steps: int) -> Tr
     layers = model.control.layers if model.control else ()
     policy = next(layer for layer in layers if isinstance(layer, QLearning | WireFittedQ | HebbianLearning)).policy()
     goes_on = Subsumption(learner(**options, start=policy))
-    return Trained(frozen=_by(policy), learning=goes_on, robot_steps=steps * ROBOTS, curve=curve)
+    return Trained(frozen=driven_by(policy), learning=goes_on, robot_steps=steps * ROBOTS, curve=curve)
 
 
-def _by(policy: Policy) -> Arbiter:
-    return Subsumption(PolicyLayer(policy=policy))
+def _cooled(learner: type, options: dict[str, Any], seed: int, steps: int, *, share: float = 1.0) -> Trained:
+    """Train a learner that cools to the end of its training, in this share of twice as many steps."""
+    steps = max(round(TWICE * steps * share), 1)
+    return _taught(learner, {**options, "beta": min(COOLING / steps, 1.0)}, seed, steps)
+
+
+SHARED = partial(_cooled, QLearning, {**COOLED_Q, "shared": True})
+SHARED_WIRES = partial(_cooled, WireFittedQ, {**COOLED, "reward": "b", "shared": True})
+
+
+def _gated(train: Callable[[int, int], Trained], seed: int, steps: int) -> Trained:
+    """Train until the outcome passes on validation maps; a shorter benchmark validates less."""
+    gate = _gate(max(round(VALIDATED * min(steps / 33_000, 1.0)), 1))
+    found = gated(lambda each: train(each, steps), gate, control=attrgetter("frozen"), rng=seed)
+    robot_steps = sum(each.robot_steps for each in found.results) + found.trainings * gate.robot_steps
+    return replace(found.result, robot_steps=robot_steps, trainings=found.trainings, passed=found.passed)
+
+
+@cache
+def _gate(steps: int) -> ValidationGate:
+    """Return the gate of all contestants, which measures the rule once."""
+    return ValidationGate(design=DESIGN, robots=ROBOTS, steps=steps)

@@ -1,0 +1,186 @@
+"""Training that is repeated until its outcome passes on validation maps."""
+
+import pytest
+
+from mesa_swarm import AGENT9
+from mesa_swarm.control import Avoid, Explore, Subsumption, behaviour
+from mesa_swarm.errors import SwarmError
+from mesa_swarm.experiments import contestants as all_contestants
+from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, Trained, contestants
+from mesa_swarm.experiments.driving import drive_measured, driven_world
+from mesa_swarm.experiments.gating import VALIDATION, ValidationGate, gated
+from mesa_swarm.experiments.learn_bench import GENERATED, UNSEEN
+from support.q_learners import learned, trained
+
+BRIEF = {"maps": ["openspace", "sparse"], "robots": 3, "steps": 40}
+LOOSE = {**BRIEF, "most_collisions": 1000, "least_ahead": -1, "least_coverage": 0}
+
+
+@behaviour
+def back(me):
+    return -me.max_speed, -me.max_speed
+
+
+@behaviour
+def rest(me):
+    return 0.0, 0.0
+
+
+RULE, AHEAD, BACK, REST = (Subsumption(*layers) for layers in ((Avoid(), Explore()), (Explore(),), (back,), (rest,)))
+
+
+def test_validation_is_the_mean_of_drives_on_all_maps():
+    gate = ValidationGate(**BRIEF, rng=5)
+    found = gate.validate(AHEAD)
+    rows = [drive_measured(driven_world(AHEAD, AGENT9, 3, name, 5), 40) for name in BRIEF["maps"]]
+    assert found.collisions == pytest.approx(sum(row["collisions"] for row in rows) / 2)
+    assert found.ahead == pytest.approx(sum(row["speed ahead"] for row in rows) / 2)
+    assert found.coverage == pytest.approx(sum(row["coverage"] for row in rows) / 2)
+    assert gate.validate(RULE).coverage == found.rule_coverage
+    assert gate.robot_steps == 2 * 3 * 40
+
+
+@pytest.mark.slow
+def test_validation_does_not_depend_on_the_number_of_processes():
+    assert ValidationGate(**BRIEF).validate(AHEAD, jobs=2) == ValidationGate(**BRIEF).validate(AHEAD)
+
+
+@pytest.mark.parametrize(
+    ("control", "criterion", "passed"),
+    [
+        (BACK, {"least_ahead": 0.6}, False),
+        (AHEAD, {"least_ahead": 0.6}, True),
+        (REST, {"least_coverage": 0.5}, False),
+        (AHEAD, {"least_coverage": 0.5}, True),
+        (AHEAD, {"most_collisions": 0}, False),
+        (REST, {"most_collisions": 0}, True),
+    ],
+)
+def test_each_criterion_alone_decides(control, criterion, passed):
+    gate = ValidationGate(**{**LOOSE, "steps": 500, **criterion})
+    found = gate.validate(control)
+    assert found.passed == passed
+    assert gate.criteria_met(found) == 2 + passed
+
+
+def test_the_rule_itself_passes_the_criterion_of_coverage():
+    assert ValidationGate(**LOOSE | {"least_coverage": 1.0}).validate(RULE).passed
+    assert not ValidationGate(**LOOSE | {"least_coverage": 1.001}).validate(RULE).passed
+
+
+def test_training_is_repeated_with_derived_seeds_until_one_passes():
+    seeds = []
+
+    def train(seed):
+        seeds.append(seed)
+        return AHEAD if len(seeds) == 3 else BACK
+
+    found = gated(train, ValidationGate(**LOOSE | {"least_ahead": 0.6}), rng=9)
+    assert (found.passed, found.trainings, found.chosen, found.result) == (True, 3, 2, AHEAD)
+    assert found.seeds == tuple(seeds)
+    assert seeds[0] == 9
+    assert len(set(seeds)) == 3
+    assert [each.passed for each in found.validations] == [False, False, True]
+    again = gated(
+        lambda seed: AHEAD if seed == seeds[1] else BACK, ValidationGate(**LOOSE | {"least_ahead": 0.6}), rng=9, most=2
+    )
+    assert again.seeds == tuple(seeds[:2])
+
+
+@pytest.mark.parametrize("least_ahead", [0.98, 0.6, -1.0])
+def test_where_none_passes_the_one_is_chosen_that_meets_most_criteria_and_then_collides_least(least_ahead):
+    gate = ValidationGate(
+        **LOOSE | {"most_collisions": 1, "steps": 300, "least_ahead": least_ahead, "least_coverage": 1.5}
+    )
+    controls = [BACK, AHEAD, RULE, REST]
+    remaining = iter(controls)
+    found = gated(lambda seed: next(remaining), gate, most=4)
+    assert (found.passed, found.trainings) == (False, 4)
+    met = [(each.collisions <= 1) + (each.ahead >= least_ahead) for each in found.validations]
+    best = [k for k in range(4) if met[k] == max(met)]
+    fewest = min(found.validations[k].collisions for k in best)
+    assert found.chosen in best
+    assert found.validations[found.chosen].collisions == fewest
+    assert found.result is controls[found.chosen]
+
+
+def test_a_policy_is_validated_as_it_drives_alone():
+    policy = learned(trained())
+    found = gated(lambda seed: policy, ValidationGate(**LOOSE))
+    assert found.result is policy
+    assert found.passed
+
+
+def test_a_gated_contestant_counts_all_trainings_and_their_steps(monkeypatch):
+    gate = ValidationGate(**LOOSE | {"least_ahead": 0.6})
+    monkeypatch.setattr(all_contestants, "_gate", lambda steps: gate)
+    controls = iter([BACK, AHEAD])
+
+    def train(seed, steps):
+        return Trained(frozen=next(controls), robot_steps=steps * 15)
+
+    found = all_contestants._gated(train, 1, 100)
+    assert (found.frozen, found.trainings, found.passed) == (AHEAD, 2, True)
+    assert found.robot_steps == 2 * 1500 + 2 * gate.robot_steps
+
+
+def test_a_contestant_that_passes_at_once_is_the_one_without_a_gate(monkeypatch):
+    monkeypatch.setattr(all_contestants, "_gate", lambda steps: ValidationGate(**LOOSE))
+    alone, passed = (contestants()[name](3, 20) for name in ("shared Q (b), cooled", "shared Q (b), cooled, gated"))
+    assert (alone.trainings, alone.passed, passed.trainings, passed.passed) == (1, None, 1, True)
+    one, other = (each.frozen.layers[0].policy.networks for each in (alone, passed))
+    assert all((a == b).all() for a, b in zip(one.weights, other.weights, strict=True))
+
+
+def test_validation_maps_are_none_of_those_to_breed_to_choose_to_compare_and_to_test():
+    assert not set(VALIDATION) & {
+        *BREEDING,
+        *CHOOSING,
+        *GENERATED,
+        *UNSEEN,
+        *range(50_001, 50_021),
+        *range(60_001, 60_051),
+    }
+
+
+def test_cooled_contestants_end_cold_and_with_the_last_rate():
+    found = contestants()["own Q (b), cooled, with replay"](1, 50)
+    policy = found.frozen.layers[0].policy
+    assert policy.temperature == pytest.approx(0.1 + 0.9 * 0.96**100)
+    assert (policy.training["last_eta"], policy.training["replays"], policy.copies) == (0.02, 14, 15)
+    assert found.robot_steps == 100 * 15
+    brief = contestants()["shared Q (b), cooled, 1/15"](1, 75)
+    assert (brief.robot_steps, brief.frozen.layers[0].policy.copies) == (10 * 15, 1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"maps": []},
+        {"maps": 3},
+        {"design": "AGENT9"},
+        {"robots": 0},
+        {"steps": 0.5},
+        {"most_collisions": -1},
+        {"least_ahead": 2},
+        {"least_coverage": float("nan")},
+        {"rng": -1},
+    ],
+)
+def test_what_is_no_gate_is_refused_in_one_line(wrong):
+    with pytest.raises(SwarmError) as caught:
+        ValidationGate(**{**BRIEF, **wrong})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"train": 3}, {"gate": "gate"}, {"rng": -1}, {"most": 0}, {"jobs": 0}],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_what_is_no_gated_training_is_refused_before_the_first_training(wrong):
+    def train(seed):
+        raise AssertionError
+
+    with pytest.raises(SwarmError):
+        gated(**{"train": train, "gate": ValidationGate(**LOOSE), **wrong})
