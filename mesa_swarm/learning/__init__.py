@@ -3,6 +3,7 @@
 from mesa_swarm.learning.c_source import export_c
 from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
+from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fitness import Fitness, floreano
 from mesa_swarm.learning.forgetting import fit_in_turn
 from mesa_swarm.learning.hebbian import HebbianLearning
@@ -13,7 +14,7 @@ from mesa_swarm.learning.policy_files import load_policy, save_policy
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.rewards import reward
-from mesa_swarm.learning.table_learning import TableQLearning
+from mesa_swarm.learning.table_learning import TablePolicy, TableQLearning
 from mesa_swarm.learning.wire_learning import WireFittedQ, WirePolicy, wire_value
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Evolution",
     "Fitness",
     "HebbianLearning",
+    "LearnFires",
     "Networks",
     "Policy",
     "PolicyLayer",
@@ -28,6 +30,8 @@ __all__ = [
     "QPolicy",
     "ReflexPolicy",
     "SensorLayout",
+    "SkillPolicy",
+    "TablePolicy",
     "TableQLearning",
     "WireFittedQ",
     "WirePolicy",
