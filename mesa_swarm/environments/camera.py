@@ -17,7 +17,8 @@ LONGEST_SIDE = 640
 MOST_CAMERAS = 32
 
 Pair = tuple[float, float]
-GROUND, SOLID, MARK, ASHES = map(rgb, (LIGHT.ground, LIGHT.obstacle, LIGHT.mark, LIGHT.ashes))
+GROUND, SOLID, MARK, MOVED = map(rgb, (LIGHT.ground, LIGHT.obstacle, LIGHT.mark, LIGHT.load))
+ASHES = rgb(LIGHT.ashes)
 COOL, HOT, FRONT, RIM = map(rgb, (LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.robot_outline))
 # Fires go from black to red with their temperature.
 FIRE = np.array([rgb(colour) for colour in LIGHT.fire])
@@ -95,9 +96,9 @@ class Display:
 class Camera:
     """Takes pictures of worlds on one map, everything to scale, y up; the longest side is given in pixels.
 
-    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only
-    some robots are commanded, these have a dark rim. Fires go from black to red with their temperature and are pale
-    once they are out.
+    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only some robots are
+    commanded, these have a dark rim. Fires go from black to red with their temperature and are pale once they are out.
+    Bodies that a task adds have the colour of loads, or of marks if they are marks on the ground.
     """
 
     def __init__(self, map: Map, longest_side: int = LONGEST_SIDE) -> None:
@@ -111,6 +112,9 @@ class Camera:
         if self._ground is None:
             self._ground = self._drawn_ground()
         pixels = self._ground.copy()
+        added = [body.shape for body in world.obstacle_list[len(self.map.obstacles) :]]
+        for shape in sorted(added, key=lambda shape: shape.contact):  # ground marks below what is moved
+            self._fill(pixels, shape, MOVED if shape.contact else MARK)
         fires, robots = world.fires.columns, world.swarm.columns
         colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
         for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):

@@ -202,6 +202,15 @@ class Foraging(Task):
             delivering.add_food(model)
         model.add_process(delivering)
 
+    @property
+    def most_things(self) -> int:
+        """The nest and the items."""
+        return 1 + self.items
+
+    def things(self, model: SwarmModel) -> np.ndarray:
+        """Return the places of the nest and of the items."""
+        return np.vstack([model.state[NEST], model.movers.position])
+
     def others(self) -> tuple[Layer, ...]:
         """Return the rule that forages."""
         return (forage,)

@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from mesa_swarm.environments.tasks import Task
+from mesa_swarm.environments.task import Task
+from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.swarm_model import SwarmModel
 
-OF_ROBOT, OF_FIRE = 9, 5
+OF_ROBOT, OF_FIRE, OF_THING = 9, 5, 3
 
 
 class StateEncoder:
@@ -18,9 +19,10 @@ class StateEncoder:
     - for each robot, rule-driven ones included: 1; x and y as shares of the map's width and height; cosine and sine of
       its heading; the speeds of its left and right wheel as shares of the greatest; 1 or 0 for: it collided in the
       last step; its temperature as a share of the one at which it leaves a fire, at most 1;
-    - for each fire: 1; x and y likewise; its temperature, at most 1; 1 or 0 for: it is out.
+    - for each fire: 1; x and y likewise; its temperature, at most 1; 1 or 0 for: it is out;
+    - for each thing that the task has added, such as the nest and the items of `Foraging`: 1; x and y likewise.
 
-    Rows of robots and fires that an episode does not have are 0.
+    Rows of robots, fires and things that an episode does not have are 0.
 
     Parameters
     ----------
@@ -38,11 +40,12 @@ class StateEncoder:
     def __init__(self, task: Task) -> None:
         self.robots = task.most_robots
         self.fires = max(len(chart.fires) for chart in _maps(task))
-        self.width = 1 + OF_ROBOT * self.robots + OF_FIRE * self.fires
-        self._steps = task.max_steps
+        self.things = task.most_things
+        self.width = 1 + OF_ROBOT * self.robots + OF_FIRE * self.fires + OF_THING * self.things
+        self._task = task
         self._leave = float(task.constants.leave)
 
-    def write(self, world: SwarmModel, out: np.ndarray) -> None:
+    def write(self, world: TaskWorld, out: np.ndarray) -> None:
         """Write the state of a world, shape (width,).
 
         Raises
@@ -57,10 +60,13 @@ class StateEncoder:
                 "with as many, or list the maps in Variation(maps=...)"
             )
         out.fill(0.0)
-        out[0] = world.steps / self._steps
-        split = 1 + OF_ROBOT * self.robots
-        self._write_robots(world, out[1:split].reshape(self.robots, OF_ROBOT)[:n])
-        table, columns = out[split:].reshape(self.fires, OF_FIRE)[:fires], world.fires.columns
+        out[0] = world.steps / self._task.max_steps
+        robots, burning, things = np.split(out[1:], np.cumsum((OF_ROBOT * self.robots, OF_FIRE * self.fires)))
+        self._write_robots(world, robots.reshape(self.robots, OF_ROBOT)[:n])
+        places = world.task.things(world)
+        rows = things.reshape(self.things, OF_THING)[: len(places)]
+        rows[:, 0], rows[:, 1:] = 1.0, _shares(world, places)
+        table, columns = burning.reshape(self.fires, OF_FIRE)[:fires], world.fires.columns
         table[:, 0] = 1.0
         table[:, 1:3] = _shares(world, columns["position"][:fires])
         table[:, 3] = np.minimum(columns["temperature"][:fires], 1.0)

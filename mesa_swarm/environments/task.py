@@ -204,6 +204,15 @@ class Task:
     def furnish(self, model: SwarmModel) -> None:
         """Add to a new world what the task needs besides its map and its robots, which are there; nothing here."""
 
+    @property
+    def most_things(self) -> int:
+        """How many places `things` returns at most."""
+        return 0
+
+    def things(self, model: SwarmModel) -> np.ndarray:
+        """Return places, shape (m, 2), of what the task has added, for the state that a central critic sees."""
+        return np.empty((0, 2))
+
     def others(self) -> tuple[Layer, ...]:
         """Return the layers that drive the robots that are not commanded."""
         return Avoid(), Explore()

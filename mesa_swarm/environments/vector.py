@@ -227,6 +227,11 @@ def new_world(
 ) -> tuple[TaskWorld, Conditions]:
     """Return a world for the next episode, its seed drawn from this stream, and the conditions drawn for it."""
     given = checked_options(options, task.most_robots)
+    if given.get("n_robots", task.n_robots) != task.n_robots and len(task.designs) > 1:
+        raise InvalidValueError(
+            f"option n_robots is {given['n_robots']}; expected {task.n_robots}, the number of the team: an agent "
+            "always has the same design"
+        )
     seed = int(generator.integers(LARGEST_SEED))
     if task.variation is None and not given:
         return TaskWorld(task=task, commanded=commanded, rng=seed), Conditions(map=task.chart, n_robots=task.n_robots)

@@ -9,9 +9,11 @@ import pytest
 from mesa_swarm.environments import (
     Variation,
     VectorSwarmEnv,
+    aggregation_v0,
     collision_avoidance_v0,
     extinguish_fires_v0,
     find_fires_v0,
+    foraging_v0,
 )
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.world.random_map import random_map
@@ -29,7 +31,7 @@ with warnings.catch_warnings():
         state_test,
     )
 
-MODULES = [collision_avoidance_v0, find_fires_v0, extinguish_fires_v0]
+MODULES = [collision_avoidance_v0, find_fires_v0, extinguish_fires_v0, foraging_v0, aggregation_v0]
 NAMES = [module.__name__.rpartition(".")[2] for module in MODULES]
 
 

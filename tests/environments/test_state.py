@@ -6,12 +6,13 @@ from mesa_swarm.environments import (
     CollisionAvoidance,
     ExtinguishFires,
     FindFires,
+    Foraging,
     StateEncoder,
     Variation,
     VectorSwarmEnv,
     extinguish_fires_v0,
 )
-from mesa_swarm.environments.state import OF_FIRE, OF_ROBOT
+from mesa_swarm.environments.state import OF_FIRE, OF_ROBOT, OF_THING
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.world.map import FireSpot
 
@@ -23,6 +24,10 @@ def played(task, steps: int, **more) -> VectorSwarmEnv:
     for _ in range(steps):
         env.step(rng.uniform(-0.2, 1, (2, env.commanded, 2)))
     return env
+
+
+def added(world) -> list:
+    return world.obstacle_list[len(world.map.obstacles) :]
 
 
 def test_the_state_is_what_the_columns_are():
@@ -76,6 +81,17 @@ def test_a_map_with_more_fires_than_there_is_room_for_is_refused():
     env.reset(options={"map": crowded})
     with pytest.raises(InvalidValueError, match=r"^map crowded has 8 fires; the state has room for \d"):
         env.state()
+
+
+def test_the_nest_and_the_food_are_part_of_the_state():
+    env = VectorSwarmEnv(Foraging(n_robots=2, items=4), n_worlds=1)
+    env.reset(seed=1)
+    world = env.worlds[0]
+    things = env.state()[0, -5 * OF_THING :].reshape(5, OF_THING)
+    nest, *food = [(body.position[0] / world.map.width, body.position[1] / world.map.height) for body in added(world)]
+    assert things[:, 0].tolist() == [1] * 5
+    assert things[0, 1:] == pytest.approx(nest, abs=1e-6)
+    assert np.sort(things[1:, 1:], axis=0) == pytest.approx(np.sort(food, axis=0), abs=1e-6)
 
 
 def test_pettingzoo_s_state_is_that_of_the_vector():

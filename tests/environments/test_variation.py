@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chisquare
 
-from mesa_swarm import Map
+from mesa_swarm import AGENT3, AGENT9, Map
 from mesa_swarm.environments import CollisionAvoidance, Conditions, FindFires, Variation, VectorSwarmEnv
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.robots.imperfections import MEASURED, ROBOTARIUM
@@ -154,6 +154,14 @@ def test_all_episodes_are_the_same_bits_for_the_same_seed_though_all_varies():
 def test_wrong_variations_are_refused(wrong, message):
     with pytest.raises(InvalidValueError, match=f"^{message}"):
         Variation(**wrong)
+
+
+def test_a_team_of_several_designs_has_a_fixed_number_of_robots():
+    env = VectorSwarmEnv(CollisionAvoidance(n_robots=4, design=(AGENT9, AGENT3)), n_worlds=1)
+    env.reset(options={"n_robots": 4, "speed": 0.5})
+    assert env.worlds[0].swarm.max_speed.tolist() == [0.5] * 4
+    with pytest.raises(InvalidValueError, match=r"^option n_robots is 3; expected 4, the number of the team"):
+        env.reset(options={"n_robots": 3})
 
 
 def test_a_task_refuses_what_some_episode_could_not_be():
