@@ -30,7 +30,7 @@ FOOD_CODE = len(BUILT_IN_KINDS)
 FOOD_RADIUS, REACH = 2.5, 5.0
 # Free space around new food, from its centre; the beacon carries this far; corners of a grown quarter circle.
 ROOM, BEACON_RANGE, SEGMENTS = 12.0, 1000.0, 16
-MOST_ITEMS, TRIES = 200, 10_000
+MOST_ITEMS, TRIES = 200, 2_000
 GRIPS = "automatic", "commanded"
 
 
@@ -159,7 +159,7 @@ class Foraging(Task):
             raise InvalidValueError(
                 f"grip is 'commanded' with actions={self.actions}; expected 'continuous' actions, or grip='automatic'"
             )
-        self.nest_place()
+        self.food_space()
 
     @property
     def numbers(self) -> int:
@@ -174,6 +174,11 @@ class Foraging(Task):
     def nest_place(self) -> tuple[float, float]:
         """Return the centre of the nest."""
         return nest_in(self.chart, float(self.nest_radius), self.nest)
+
+    def food_space(self) -> shapely.Geometry:
+        """Return where food appears: room that robots can reach from the nest, and that is not in it."""
+        radius = min(float(design.radius) for design in self.designs)
+        return space_of_food(self.chart, self.nest_place(), float(self.nest_radius), radius)
 
     def set_acts(self, model: SwarmModel, actions: np.ndarray, acts: np.ndarray) -> None:
         """Close the grippers that are commanded to, or that have food within reach or hold it."""
@@ -195,9 +200,7 @@ class Foraging(Task):
         place = self.nest_place()
         model.state[NEST] = np.array(place)
         model.add_obstacle(disc(place, float(self.nest_radius), contact=False))
-        radius = min(float(design.radius) for design in self.designs)
-        space = food_space(self.chart, place, float(self.nest_radius), radius)
-        delivering = Delivering(space, float(self.nest_radius), len(model.swarm))
+        delivering = Delivering(self.food_space(), float(self.nest_radius), len(model.swarm))
         for _ in range(self.items):
             delivering.add_food(model)
         model.add_process(delivering)
@@ -342,7 +345,7 @@ def nest_in(chart: Map, radius: float, wanted: tuple[float, float] | None) -> tu
 
 
 @lru_cache(maxsize=256)
-def food_space(chart: Map, nest: tuple[float, float], nest_radius: float, radius: float) -> shapely.Geometry:
+def space_of_food(chart: Map, nest: tuple[float, float], nest_radius: float, radius: float) -> shapely.Geometry:
     """Return where food may appear: with room around, away from the nest, and reached from it by robots of a radius."""
     solids = _solids(chart)
     part = part_around(room_for_disc(chart.bounds, solids, radius, SEGMENTS), np.array(nest), nest_radius)

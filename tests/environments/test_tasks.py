@@ -15,24 +15,11 @@ from mesa_swarm.experiments.driving import within_reach
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.learning import reward
 from mesa_swarm.world.map import FireSpot
+from support.task_worlds import rewarded, world_of
 
 # One fire of area 4 in the middle of a hall.
 HALL = Map(name="hall", bounds=(0, 0, 300, 200), fires=[FireSpot(position=(150, 100), radius=20)])
 QUENCHED = FireConstants(k1=1e-9, k2=1.001, k3=0.0, k4=0.0, leave=10.0, join=0.0)
-
-
-def world_of(task, poses, **more) -> TaskWorld:
-    """Return a world whose robots stand at these poses."""
-    world = TaskWorld(task=replace(task, n_robots=len(poses)), rng=1, **{"commanded": len(poses), **more})
-    for robot, (x, y, heading) in zip(world.robots, poses, strict=True):
-        robot.position, robot.heading = (x, y), heading
-    return world
-
-
-def rewarded(world: TaskWorld, wheels) -> list[float]:
-    out = np.full(world.commanded, np.nan)
-    world.advance(np.array(wheels, float), out)
-    return out.tolist()
 
 
 @pytest.mark.parametrize("reward_of", ["state", "next state"])
