@@ -79,8 +79,8 @@ class Mission:
 
     name: str = "aggregation"
     design: RobotDesign = AGENT9
-    robots: int = 15
-    steps: int = 600
+    robots: int = 12
+    steps: int = 400
     fitness: Fitness = field(default_factory=Fitness)
 
     def __post_init__(self) -> None:

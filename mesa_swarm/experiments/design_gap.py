@@ -60,9 +60,9 @@ class Budget:
     90
     """
 
-    generations: int = 25
-    population: int = 16
-    finalists: int = 8
+    generations: int = 20
+    population: int = 12
+    finalists: int = 5
     final_trials: int = 8
 
     def __post_init__(self) -> None:
@@ -247,13 +247,13 @@ class _Work:
     @property
     def settings(self) -> dict:
         """All that decides a result besides kind and seed."""
-        maps = [_map(k) for k in SEARCHED]
+        maps = search_maps()
         rest = {"space": asdict(self.space), "budget": asdict(self.budget), "seeds": self.seeds, "dial": self.dial}
         return {**settings_of_mission(self.mission, maps), **rest, "preset": repr(PRESETS[self.preset])}
 
     def result(self, kind: str, seed: int) -> tuple[tuple[str, int], dict]:
         """Design one controller and evaluate it; return what was done and its result."""
-        maps, search = [_map(k) for k in SEARCHED], asdict(self.budget)
+        maps, search = search_maps(), asdict(self.budget)
         control: Arbiter
         if kind == MACHINE:
             control = design_machine(self.mission, space=self.space, maps=maps, rng=seed, **search).machine
@@ -268,6 +268,11 @@ class _Work:
         imperfections = PRESETS[self.preset].at(place)
         run = partial(self.mission.score, control, imperfections=imperfections)
         return float(np.mean([run(world=_map(EVALUATED + k), rng=EVALUATED + k) for k in range(self.seeds)]))
+
+
+def search_maps() -> list[Map]:
+    """Return the maps on which controllers are searched: random ones with few obstacles."""
+    return [_map(k) for k in SEARCHED]
 
 
 def _map(number: int) -> Map:
