@@ -70,7 +70,7 @@ class Condition:
     @property
     def label(self) -> str:
         """What drawings call it, such as "robot within 30, p = 0.5"."""
-        chance = f"p = {self.probability:g}" if self.probability != 1 or not self.words else ""
+        chance = f"p = {self.probability:.3g}" if self.probability != 1 or not self.words else ""
         return ", ".join(part for part in (self.words, chance) if part)
 
     def chances(self, senses: Senses) -> np.ndarray:
@@ -152,7 +152,7 @@ class RobotsSeen(Condition):
     @property
     def words(self) -> str:
         """What it states of the readings."""
-        return f"robots {'<=' if self.fewer else '>='} {self.number:g}"
+        return f"robots {'<=' if self.fewer else '>='} {self.number:.3g}"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -201,7 +201,7 @@ class Seen(Condition):
     def words(self) -> str:
         """What it states of the readings."""
         kind = f"kind {self.kind}" if isinstance(self.kind, int) else self.kind
-        return f"{kind} within {self.within:g}"
+        return f"{kind} within {self.within:.3g}"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -220,7 +220,7 @@ class Unseen(Seen):
     def words(self) -> str:
         """What it states of the readings."""
         kind = f"no kind {self.kind}" if isinstance(self.kind, int) else f"no {self.kind}"
-        return f"{'nothing' if self.kind == ANYTHING else kind} within {self.within:g}"
+        return f"{'nothing' if self.kind == ANYTHING else kind} within {self.within:.3g}"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -296,7 +296,7 @@ class HeatSensed(Condition):
     @property
     def words(self) -> str:
         """What it states of the readings."""
-        return f"heat > {self.above:g}"
+        return f"heat > {self.above:.3g}"
 
 
 CONDITIONS: tuple[type[Condition], ...] = (Chance, HeatSensed, OffMark, OnMark, RobotsSeen, Seen, Unseen)
