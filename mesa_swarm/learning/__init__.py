@@ -1,5 +1,6 @@
 """Learners: networks, policies, and how they are trained."""
 
+from mesa_swarm.learning.c_source import export_c
 from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fitness import Fitness, floreano
@@ -30,6 +31,7 @@ __all__ = [
     "WireFittedQ",
     "WirePolicy",
     "approach_values",
+    "export_c",
     "fit",
     "fit_in_turn",
     "floreano",
