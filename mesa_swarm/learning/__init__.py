@@ -7,6 +7,7 @@ from mesa_swarm.learning.fitness import Fitness, floreano
 from mesa_swarm.learning.forgetting import fit_in_turn
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.networks import Networks, fit
+from mesa_swarm.learning.onnx_files import export_onnx
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.policy_files import load_policy, save_policy
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
@@ -32,6 +33,7 @@ __all__ = [
     "WirePolicy",
     "approach_values",
     "export_c",
+    "export_onnx",
     "fit",
     "fit_in_turn",
     "floreano",

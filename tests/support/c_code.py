@@ -49,7 +49,7 @@ def drawn_inputs(sensors, count, rng):
     kinds[special > 0.5] = -1
     readings[:2], kinds[0] = [[-1.0], [0.0]], -1
     chance = rng.random(count)
-    chance[:3] = 0.0, 0.0, 1.0 - 2.0**-53
+    chance[:3] = 0.0, 0.0, 1.0 - 2.0**-24  # the last is the largest of the exported generator
     return readings, kinds, chance
 
 
