@@ -2,17 +2,19 @@
 
 import json
 import os
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError, shortened
-from mesa_swarm.files import write_whole
+from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError, check_count, shortened, without_middle
+from mesa_swarm.files import shown_path, write_whole
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.c_source import exportable
-from mesa_swarm.learning.policy import Policy
+from mesa_swarm.learning.policy import Policy, SensorLayout, checked_chances, checked_numbers
 from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.wire_learning import STARTS, WirePolicy
@@ -20,6 +22,7 @@ from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
 
 if TYPE_CHECKING:
     from onnx import ModelProto, NodeProto, TensorProto, ValueInfoProto
+    from onnxruntime import InferenceSession
 
 # Old enough for the runtimes in use; of 2021.
 OPSET, FORMAT_VERSION = 15, 8
@@ -70,10 +73,7 @@ def export_onnx(policy: Policy, path: str | os.PathLike[str], *, copy: int | Non
     if file.suffix != ".onnx":
         raise LearningError(f"{shortened(file.name)} does not end with .onnx; give the policy such a name")
     chosen = exportable(policy, copy)
-    try:
-        import onnx  # noqa: F401, PLC0415 - optional
-    except ImportError:
-        raise SwarmError("ONNX files need the package onnx; install it with: pip install 'mesa-swarm[onnx]'") from None
+    _need("onnx")
     return write_whole(file, _model_of(chosen).SerializeToString(), LearningError)
 
 
@@ -112,6 +112,100 @@ def _model_of(policy: QPolicy | ReflexPolicy | WirePolicy) -> "ModelProto":
     }
     helper.set_model_props(model, {HEADER: json.dumps(header)})
     return model
+
+
+def onnx_session(path: str | os.PathLike[str]) -> "InferenceSession":
+    """Return the graph in an ONNX file, ready to run in one thread.
+
+    Raises
+    ------
+    LearningError
+        If the file is missing, or not such a graph.
+    SwarmError
+        If the package onnxruntime is not installed.
+    """
+    if not Path(path).is_file():
+        raise LearningError(f"there is no file {shown_path(path)}; expected an ONNX file such as from export_onnx")
+    _need("onnxruntime")
+    import onnxruntime  # noqa: PLC0415 - optional
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    try:
+        return onnxruntime.InferenceSession(os.fspath(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # the runtime has many kinds of its own
+        text = f"{shown_path(path)} is not a usable ONNX file: {' '.join(str(error).split())}"
+        raise LearningError(without_middle(text)) from None
+
+
+def is_own(session: "InferenceSession") -> bool:
+    """Return whether a graph is one of `export_onnx`: its first inputs are readings, kinds and chance."""
+    return [value.name for value in session.get_inputs()][:3] == ["readings", "kinds", "chance"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OnnxPolicy:
+    """A policy that was exported to ONNX, for `PolicyLayer`.
+
+    Parameters
+    ----------
+    session : onnxruntime.InferenceSession
+    sensors : SensorLayout
+    steps : int
+        Robot-steps of training.
+    memory, copies : int
+        As of `Policy`.
+    training : dict
+        Its family and encoding.
+    """
+
+    family: ClassVar[str] = "onnx"
+    session: "InferenceSession"
+    sensors: SensorLayout
+    steps: int
+    memory: int
+    copies: int
+    training: dict
+
+    @classmethod
+    def of(cls, session: "InferenceSession", name: str) -> "OnnxPolicy":
+        """Return the policy of a graph of `export_onnx`; `name` is that of its file, for errors."""
+        try:
+            header = json.loads(session.get_modelmeta().custom_metadata_map[HEADER])
+            sensors = SensorLayout(*(tuple(map(float, header["sensors"][part])) for part in SensorLayout.__slots__))
+            numbers = {part: check_count(part, header[part], maximum=2**62) for part in ("steps", "memory", "copies")}
+            training = {part: str(header[part]) for part in ("family", "encoding")}
+        except (KeyError, TypeError, ValueError):
+            raise LearningError(f"{name} has no valid header of mesa_swarm; export the policy again") from None
+        return cls(session=session, sensors=sensors, training=training, **numbers)
+
+    def act(
+        self,
+        readings: ArrayLike,
+        kinds: ArrayLike | None = None,
+        chance: ArrayLike | None = None,
+        memory: np.ndarray | None = None,
+        *,
+        numbers: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Return wheel commands (n, 2) as shares of max_speed; see `ReflexPolicy.act`."""
+        distance, kind = self.sensors.check_readings(readings, kinds, self.training["encoding"])
+        n = len(distance)
+        inputs = {"readings": distance, "kinds": kind.astype(np.int64)}
+        inputs["chance"] = np.full(n, -1.0) if chance is None else checked_chances(chance, n)
+        if self.copies > 1:
+            inputs["numbers"] = np.arange(n) if numbers is None else checked_numbers(numbers, n)
+        if self.memory:
+            inputs["memory"] = np.zeros((n, self.memory)) if memory is None else memory
+        wheels, *remembered = self.session.run(None, inputs)
+        if memory is not None and remembered:
+            memory[:] = remembered[0]
+        return wheels
+
+
+def _need(package: str) -> None:
+    if find_spec(package) is None:
+        raise SwarmError(f"ONNX files need the package {package}; install it with: pip install 'mesa-swarm[onnx]'")
 
 
 class Graph:

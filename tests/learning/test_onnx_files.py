@@ -1,12 +1,12 @@
 """Exported ONNX graphs: valid, equal to the policy in Python; what cannot be exported is refused."""
 
-import builtins
 import json
 
 import numpy as np
 import pytest
 
 from mesa_swarm.errors import SwarmError
+from mesa_swarm.learning import onnx_files
 from mesa_swarm.learning.onnx_files import HEADER, export_onnx
 from support.c_code import drawn_inputs
 from support.exported_policies import NINE, POLICIES, in_python, q
@@ -55,14 +55,7 @@ def test_a_file_holds_the_sensors_of_the_policy_and_one_set_of_weights_if_chosen
 
 
 def test_without_the_package_the_error_names_the_command_that_installs_it(tmp_path, monkeypatch):
-    plain = builtins.__import__
-
-    def without(name, *more):
-        if name.startswith("onnx"):
-            raise ImportError(name)
-        return plain(name, *more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setattr(onnx_files, "find_spec", lambda name: None)
     with pytest.raises(SwarmError, match=r"pip install 'mesa-swarm\[onnx\]'"):
         export_onnx(q(4), tmp_path / "robot.onnx")
 
