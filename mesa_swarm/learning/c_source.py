@@ -168,7 +168,7 @@ class Writer:
     def array(self, name: str, values: np.ndarray) -> str:
         """Return the definition of a constant array of this shape."""
         sides = "".join(f"[{side}]" for side in values.shape)
-        return f"static const {self.name}_real {name}{sides} = {self._braced(values, 1)};\n"
+        return f"static const IN_FLASH {self.name}_real {name}{sides} = {self._braced(values, 1)};\n"
 
     def _braced(self, values: np.ndarray, depth: int) -> str:
         indent = "    " * depth
@@ -241,6 +241,13 @@ SOURCE = """\
 
 #include <math.h>
 #include <stddef.h>
+
+/* AVR would copy constants to RAM; GNU C (-std=gnu99) leaves them in flash. */
+#ifdef __FLASH
+#define IN_FLASH __flash
+#else
+#define IN_FLASH
+#endif
 
 #define SENSORS ${sensors}
 
