@@ -1,5 +1,6 @@
 """Learners: networks, policies, and how they are trained."""
 
+from mesa_swarm.learning.c_machines import export_machine
 from mesa_swarm.learning.c_source import export_c
 from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
@@ -37,6 +38,7 @@ __all__ = [
     "WirePolicy",
     "approach_values",
     "export_c",
+    "export_machine",
     "export_onnx",
     "fit",
     "fit_in_turn",

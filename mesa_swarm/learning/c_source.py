@@ -12,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, LearningError, UnknownNameError
 from mesa_swarm.files import write_all
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.networks import NetworkPolicy
-from mesa_swarm.learning.policy import Policy, check_policy
+from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
 from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.wire_learning import STARTS, WirePolicy
@@ -66,7 +66,7 @@ def export_c(
     ...     [file.name for file in export_c(policy, f"{folder}/robot.c")]
     ['robot.c', 'robot.h']
     """
-    name, folder = _name_of(path)
+    name, folder = place_of(path)
     files = c_source(policy, name, number=number, copy=copy)
     source, header = write_all(folder, files)
     return source, header
@@ -84,14 +84,14 @@ def c_source(policy: Policy, name: str, *, number: str = "double", copy: int | N
     """
     check_choice("number", number, NUMBERS)
     chosen = exportable(policy, copy)
-    if not NAME.fullmatch(name) or KEYWORD.fullmatch(name):
-        raise InvalidValueError(
-            f"the name is {shortened(name)}; expected at most 50 small letters, digits and underscores, beginning with "
-            "a letter, and no word of C"
-        )
+    checked_name(name)
     writer = Writer(name, number, copies=chosen.copies, units=getattr(chosen, "memory", 0))
     body = _reflex(chosen, writer) if isinstance(chosen, ReflexPolicy) else _networks(chosen, writer)
-    parts = {"sensors": len(chosen.sensors), "ranges": writer.array("ranges", np.array(chosen.sensors.ranges))}
+    parts: dict[str, object] = {
+        "sensors": len(chosen.sensors),
+        "ranges": writer.array("ranges", np.array(chosen.sensors.ranges)),
+    }
+    parts |= {"includes": writer.filled(INCLUDES), "generator": writer.filled(GENERATOR)}
     source = writer.filled(SOURCE, body=body, **parts)
     return {f"{name}.c": source, f"{name}.h": writer.filled(HEADER, **_described(chosen, writer))}
 
@@ -109,7 +109,8 @@ def exportable(policy: Policy, copy: int | None) -> QPolicy | ReflexPolicy | Wir
     return policy.of_robot(check_count("copy", copy, maximum=policy.copies - 1))
 
 
-def _name_of(path: str | os.PathLike[str]) -> tuple[str, Path]:
+def place_of(path: str | os.PathLike[str]) -> tuple[str, Path]:
+    """Return the name of a controller and the folder of its files, given the path of its source file."""
     try:
         file = Path(path)
     except TypeError:
@@ -117,6 +118,25 @@ def _name_of(path: str | os.PathLike[str]) -> tuple[str, Path]:
     if file.suffix != ".c":
         raise UnknownNameError(f"{shortened(file.name)} does not end with .c; give the source file such a name")
     return file.stem, file.parent
+
+
+def checked_name(name: str) -> str:
+    """Return a name if names in C can begin with it."""
+    if not NAME.fullmatch(name) or KEYWORD.fullmatch(name):
+        raise InvalidValueError(
+            f"the name is {shortened(name)}; expected at most 50 small letters, digits and underscores, beginning with "
+            "a letter, and no word of C"
+        )
+    return name
+
+
+def sensor_rows(sensors: SensorLayout) -> str:
+    """Return a line of a comment for each proximity sensor."""
+    rows = [
+        f" *   {k}: at {bearing:g} degrees, range {reach:g}, field of view {view:g} degrees"
+        for k, (bearing, reach, view) in enumerate(sensors.rows)
+    ]
+    return "\n".join(rows)
 
 
 class Writer:
@@ -168,7 +188,7 @@ class Writer:
     def array(self, name: str, values: np.ndarray) -> str:
         """Return the definition of a constant array of this shape."""
         sides = "".join(f"[{side}]" for side in values.shape)
-        return f"static const {self.name}_real {name}{sides} = {self._braced(values, 1)};\n"
+        return f"static const IN_FLASH {self.name}_real {name}{sides} = {self._braced(values, 1)};\n"
 
     def _braced(self, values: np.ndarray, depth: int) -> str:
         indent = "    " * depth
@@ -181,6 +201,25 @@ class Writer:
         return "{\n" + inner + "\n" + "    " * (depth - 1) + "}"
 
 
+# The beginning and the end of every header.
+OPENED = """\
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+"""
+OF_GENERATOR = """\
+/* Return a number from 0 to below 1, and advance the seed, which must not be 0 (Marsaglia's xorshift, period 2^32 - 1).
+ * Give each robot its own seed. */
+${name}_real ${name}_chance(uint32_t *seed);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
+"""
 HEADER = """\
 /* ${title}
  *
@@ -192,12 +231,7 @@ ${sensor_rows}
 #ifndef ${NAME}_H
 #define ${NAME}_H
 
-#include <stdint.h>
-
-#ifdef __cplusplus
-extern "C" {
-#endif
-
+${opened}
 #define ${NAME}_SENSORS ${sensors}
 #define ${NAME}_COPIES ${copies}
 #define ${NAME}_MEMORY ${units}
@@ -217,16 +251,7 @@ ${first} * readings: a distance from each sensor to what it sees, in the units o
 ${of_state} */
 void ${name}_act(${arguments});
 
-/* Return a number from 0 to below 1, and advance the seed, which must not be 0 (Marsaglia's xorshift, period 2^32 - 1).
- * Give each robot its own seed. */
-${name}_real ${name}_chance(uint32_t *seed);
-
-#ifdef __cplusplus
-}
-#endif
-
-#endif
-"""
+${of_generator}"""
 STATE = """
 /* What a robot remembers from one step to the next. Reset it before the first step. */
 typedef struct {
@@ -235,17 +260,22 @@ typedef struct {
 
 void ${name}_reset(${name}_state *state);
 """
-SOURCE = """\
+# The beginning and the end of every source file.
+INCLUDES = """\
 /* Generated by mesa_swarm; see ${name}.h. */
 #include "${name}.h"
 
 #include <math.h>
 #include <stddef.h>
 
-#define SENSORS ${sensors}
-
-${ranges}
-${body}
+/* AVR would copy constants to RAM; GNU C (-std=gnu99) leaves them in flash. */
+#ifdef __FLASH
+#define IN_FLASH __flash
+#else
+#define IN_FLASH
+#endif
+"""
+GENERATOR = """\
 ${name}_real ${name}_chance(uint32_t *seed)
 {
     uint32_t x = *seed;
@@ -256,6 +286,13 @@ ${name}_real ${name}_chance(uint32_t *seed)
     return (${name}_real)(x >> 8) / 16777216;
 }
 """
+SOURCE = """\
+${includes}
+#define SENSORS ${sensors}
+
+${ranges}
+${body}
+${generator}"""
 # A share of the range: 1 where nothing is in range.
 SHARES = """
 static void write_inputs(const ${name}_real *readings, const int8_t *kinds, ${name}_real *inputs)
@@ -455,16 +492,14 @@ def _reflex(policy: ReflexPolicy, writer: Writer) -> str:
 
 def _described(policy: QPolicy | ReflexPolicy | WirePolicy, writer: Writer) -> dict[str, str]:
     """Return what the header states about a policy."""
-    rows = [
-        f" *   {k}: at {bearing:g} degrees, range {reach:g}, field of view {view:g} degrees"
-        for k, (bearing, reach, view) in enumerate(policy.sensors.rows)
-    ]
     without = "there is no whim" if isinstance(policy, ReflexPolicy) else "the best action is taken"
     of_kinds = "Not used; may be NULL." if policy.encoding == "distance" else "Needed: the policy distinguishes kinds."
     return {
         "title": f"Controller of the family {policy.family!r}, trained in {policy.steps:,} robot-steps.",
-        "sensor_rows": "\n".join(rows),
-        "sensors": str(len(rows)),
+        "sensor_rows": sensor_rows(policy.sensors),
+        "sensors": str(len(policy.sensors)),
+        "opened": OPENED,
+        "of_generator": writer.filled(OF_GENERATOR),
         "state": writer.filled(STATE) if getattr(policy, "memory", 0) else "",
         "first": " * robot: the number of the robot, which acts by this one of the sets of weights.\n"
         if policy.copies > 1

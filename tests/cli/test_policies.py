@@ -2,8 +2,11 @@
 
 import pytest
 
+from mesa_swarm import AGENT6
 from mesa_swarm.cli.policies import name_in_c
+from mesa_swarm.control import StateMachine
 from mesa_swarm.learning import save_policy
+from mesa_swarm.learning.c_machines import machine_source
 from mesa_swarm.learning.c_source import NAME, c_source
 from support.exported_policies import POLICIES, q
 
@@ -48,6 +51,37 @@ def test_a_missing_policy_is_one_line(typed):
     status, _, err = typed("policy export missing.npz")
     assert (status, err.count("\n")) == (2, 1)
     assert "there is no policy missing.npz" in err
+
+
+def test_a_state_machine_becomes_a_source_file_for_robots_of_a_design(typed, tmp_path):
+    (tmp_path / "rule.txt").write_text("go: Avoid(), Explore()")
+    assert typed("policy export rule.txt --design AGENT6")[:2] == (0, "rule.c\nrule.h\n")
+    expected = machine_source(StateMachine.read("go: Avoid(), Explore()"), AGENT6, "rule")
+    assert (tmp_path / "rule.c").read_text() == expected["rule.c"]
+    assert typed("policy export rule.txt --design mesa_swarm.robots.design:AGENT6 --force")[0] == 0
+    assert (tmp_path / "rule.h").read_text() == expected["rule.h"]
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "line"),
+    [
+        ("go: Explore()", "--to onnx", "a state machine is exported to c only"),
+        ("go: Explore()", "--design AGENT7", "unknown design 'AGENT7'"),
+        ("go: Explore()", "--design math:pi", "math:pi is 3.14"),
+        ("go to sleep", "", "line 1 is 'go to sleep'"),
+        ("\xff", "", "expected"),
+    ],
+)
+def test_wrong_state_machines_are_one_line(typed, tmp_path, text, options, line):
+    (tmp_path / "rule.txt").write_bytes(text.encode("latin-1"))
+    status, out, err = typed(f"policy export rule.txt {options}")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert line in err
+    assert [path.name for path in tmp_path.iterdir()] == ["rule.txt"]
+
+
+def test_a_missing_machine_is_one_line(typed):
+    assert "there is no file rule.txt" in typed("policy export rule.txt")[2]
 
 
 def test_without_a_command_the_help_is_printed(typed):

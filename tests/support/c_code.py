@@ -27,12 +27,46 @@ void act_all(int n, const uint32_t *numbers, const robot_real *readings, const i
 """
 
 
+# The same for a state machine, whose states outlast the call.
+MACHINE_LOOP = """
+void reset_all(int n, const int8_t *sides);
+void act_all(int n, const robot_real *readings, const int8_t *kinds, const uint8_t *line, const robot_real *radiation,
+             const robot_real *chances, int8_t *now, robot_real *wheels);
+static robot_state states[1000];
+void reset_all(int n, const int8_t *sides)
+{
+    int i;
+    for (i = 0; i < n; i++)
+        robot_reset(&states[i], sides[i]);
+}
+void act_all(int n, const robot_real *readings, const int8_t *kinds, const uint8_t *line, const robot_real *radiation,
+             const robot_real *chances, int8_t *now, robot_real *wheels)
+{
+    int i;
+    for (i = 0; i < n; i++) {
+        robot_act(readings + i * ROBOT_SENSORS, kinds + i * ROBOT_SENSORS, line + i * ROBOT_LINE_SENSORS,
+                  radiation + i * ROBOT_RADIATION_SENSORS, chances + i * ROBOT_CHANCES, &states[i], wheels + 2 * i);
+        now[i] = (int8_t)states[i].now;
+    }
+}
+"""
+
+
+def compiled_machine(source: Path) -> ctypes.CDLL:
+    """Compile an exported machine robot.c as a shared library with a loop over robots, and load it."""
+    return _library(source, MACHINE_LOOP)
+
+
 def compiled_library(source: Path, policy) -> ctypes.CDLL:
     """Compile an exported robot.c as a shared library with a loop over robots, and load it."""
     first = "numbers[i]," if policy.copies > 1 else ""
     state = "(robot_state *)(memory + i * ROBOT_MEMORY)," if getattr(policy, "memory", 0) else ""
+    return _library(source, LOOP.replace("FIRST", first).replace("STATE", state))
+
+
+def _library(source: Path, loop: str) -> ctypes.CDLL:
     looped, library = source.with_name("looped.c"), source.with_suffix(".so")
-    looped.write_text(f'#include "{source.name}"\n{LOOP}'.replace("FIRST", first).replace("STATE", state))
+    looped.write_text(f'#include "{source.name}"\n{loop}')
     command = ["cc", *STRICT, "-O1", "-shared", "-fPIC", str(looped), "-o", str(library), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
