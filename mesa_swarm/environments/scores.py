@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Protocol
 
 import numpy as np
@@ -17,14 +18,14 @@ from mesa_swarm.world.statics import FIRE, OBSTACLE, ROBOT
 # The blocks of a typed observation, in their order.
 KINDS = (OBSTACLE, ROBOT, FIRE)
 BODY, HOME, HEARD = 4, 4, 3
-OBSERVED = ("distance", "kind", "radiation", "line", "temperature", "hot", "heat", "fire")
+OBSERVED = itemgetter("distance", "kind", "radiation", "line", "temperature", "hot", "heat", "fire")
 # What robots broadcast, the sensor of their nest, and that of what they carry.
 MESSAGE, NEST, CARRIED = "signal", "nest", "carried"
 
 LARGEST_REWARD = 1e6
 # Of the grid on which coverage is counted, and the columns of which a tally is made.
 CELLS = (40, 40)
-TALLIED = ("command", "max_speed", "collided", "position")
+TALLIED = itemgetter("command", "max_speed", "collided", "position")
 
 
 class ObservationEncoder:
@@ -101,7 +102,9 @@ class ObservationEncoder:
     def observe(self, columns: dict[str, np.ndarray], out: np.ndarray, first: int = 0) -> None:
         """Write the observations of the robots from row `first` on, as many as `out` (k, width) has rows."""
         rows = slice(first, first + len(out))
-        seen = [columns[name][rows] for name in OBSERVED]
+        seen = OBSERVED(columns)
+        if first:
+            seen = tuple(column[rows] for column in seen)
         observe(*seen, self._reach, self._typed, self._kinds, self._parts, self._body, self._leave, out)
         if self._home:
             place = columns[NEST][rows]
@@ -222,7 +225,7 @@ class EpisodeTally:
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
         """Add the last step from the swarm's columns."""
-        tally_step(*(columns[name] for name in TALLIED), self._bounds, self.visited, self.fresh, self.sums)
+        tally_step(*TALLIED(columns), self._bounds, self.visited, self.fresh, self.sums)
         self.steps += 1
 
     def measures(self, reachable: np.ndarray) -> dict[str, float]:

@@ -187,8 +187,10 @@ class TaskWorld(SwarmModel):
         """Set wheels, actuators and messages of the commanded robots."""
         fastest = self.swarm.columns["max_speed"][: self.commanded, None]
         np.multiply(shares[:, :2], fastest, out=commands.wheels)
-        self.task.set_acts(self, shares, commands.acts)
-        commands.sends[:] = shares[:, self.task.numbers - self.task.messages :]
+        if commands.acts.size:
+            self.task.set_acts(self, shares, commands.acts)
+        if commands.sends.size:
+            commands.sends[:] = shares[:, self.task.numbers - self.task.messages :]
 
     def _perceive(self) -> None:
         """Read all sensors, and let robots hear what was sent in the last step, as in the next step."""

@@ -1,10 +1,19 @@
+import gymnasium
 import numpy as np
 import pytest
 
-from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
+from mesa_swarm.environments import (
+    Aggregation,
+    CollisionAvoidance,
+    ExtinguishFires,
+    FindFires,
+    Foraging,
+    RobotVectorEnv,
+    VectorSwarmEnv,
+)
 from mesa_swarm.environments.parallel import ParallelSwarmEnv
 
-TASKS = [CollisionAvoidance, FindFires, ExtinguishFires]
+TASKS = [CollisionAvoidance, FindFires, ExtinguishFires, Foraging, Aggregation]
 ROBOTS, WORLDS = 50, 16
 ROUND = 30
 
@@ -34,3 +43,23 @@ def test_robot_steps_through_pettingzoo(benchmark, task):
     assert all(rewards.keys() == set(env.agents) for _, rewards, *_ in steps)
     if benchmark.stats is not None:  # None where benchmarks are off
         benchmark.extra_info["robot-steps/s"] = ROUND * ROBOTS / benchmark.stats["median"]
+
+
+def test_robot_steps_through_a_flat_vector(benchmark):
+    env = RobotVectorEnv(CollisionAvoidance(n_robots=ROBOTS), n_worlds=WORLDS)
+    env.reset(seed=1)
+    commands = actions(WORLDS * ROBOTS)
+    steps = benchmark(lambda: [env.step(row) for row in commands])
+    assert np.isfinite([reward for _, reward, *_ in steps]).all()
+    if benchmark.stats is not None:  # None where benchmarks are off
+        benchmark.extra_info["robot-steps/s"] = ROUND * WORLDS * ROBOTS / benchmark.stats["median"]
+
+
+def test_steps_of_one_robot_through_gymnasium(benchmark):
+    env = gymnasium.make("MesaSwarm/CollisionAvoidance-v0", max_steps=10**9)
+    env.reset(seed=1)
+    commands = actions()
+    steps = benchmark(lambda: [env.step(row) for row in commands])
+    assert np.isfinite([reward for _, reward, *_ in steps]).all()
+    if benchmark.stats is not None:  # None where benchmarks are off
+        benchmark.extra_info["robot-steps/s"] = ROUND / benchmark.stats["median"]
