@@ -121,6 +121,41 @@ def find_model(name: str) -> type:
     return _class_in(_imported_module(module["module"], name), module["name"], name)  # type: ignore[index]
 
 
+def object_at(address: str) -> Any:
+    """Return what a module or a file has by this name: a function, a class, an object.
+
+    Parameters
+    ----------
+    address : str
+        ``package.module:name`` or ``./file.py:name``; packages in the current folder are found too.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such file, module or name.
+    InvalidValueError
+        If it is not an address, or the module raises an error when it is imported.
+
+    Examples
+    --------
+    >>> object_at("math:hypot")(3, 4)
+    5.0
+    """
+    file, dotted = FILE.fullmatch(address), MODULE.fullmatch(address)
+    if dotted is None and (file is None or file["name"] is None):
+        raise InvalidValueError(f"{shortened(address)}: expected package.module:name or ./file.py:name")
+    if file and file["name"]:
+        module, name = _imported_file(file["file"], "Python file"), file["name"]
+    else:
+        module, name = _imported_module(dotted["module"], address), dotted["name"]  # type: ignore[index]
+    found: Any = module
+    for part in name.split("."):
+        if not hasattr(found, part):
+            raise UnknownNameError(without_middle(f"{address}: there is no {name!r} in {module.__name__}"))
+        found = getattr(found, part)
+    return found
+
+
 def class_name(name: str) -> str:
     """Return the name of the class in the module of this name in the gallery."""
     return "".join(word.capitalize() for word in name.split("_"))
@@ -197,7 +232,7 @@ def _of_package(name: str, points: "Sequence[EntryPoint]") -> type:
         raise type(error)(without_middle(f"{of}: {error}")) from None
 
 
-def _imported_file(file: str) -> ModuleType:
+def _imported_file(file: str, what: str = "Python file with a model") -> ModuleType:
     """Return the module of a file, which is imported once in a process."""
     path = Path(file).expanduser()
     try:
@@ -205,7 +240,7 @@ def _imported_file(file: str) -> ModuleType:
     except (OSError, ValueError):  # a name too long for the system, or with a null byte
         is_there = False
     if not is_there:
-        raise UnknownNameError(f"{shortened(file)}: no such file; expected the path of a Python file with a model")
+        raise UnknownNameError(f"{shortened(file)}: no such file; expected the path of a {what}")
     path = path.resolve()
     name = _FILES.name_of(path)
     make_importable({name: str(path)}, (str(path.parent),))

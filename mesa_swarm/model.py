@@ -221,6 +221,12 @@ class EngineModel(ImperfectModel):
         if self._snapshots is not None:
             self._snapshots.forget()  # layer indices changed
         self._control = None if control is None else control.bound(self.swarm, self.streams)
+        self._note_memory()
+
+    def _note_memory(self) -> None:
+        """Let snapshots store what explains the decisions of the control."""
+        if self._snapshots is not None:
+            self._snapshots.noted = getattr(self._control, "noted", ())
 
     def step(self) -> None:
         """Advance the world by one step.
@@ -438,6 +444,7 @@ class EngineModel(ImperfectModel):
         50
         """
         self._snapshots = Snapshots(self.swarm, last=last, every=every, columns=columns)
+        self._note_memory()
         return self._snapshots
 
     @property

@@ -30,7 +30,7 @@ OUTSIDE = {
     "physics": {"numpy", "shapely"},
     "control": {"numpy", "numba"},
     "fire": {"numpy", "mesa"},
-    "learning": {"numpy", "numba", "cmaes"},
+    "learning": {"numpy", "numba", "cmaes", "onnx", "onnxruntime"},
     "analysis": {"numpy", "numba", "scipy"},
     "body_world.py": {"numpy", "mesa", "shapely"},
     "world_model.py": {"numpy", "mesa"},

@@ -18,7 +18,7 @@ WITHOUT_SLOTS = MUTABLE | {
     *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "SeekHeat", "Separate"),
     *("CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Task"),
     "Scene",
-    *("NetworkPolicy", "Networks", "QPolicy", "ReflexPolicy", "WirePolicy"),
+    *("NetworkPolicy", "Networks", "QPolicy", "ReflexPolicy", "TablePolicy", "WirePolicy"),
 }
 
 

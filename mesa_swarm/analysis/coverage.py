@@ -7,13 +7,15 @@ import numpy as np
 
 from mesa_swarm.analysis.arrays import Bounds, check_bounds, check_flags, check_length, check_points
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.geometry.room import areas_by_cell, outside, part_around, room_for_disc
+from mesa_swarm.geometry.room import areas_by_cell, cells_of_nearest_parts, outside, part_around, room_for_disc
 
 # Corners of a quarter circle of a grown body: its outline is at most 7.6e-5 of its radius too far out.
 QUARTER_SEGMENTS = 64
 # How much two bodies that touch may overlap, relative to a robot's radius (PHYSICS 4).
 TOUCH = 1e-6
 MOST_CELLS_A_SIDE = 1000
+# A cell counts where free space covers more of it than this: slivers are hardly ever met.
+FEWEST_SHARE = 0.01
 
 
 def reachable_cells(
@@ -23,7 +25,7 @@ def reachable_cells(
     start: Sequence[float],
     cells: tuple[int, int] = (40, 40),
     *,
-    fewest_share: float = 0.01,
+    fewest_share: float = FEWEST_SHARE,
 ) -> np.ndarray:
     """Return which cells of a world the centre of a disc can reach from its start.
 
@@ -82,6 +84,45 @@ def reachable_cells(
         raise InvalidValueError(f"start is ({x:g}, {y:g}), where a robot of radius {radius:g} does not fit")
     cell = (x_max - x_min) * (y_max - y_min) / (rows * columns)
     return areas_by_cell(part, limits, rows, columns) > fewest_share * cell
+
+
+def cells_from_places(
+    bounds: Bounds, solids: Sequence[tuple], radius: float, places: np.ndarray, cells: tuple[int, int] = (40, 40)
+) -> np.ndarray:
+    """Return which cells of a world the centres of discs can reach from any of several places.
+
+    They are those of `reachable_cells`, and those in which the places are. The free space of the last few hundred
+    worlds is remembered: many episodes on one map cost hardly more than one.
+
+    Parameters
+    ----------
+    bounds, solids, radius, cells
+        As for `reachable_cells`.
+    places : ndarray, shape (n, 2)
+        Where discs fit, map units, within the bounds.
+
+    Returns
+    -------
+    bool ndarray, shape (rows, columns)
+        Row 0 is at y_min, column 0 at x_min.
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument has the wrong shape or is out of range, or a place lies outside the bounds.
+
+    Examples
+    --------
+    >>> import shapely
+    >>> wall = shapely.box(45, 0, 55, 100)
+    >>> cells_from_places((0, 0, 100, 100), [(wall, 0.0)], 5.0, [[80, 20], [80, 30]], cells=(2, 4))
+    array([[False, False,  True,  True],
+           [False, False,  True,  True]])
+    """
+    limits, shape = check_bounds(bounds), _check_shape("cells", cells)
+    reached = visited_cells(places, limits, shape)
+    radius, parts = check_length("radius", radius), tuple(_check_solids(solids))
+    return reached | cells_of_nearest_parts(limits, parts, radius, QUARTER_SEGMENTS, places, shape, FEWEST_SHARE)
 
 
 def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int]) -> np.ndarray:

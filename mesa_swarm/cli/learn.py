@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet
+from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
 from mesa_swarm.errors import check_choice, check_number
-from mesa_swarm.files import check_writable, write_all
+from mesa_swarm.files import check_writable, write_all, write_whole
 
 if TYPE_CHECKING:
     from mesa_swarm.learning.reward_lab import Profile
@@ -145,26 +145,50 @@ def tune(
 @commands.command("learn-bench")
 def learn_bench(
     *,
-    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Trainings of each contestant.")] = 10,
-    steps: Annotated[int, typer.Option(min=1, max=10_000_000, help="Of training, of 15 robots.")] = 33_000,
-    evaluation_steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="On each map.")] = 5000,
+    task: Annotated[str | None, typer.Option(metavar="A,B,...", help="Tasks; all by default.")] = None,
     only: Annotated[str | None, typer.Option(metavar="'A;B;...'", help="Contestants; all by default.")] = None,
+    policy: Annotated[
+        list[str] | None,
+        typer.Option(help="Controller from outside: .npz, .onnx, .zip of SB3 or module:callable; may be repeated."),
+    ] = None,
+    seeds: Annotated[int | None, typer.Option(min=1, max=1000, help="Trainings of each contestant; 10.")] = None,
+    steps: Annotated[int | None, typer.Option(min=1, max=10_000_000, help="Of each training; 33,000.")] = None,
+    evaluation_steps: Annotated[
+        int | None, typer.Option(min=1, max=MOST_STORED, help="At most, on each map; 5,000.")
+    ] = None,
+    maps: Annotated[int | None, typer.Option(min=1, max=50, help="Test maps; 50.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="In minutes: fewer seeds, steps and maps.")] = False,
     jobs: Jobs = -1,
     out: Folder = Path("results", "learn_bench"),
+    report: Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the tables to this page.")] = None,
     resume: Annotated[bool, typer.Option("--resume/--afresh", help="Continue an interrupted call.")] = True,
     quiet: Quiet = False,
 ) -> None:
-    """Train all learners, then measure them, frozen and still learning, also on maps they never saw."""
+    """Train all learners, then measure them, and controllers from outside, on maps that were not used for training."""
     from mesa_swarm.experiments import learn_bench as benchmarks
+    from mesa_swarm.experiments.learn_report import learning_pictures, markdown, report_page, runs_csv, summary_json
 
-    chosen = tuple(name.strip() for name in only.split(";")) if only else ()
-    benchmark = benchmarks.Benchmark(seeds=seeds, steps=steps, evaluation_steps=evaluation_steps, only=chosen)
-    runs = benchmarks.learn_bench(benchmark, out=out, jobs=jobs, resume=resume, progress=not quiet)
-    table = benchmarks.markdown(benchmark, runs)
+    given = {"seeds": seeds, "steps": steps, "evaluation_steps": evaluation_steps, "maps": maps}
+    benchmark = benchmarks.Benchmark(
+        tasks=_names(task, ","),
+        only=_names(only, ";"),
+        policies=tuple(policy or ()),
+        **{**(benchmarks.QUICK if quick else {}), **{name: n for name, n in given.items() if n is not None}},
+    )
+    with resumable(out):
+        runs = benchmarks.learn_bench(benchmark, out=out, jobs=jobs, resume=resume, progress=not quiet)
+    table = markdown(benchmark, runs)
     files: dict[str, str | bytes] = {
         "learn_bench.md": table,
-        "learn_bench.csv": benchmarks.runs_csv(runs),
-        "learn_bench.json": benchmarks.summary_json(benchmark, runs),
-        **benchmarks.learning_pictures(runs),
+        "learn_bench.csv": runs_csv(runs),
+        "learn_bench.json": summary_json(benchmark, runs),
+        **learning_pictures(runs),
     }
     print("\n".join([table, *map(str, write_all(out, files))]))
+    if report is not None:
+        write_whole(report, report_page(benchmark, table))
+        print(report)
+
+
+def _names(text: str | None, separator: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(separator)) if text else ()

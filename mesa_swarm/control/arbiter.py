@@ -1,7 +1,7 @@
 """Arbiters: subsumption, in which the first active layer drives, and the weighted sum of all layers."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -12,6 +12,7 @@ from mesa_swarm.errors import InvalidValueError, asked, check_name, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import no_longer
+from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Streams
 
@@ -68,6 +69,11 @@ class Arbiter:
     def labels(self) -> tuple[str, ...]:
         """What each of `parts` is for: "" for all robots, or the name of a design or a group of a `Team`."""
         return ("",)
+
+    @property
+    def noted(self) -> tuple[str, ...]:
+        """The columns of its memory that explain its decisions, see `explained`."""
+        return ()
 
     def arbiter_of(self, index: int) -> "Arbiter":
         """Return the arbiter that a layer belongs to."""
@@ -127,6 +133,10 @@ class Arbiter:
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
         """Write the command (n, w) and the winning layer (n,) of every robot."""
         raise NotImplementedError
+
+    def explained(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
+        """Return the reason that a layer gives, with what the arbiter adds; `row` holds a robot's columns `noted`."""
+        return reason
 
 
 def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:

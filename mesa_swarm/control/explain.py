@@ -46,6 +46,8 @@ def explanation(
         )
     layer = control.layers[won] if won >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)
+    if won >= 0:
+        reason = control.arbiter_of(won).explained(reason, moment.columns)
     if layer is not None and control.arbiter_of(won).sums:
         # What the robot did is the sum of all that were active; the reason is that of one of them.
         why = f" ({reason.words})" if reason.sensors else ""

@@ -118,6 +118,11 @@ class Team(Arbiter, Mapping):
         """Return the arbiter that a layer belongs to."""
         return self.parts[int(np.searchsorted(self._firsts, index, side="right")) - 1]
 
+    @property
+    def noted(self) -> tuple[str, ...]:
+        """The columns that explain the decisions of its arbiters."""
+        return tuple(name for arbiter in self.parts for name in arbiter.noted)
+
     def layers_of(self, row: int) -> tuple:
         """Return the layers that may drive the robot in this row."""
         place = self._owners()[row]

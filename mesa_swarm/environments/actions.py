@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.errors import InvalidValueError, check_flag, shortened
 from mesa_swarm.learning.actions import ACTIONS
 
 CONTINUOUS = "continuous"
@@ -17,22 +17,35 @@ def checked_choice(actions: str | int) -> str | int:
     return actions
 
 
-def shares(actions: str | int, commands: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
-    r"""Return each robot's wheel speeds as shares of its greatest speed, shape (\*shape, 2).
+def checked_clip(actions: str | int, clip: object) -> bool:
+    """Return whether wheel speeds are to be clipped; there is nothing to clip in numbers of actions."""
+    if check_flag("clip", clip) and not isinstance(actions, str):
+        raise InvalidValueError(f"clip is True for actions={actions}; expected False: only wheel speeds can be clipped")
+    return bool(clip)
 
-    Where `actions` is "continuous", `commands` are such shares, each from -1 to 1; otherwise they are numbers of
-    actions, of this shape: (n,), or (worlds, n). An error names the robot whose action is out of range.
+
+def shares(
+    actions: str | int, commands: ArrayLike, shape: tuple[int, ...], clip: bool = False, numbers: int = 2
+) -> np.ndarray:
+    r"""Return each robot's wheel speeds as shares of its greatest speed, and what follows, shape (\*shape, numbers).
+
+    Where `actions` is "continuous", `commands` are such numbers, each from -1 to 1; otherwise they are numbers of
+    actions, of this shape: (n,), or (worlds, n), and the result has two columns. An error names the robot whose action
+    is out of range; with `clip` numbers beyond -1 and 1 become these, and only NaN is out of range.
     """
     if isinstance(actions, str):  # CONTINUOUS, the only word
-        wheels = _array(commands, (*shape, 2), "two wheel speeds")
+        expected = "two wheel speeds" if numbers == 2 else f"{numbers} numbers, two of them wheel speeds,"
+        wheels = _array(commands, (*shape, numbers), expected.rstrip(","))
+        if clip:
+            wheels = np.clip(wheels, -1.0, 1.0)
         if not (np.abs(wheels) <= 1.0).all():  # also refuses NaN
-            raise _refused(wheels, ~(np.abs(wheels) <= 1.0).all(axis=-1), "two wheel speeds from -1 to 1")
+            raise _refused(wheels, ~(np.abs(wheels) <= 1.0).all(axis=-1), f"{expected} from -1 to 1")
         return wheels
-    numbers = _array(commands, shape, "the number of an action")
-    known = np.isin(numbers, np.arange(actions))
+    chosen = _array(commands, shape, "the number of an action")
+    known = np.isin(chosen, np.arange(actions))
     if not known.all():
-        raise _refused(numbers, ~known, f"the number of an action, a whole number from 0 to {actions - 1}")
-    return ACTIONS[numbers.astype(np.intp)]
+        raise _refused(chosen, ~known, f"the number of an action, a whole number from 0 to {actions - 1}")
+    return ACTIONS[chosen.astype(np.intp)]
 
 
 def _array(commands: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:

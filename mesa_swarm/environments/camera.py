@@ -1,41 +1,108 @@
-"""Pictures of a world as arrays of pixels, with NumPy alone: obstacles are drawn once, the rest in every picture."""
+"""Pictures of a world as arrays of pixels, with NumPy alone, and a window that shows them, with pygame."""
 
 from typing import Any
 
 import numpy as np
 import shapely
 
+from mesa_swarm.environments.registration import need
 from mesa_swarm.errors import check_choice
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT, fire_steps, rgb
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import Shape
 
-METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}
+METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
 LONGEST_SIDE = 640
+MOST_CAMERAS = 32
 
 Pair = tuple[float, float]
-GROUND, SOLID, MARK, ASHES = map(rgb, (LIGHT.ground, LIGHT.obstacle, LIGHT.mark, LIGHT.ashes))
+GROUND, SOLID, MARK, MOVED = map(rgb, (LIGHT.ground, LIGHT.obstacle, LIGHT.mark, LIGHT.load))
+ASHES = rgb(LIGHT.ashes)
 COOL, HOT, FRONT, RIM = map(rgb, (LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.robot_outline))
 # Fires go from black to red with their temperature.
 FIRE = np.array([rgb(colour) for colour in LIGHT.fire])
 
 
 def checked_mode(render_mode: str | None) -> str | None:
-    """Return a valid render mode: "rgb_array" or None."""
+    """Return a valid render mode: "rgb_array", "human" or None."""
     return None if render_mode is None else check_choice("render_mode", render_mode, METADATA["render_modes"])
+
+
+class Display:
+    """What `render` of an environment does: returns pictures, or shows them in a window.
+
+    Parameters
+    ----------
+    render_mode : "rgb_array", "human" or None
+
+    Examples
+    --------
+    >>> Display("rgb_array").render(SwarmModel(map="sparse", rng=1)).shape
+    (480, 640, 3)
+    """
+
+    def __init__(self, render_mode: str | None) -> None:
+        self._human = render_mode == "human"
+        if self._human:
+            need("pygame")
+        self._cameras: list[Camera] = []
+        self._window: Any = None
+        self._clock: Any = None
+
+    def show(self, world: SwarmModel) -> None:
+        """Show the world, 50 steps a second, if the mode is "human"."""
+        if self._human:
+            self._draw(self._camera(world.map).picture(world))
+
+    def render(self, world: SwarmModel) -> np.ndarray | None:
+        """Return a picture of the world, uint8, shape (height, width, 3), or show it."""
+        picture = self._camera(world.map).picture(world)
+        if not self._human:
+            return picture
+        self._draw(picture)
+        return None
+
+    def close(self) -> None:
+        """Close the window; what is shown next opens another one."""
+        if self._window is not None:
+            import pygame  # noqa: PLC0415 - optional
+
+            pygame.display.quit()
+            self._window = None
+
+    def _draw(self, picture: np.ndarray) -> None:
+        import pygame  # noqa: PLC0415 - optional
+
+        height, width, _ = picture.shape
+        if self._window is None or self._window.get_size() != (width, height):
+            pygame.display.init()
+            self._window, self._clock = pygame.display.set_mode((width, height)), pygame.time.Clock()
+            pygame.display.set_caption("mesa_swarm")
+        pygame.event.pump()  # or the window would count as frozen
+        pygame.surfarray.blit_array(self._window, picture.swapaxes(0, 1))
+        pygame.display.flip()
+        self._clock.tick(METADATA["render_fps"])
+
+    def _camera(self, map: Map) -> "Camera":
+        """Return the camera for a map; those of the last maps are kept, whose grounds are drawn."""
+        for camera in self._cameras:
+            if camera.map is map:
+                return camera
+        self._cameras = [*self._cameras[1 - MOST_CAMERAS :], Camera(map)]
+        return self._cameras[-1]
 
 
 class Camera:
     """Takes pictures of worlds on one map, everything to scale, y up; the longest side is given in pixels.
 
-    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only
-    some robots are commanded, these have a dark rim. Fires go from black to red with their temperature and are pale
-    once they are out.
+    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only some robots are
+    commanded, these have a dark rim. Fires go from black to red with their temperature and are pale once they are out.
+    Bodies that a task adds have the colour of loads, or of marks if they are marks on the ground.
     """
 
     def __init__(self, map: Map, longest_side: int = LONGEST_SIDE) -> None:
-        self._map = map
+        self.map = map
         self._scale = longest_side / max(map.width, map.height)
         self._size = tuple(max(round(side * self._scale), 1) for side in (map.height, map.width))
         self._ground: np.ndarray | None = None
@@ -45,12 +112,16 @@ class Camera:
         if self._ground is None:
             self._ground = self._drawn_ground()
         pixels = self._ground.copy()
+        added = [body.shape for body in world.obstacle_list[len(self.map.obstacles) :]]
+        for shape in sorted(added, key=lambda shape: shape.contact):  # ground marks below what is moved
+            self._fill(pixels, shape, MOVED if shape.contact else MARK)
         fires, robots = world.fires.columns, world.swarm.columns
         colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
         for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):
             self._disc(pixels, centre, radius, colour)
+        commanded = getattr(world, "commanded", 0)
         for i in range(len(world.swarm)):
-            self._robot(pixels, robots, i, rim=i < world.commanded < len(world.swarm))
+            self._robot(pixels, robots, i, rim=i < commanded < len(world.swarm))
         return pixels[::-1].round().astype(np.uint8)
 
     def _robot(self, pixels: np.ndarray, robots: dict[str, np.ndarray], i: int, *, rim: bool) -> None:
@@ -64,7 +135,7 @@ class Camera:
         self, pixels: np.ndarray, centre: np.ndarray, radius: float, colour: np.ndarray, ahead: Pair | None = None
     ) -> None:
         """Blend a disc into the pixels, or the half of it that is ahead; edges are as soft as a pixel is wide."""
-        x, y = (np.asarray(centre) - self._map.bounds[:2]) * self._scale
+        x, y = (np.asarray(centre) - self.map.bounds[:2]) * self._scale
         size = radius * self._scale
         rows, columns = (_span(at, size, most) for at, most in zip((y, x), self._size, strict=True))
         dy, dx = np.arange(*rows)[:, None] + 0.5 - y, np.arange(*columns) + 0.5 - x
@@ -76,7 +147,7 @@ class Camera:
 
     def _drawn_ground(self) -> np.ndarray:
         pixels = np.full((*self._size, 3), GROUND, np.float32)
-        for shape in sorted(self._map.obstacles, key=lambda shape: shape.contact):  # ground marks below obstacles
+        for shape in sorted(self.map.obstacles, key=lambda shape: shape.contact):  # ground marks below obstacles
             self._fill(pixels, shape, SOLID if shape.contact else MARK)
         return pixels
 
@@ -85,7 +156,7 @@ class Camera:
             self._disc(pixels, shape.position, shape.radius, colour)
             return
         x, y = ((np.arange(n) + 0.5) / self._scale for n in self._size[::-1])
-        x_min, y_min = self._map.bounds[:2]
+        x_min, y_min = self.map.bounds[:2]
         shapely.prepare(shape.geometry)
         pixels[shapely.contains_xy(shape.geometry, *np.meshgrid(x + x_min, y + y_min))] = colour
 

@@ -1,9 +1,20 @@
 """Collision avoidance: drive forward without collisions. PettingZoo's environment, version 0."""
 
-from mesa_swarm.environments.parallel import ParallelSwarmEnv
+from typing import Any
+
+from mesa_swarm.environments.parallel import AECEnv, ParallelSwarmEnv, parallel_of, with_turns
 from mesa_swarm.environments.tasks import CollisionAvoidance
 
+NAME = "collision_avoidance_v0"
 
-def parallel_env(*, render_mode: str | None = None, **task: object) -> ParallelSwarmEnv:
+
+def parallel_env(
+    *, render_mode: str | None = None, max_cycles: int | None = None, clip: bool = False, **task: object
+) -> ParallelSwarmEnv:
     """Return the environment, in which every robot is an agent; `task` are parameters of `CollisionAvoidance`."""
-    return ParallelSwarmEnv(CollisionAvoidance.of(task), name="collision_avoidance_v0", render_mode=render_mode)
+    return parallel_of(CollisionAvoidance, NAME, task, render_mode=render_mode, max_cycles=max_cycles, clip=clip)
+
+
+def env(**parameters: Any) -> AECEnv:
+    """Return the same environment with turns (AEC): the world advances when all robots have acted."""
+    return with_turns(parallel_env(**parameters))

@@ -1,41 +1,73 @@
-"""PettingZoo environment: a ParallelEnv whose agents are the robots of one world."""
+"""PettingZoo environment: a ParallelEnv whose agents are the robots of one world, and the same with turns (AEC)."""
 
 import numpy as np
 
-from mesa_swarm.environments.actions import shares
-from mesa_swarm.environments.camera import METADATA, Camera, checked_mode
+from mesa_swarm.environments.actions import checked_clip, shares
+from mesa_swarm.environments.camera import METADATA, Display, checked_mode
 from mesa_swarm.environments.registration import need
-from mesa_swarm.environments.spaces import action_space, observation_space
+from mesa_swarm.environments.spaces import action_space, observation_space, state_space
+from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
-from mesa_swarm.environments.vector import check_seed, new_world
+from mesa_swarm.environments.variation import Conditions, Options
+from mesa_swarm.environments.vector import check_seed, measures, new_world, stream
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 
 need("pettingzoo")
 
-from gymnasium.spaces import Space  # noqa: E402 - the error above names what is missing
-from pettingzoo import ParallelEnv  # noqa: E402 - the error above names what is missing
+from gymnasium.spaces import Discrete, Space  # noqa: E402 - the error above names what is missing
+from pettingzoo import AECEnv, ParallelEnv  # noqa: E402 - the error above names what is missing
+from pettingzoo.utils.conversions import parallel_to_aec  # noqa: E402
+from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper  # noqa: E402
+
+# PettingZoo's tests of its interface reset with these options, whatever the environment.
+PROBE = {"options": 1}
 
 
 class ParallelSwarmEnv(ParallelEnv):
     """Robots of one world as PettingZoo agents ``robot_0``, ``robot_1``, ...; all end together.
 
-    Made by `parallel_env` in `collision_avoidance_v0`, `find_fires_v0` and `extinguish_fires_v0`. The columns of the
-    current `world` can be read: ``env.world.swarm.collided``.
+    Made by `parallel_env` in `collision_avoidance_v0` and the other modules of tasks. The columns of the current
+    `world` can be read: ``env.world.swarm.collided``. Where the task's `Variation` draws numbers of robots, `agents`
+    are the first of `possible_agents`.
+
+    Parameters
+    ----------
+    task : Task
+    name : str
+        Of the environment, such as "collision_avoidance_v0".
+    render_mode : "rgb_array", "human" or None
+        "human" shows every step in a window.
+    clip : bool
+        Whether wheel speeds beyond -1 and 1 are clipped instead of refused.
+
+    Attributes
+    ----------
+    world : TaskWorld or None
+    conditions : Conditions or None
+        Map, number of robots, speed and imperfection of the current episode.
+    state_space : gymnasium.spaces.Box
+        Of `state`.
     """
 
-    def __init__(self, task: Task, *, name: str, render_mode: str | None = None) -> None:
+    def __init__(self, task: Task, *, name: str, render_mode: str | None = None, clip: bool = False) -> None:
         self.metadata = {**METADATA, "name": name, "is_parallelizable": True}
         self.render_mode = checked_mode(render_mode)
         self.task = task
-        self.possible_agents = [f"robot_{i}" for i in range(task.n_robots)]
+        self.possible_agents = [f"robot_{i}" for i in range(task.most_robots)]
         self.agents: list[str] = []
-        self.observation_spaces = {agent: observation_space(task) for agent in self.possible_agents}
+        self.observation_spaces = {agent: observation_space(task, i) for i, agent in enumerate(self.possible_agents)}
         self.action_spaces = {agent: action_space(task) for agent in self.possible_agents}
+        self.state_space = state_space(task)
         self.world: TaskWorld | None = None
+        self.conditions: Conditions | None = None
         self._width = task.observer().width
+        self._widths = {agent: space.shape[0] for agent, space in self.observation_spaces.items()}
+        self._clip = checked_clip(task.actions, clip)
+        self._states = StateEncoder(task)
         self._generator = np.random.default_rng()
-        self._camera = Camera(task.chart)
+        self._screen = Display(self.render_mode)
+        self._unknown: dict[str, float] = {}
 
     def observation_space(self, agent: str) -> Space:
         """Return the space of an agent's observations, always the same object."""
@@ -45,13 +77,25 @@ class ParallelSwarmEnv(ParallelEnv):
         """Return the space of an agent's actions, always the same object."""
         return self.action_spaces[agent]
 
-    def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
-        """Start an episode; return observations and infos by agent. Without a seed the stream of episodes continues."""
+    def reset(self, seed: int | None = None, options: Options | None = None) -> tuple[dict, dict]:
+        """Start an episode; return observations and infos by agent.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Without one the stream of episodes continues.
+        options : dict, optional
+            Of this episode: "map", "n_robots", "speed" and "imperfection" are what they are given to be instead of
+            drawn.
+        """
         if seed is not None:
-            self._generator = np.random.default_rng(check_seed(seed))
-        self.world = new_world(self.task, self.task.n_robots, self._generator)
-        self.agents = self.possible_agents[:]
-        return self._observations(self.world), {agent: {} for agent in self.agents}
+            self._generator = stream(check_seed(seed))
+        given = None if options == PROBE else options
+        self.world, self.conditions = new_world(self.task, self.task.most_robots, self._generator, given)
+        self.agents = self.possible_agents[: self.world.commanded]
+        self._unknown = dict.fromkeys(self.world.measures(), 0.0)
+        self._screen.show(self.world)
+        return self._observations(self.world), self._infos(self.world, self._unknown)
 
     def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
         """Take a step, given an action of each agent.
@@ -59,28 +103,46 @@ class ParallelSwarmEnv(ParallelEnv):
         Returns
         -------
         observations, rewards, terminations, truncations, infos : dicts by agent
+            An info has "collided", whether the robot overlapped anything in this step, and the measures of the whole
+            episode, the same for all agents: 0 until its last step, and then infinity for what has not happened in it.
         """
         world, agents = self._running(), self.agents
         reward = np.empty(len(agents))
-        world.advance(shares(self.task.actions, self._ordered(actions), reward.shape), reward)
+        world.advance(
+            shares(self.task.actions, self._ordered(actions), reward.shape, self._clip, self.task.numbers), reward
+        )
         finished, out_of_time = world.finished, world.out_of_time
+        infos = self._infos(world, measures(world) if finished or out_of_time else self._unknown)
+        observations = self._observations(world)
         if finished or out_of_time:
             self.agents = []
+        self._screen.show(world)
         return (
-            self._observations(world),
+            observations,
             dict(zip(agents, reward.tolist(), strict=True)),
             dict.fromkeys(agents, finished),
             dict.fromkeys(agents, out_of_time and not finished),
-            {agent: {} for agent in agents},
+            infos,
         )
 
+    def state(self) -> np.ndarray:
+        """Return the state of the world for a central critic, float32, one row; see `StateEncoder`."""
+        state = np.empty(self._states.width, np.float32)
+        self._states.write(self._begun("state"), state)
+        return state
+
     def render(self) -> np.ndarray | None:
-        """Return a picture of the world, uint8, shape (height, width, 3), or None without a render mode."""
-        if self.render_mode is None:
-            return None
+        """Return a picture of the world, uint8, shape (height, width, 3), or None if it is shown or not drawn."""
+        return None if self.render_mode is None else self._screen.render(self._begun("render"))
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._screen.close()
+
+    def _begun(self, method: str) -> TaskWorld:
         if self.world is None:
-            raise SwarmError("the environment has no episode yet; call reset() before render()")
-        return self._camera.picture(self.world)
+            raise SwarmError(f"the environment has no episode yet; call reset() before {method}()")
+        return self.world
 
     def _running(self) -> TaskWorld:
         if self.world is None or not self.agents:
@@ -96,7 +158,36 @@ class ParallelSwarmEnv(ParallelEnv):
         except KeyError as missing:
             raise InvalidValueError(f"actions lack {missing.args[0]}; expected one for each agent") from None
 
+    def _infos(self, world: TaskWorld, whole: dict[str, float]) -> dict[str, dict]:
+        """Return an info of each agent, always with the same names: TorchRL has room for these only."""
+        collided = world.swarm.columns["collided"][: len(self.agents)].tolist()
+        return {agent: {"collided": hit, **whole} for agent, hit in zip(self.agents, collided, strict=True)}
+
     def _observations(self, world: TaskWorld) -> dict[str, np.ndarray]:
-        observations = np.empty((len(self.possible_agents), self._width), np.float32)
+        observations = np.empty((len(self.agents), self._width), np.float32)
         world.observe(observations)
-        return dict(zip(self.possible_agents, observations, strict=True))
+        return {agent: row[: self._widths[agent]] for agent, row in zip(self.agents, observations, strict=True)}
+
+
+def parallel_of(
+    task: type[Task],
+    name: str,
+    parameters: dict,
+    *,
+    render_mode: str | None = None,
+    max_cycles: int | None = None,
+    clip: bool = False,
+) -> ParallelSwarmEnv:
+    """Return the environment of a task with these parameters; `max_cycles` is another name of `max_steps`."""
+    if max_cycles is not None:
+        if "max_steps" in parameters:
+            raise InvalidValueError(f"max_cycles is {shortened(max_cycles)} beside max_steps; give one of them")
+        parameters = {**parameters, "max_steps": max_cycles}
+    return ParallelSwarmEnv(task.of(parameters), name=name, render_mode=render_mode, clip=clip)
+
+
+def with_turns(env: ParallelSwarmEnv) -> AECEnv:
+    """Return the environment in which agents act in turn (AEC), with PettingZoo's checks of actions and of order."""
+    turns = parallel_to_aec(env)
+    spaces = env.action_spaces.values()
+    return AssertOutOfBoundsWrapper(turns) if all(isinstance(space, Discrete) for space in spaces) else turns

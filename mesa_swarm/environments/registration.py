@@ -1,4 +1,4 @@
-"""The environments by name, for Gymnasium, and the check for the extra `rl`."""
+"""The environments by name, for Gymnasium and PettingZoo, and the check for optional packages."""
 
 from importlib.util import find_spec
 
@@ -10,17 +10,22 @@ REGISTERED = {
     "CollisionAvoidance-v0": "collision_avoidance",
     "FindFires-v0": "find_fires",
     "ExtinguishFires-v0": "extinguish_fires",
+    "Foraging-v0": "foraging",
+    "Aggregation-v0": "aggregation",
 }
 
 
-def need(package: str) -> None:
-    """Check that a package of the extra `rl` is installed; if not, the error gives the command that installs it."""
+def need(package: str, extra: str = "rl") -> None:
+    """Check that a package of an extra is installed; if not, the error gives the command that installs it."""
     if find_spec(package) is None:
-        raise SwarmError(f"this environment needs {package}; install it with: pip install 'mesa-swarm[rl]'")
+        raise SwarmError(f"this environment needs {package}; install it with: pip install 'mesa-swarm[{extra}]'")
 
 
 def register() -> None:
-    """Make the environments known to ``gymnasium.make`` and ``make_vec``; twice does no harm."""
+    """Make the environments known to ``gymnasium.make`` and ``make_vec``; twice does no harm.
+
+    Where PettingZoo has a registry (1.27 and later), its ``make`` knows them too.
+    """
     need("gymnasium")
     from gymnasium.envs import registration  # noqa: PLC0415 - heavy, and optional
 
@@ -32,3 +37,16 @@ def register() -> None:
                 vector_entry_point="mesa_swarm.environments.robot_env:robot_vector_env",
                 kwargs={"task": task},
             )
+    if find_spec("pettingzoo") is not None:
+        _register_agents()
+
+
+def _register_agents() -> None:
+    import pettingzoo  # noqa: PLC0415 - optional
+
+    registries = getattr(pettingzoo, "parallel_registry", None), getattr(pettingzoo, "aec_registry", None)
+    for kind, factory, registry in zip(("parallel", "aec"), ("parallel_env", "env"), registries, strict=True):
+        for task in REGISTERED.values():
+            name = f"{NAMESPACE}/{task}_v0"
+            if registry is not None and name.replace("_v0", "-v0") not in registry:
+                pettingzoo.register(kind, name, entry_point=f"mesa_swarm.environments.{task}_v0:{factory}")

@@ -5,14 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.environments.actions import shares
-from mesa_swarm.environments.camera import METADATA, Camera, checked_mode
+from mesa_swarm.environments.actions import checked_clip, shares
+from mesa_swarm.environments.camera import METADATA, Display, checked_mode
 from mesa_swarm.environments.registration import need
 from mesa_swarm.environments.spaces import action_space, observation_space
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import TASKS, Task
-from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, check_seed, new_world
-from mesa_swarm.errors import SwarmError, check_choice
+from mesa_swarm.environments.variation import Options
+from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, check_seed, measures, new_world, stream
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 
 need("gymnasium")
 
@@ -24,26 +25,51 @@ from gymnasium.vector.utils import batch_space  # noqa: E402
 class RobotEnv(Env):
     """The first robot of a world as a Gymnasium environment.
 
-    Made by ``gymnasium.make("MesaSwarm/CollisionAvoidance-v0")``, or ``FindFires-v0`` or ``ExtinguishFires-v0``. The
-    columns of the current `world` can be read: ``env.unwrapped.world.swarm.collided``.
+    Made by ``gymnasium.make("MesaSwarm/CollisionAvoidance-v0")``, or another of the registered names. The columns of
+    the current `world` can be read: ``env.unwrapped.world.swarm.collided``.
+
+    Parameters
+    ----------
+    task : Task
+    render_mode : "rgb_array", "human" or None
+        "human" shows every step in a window.
+    clip : bool
+        Whether wheel speeds beyond -1 and 1 are clipped instead of refused.
+
+    Attributes
+    ----------
+    world : TaskWorld or None
     """
 
     metadata = METADATA
 
-    def __init__(self, task: Task, *, render_mode: str | None = None) -> None:
+    def __init__(self, task: Task, *, render_mode: str | None = None, clip: bool = False) -> None:
         self.render_mode = checked_mode(render_mode)
         self.task = task
         self.observation_space = observation_space(task)
         self.action_space = action_space(task)
         self.world: TaskWorld | None = None
         self._width = task.observer().width
-        self._camera = Camera(task.chart)
+        self._clip = checked_clip(task.actions, clip)
+        self._screen = Display(self.render_mode)
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """Start an episode and return observation and info; without a seed the stream of episodes continues."""
+    def reset(self, *, seed: int | None = None, options: Options | None = None) -> tuple[np.ndarray, dict]:
+        """Start an episode and return observation and info.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Without one the stream of episodes continues.
+        options : dict, optional
+            Of this episode: "map", "n_robots", "speed" and "imperfection" are what they are given to be instead of
+            drawn. The info names what they are.
+        """
         super().reset(seed=None if seed is None else check_seed(seed))
-        self.world = new_world(self.task, 1, self.np_random)
-        return self._observation(), {}
+        if seed is not None:
+            self._np_random = stream(seed)  # the same episodes as behind the other interfaces
+        self.world, conditions = new_world(self.task, 1, self.np_random, options)
+        self._screen.show(self.world)
+        return self._observation(), conditions.info
 
     def step(self, action: ArrayLike) -> tuple[np.ndarray, float, bool, bool, dict]:
         """Take a step, given two wheel speeds or the number of an action.
@@ -51,16 +77,28 @@ class RobotEnv(Env):
         Returns
         -------
         observation, reward, terminated, truncated, info
+            The info has "collided", whether the robot overlapped anything in this step, and after the last step of an
+            episode "measures" of all of it, infinity for what has not happened in it.
         """
         world = self._running()
         reward = np.empty(1)
-        world.advance(shares(self.task.actions, np.asarray(action)[None], reward.shape), reward)
-        finished = world.finished
-        return self._observation(), float(reward[0]), finished, world.out_of_time and not finished, {}
+        world.advance(
+            shares(self.task.actions, np.asarray(action)[None], reward.shape, self._clip, self.task.numbers), reward
+        )
+        finished, out_of_time = world.finished, world.out_of_time
+        info: dict = {"collided": bool(world.swarm.columns["collided"][0])}
+        if finished or out_of_time:
+            info["measures"] = measures(world)
+        self._screen.show(world)
+        return self._observation(), float(reward[0]), finished, out_of_time and not finished, info
 
     def render(self) -> np.ndarray | None:
-        """Return a picture of the world, uint8, shape (height, width, 3), or None without a render mode."""
-        return None if self.render_mode is None else self._camera.picture(self._running())
+        """Return a picture of the world, uint8, shape (height, width, 3), or None if it is shown or not drawn."""
+        return None if self.render_mode is None else self._screen.render(self._running())
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self._screen.close()
 
     def _running(self) -> TaskWorld:
         if self.world is None:
@@ -73,18 +111,21 @@ class RobotEnv(Env):
         return rows[0]
 
 
-def robot_env(*, task: str, render_mode: str | None = None, n_robots: int = 1, **parameters: object) -> RobotEnv:
+def robot_env(
+    *, task: str, render_mode: str | None = None, clip: bool = False, n_robots: int = 1, **parameters: object
+) -> RobotEnv:
     """Return the environment that Gymnasium makes, of `n_robots` in all; `parameters` are others of the task."""
-    chosen = TASKS[check_choice("task", task, TASKS)]
-    return RobotEnv(chosen.of({**parameters, "n_robots": n_robots}), render_mode=render_mode)
+    chosen = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
+    return RobotEnv(chosen, render_mode=render_mode, clip=clip)
 
 
 class RobotVectorEnv(VectorEnv):
     """A flat `VectorSwarmEnv`, for learners with one shared policy.
 
     Environment w k + i is robot i of world w, where k robots of each world are commanded. With one commanded robot,
-    environment w is what `RobotEnv` is with seed + w. A world whose episode ends starts the next in the same step:
-    ``infos["final_obs"]`` holds the last observations, and ``infos["_final_obs"]`` which environments have ended.
+    environment 0 is what `RobotEnv` is with the same seed, and so is each one that has a seed of its own. A world
+    whose episode ends starts the next in the same step: ``infos["final_obs"]`` holds the last observations, and
+    ``infos["_final_obs"]`` which environments have ended.
 
     Parameters
     ----------
@@ -93,6 +134,8 @@ class RobotVectorEnv(VectorEnv):
     commanded : int, optional
         How many robots of each world are commanded; all by default.
     render_mode : "rgb_array" or None
+    clip : bool
+        Whether wheel speeds beyond -1 and 1 are clipped instead of refused.
 
     Attributes
     ----------
@@ -107,35 +150,56 @@ class RobotVectorEnv(VectorEnv):
     (15, (15, 9))
     """
 
-    metadata = {**METADATA, "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 Gymnasium's own form
+    metadata = {**METADATA, "render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012 Gymnasium's own form
 
     def __init__(
-        self, task: Task, *, n_worlds: int, commanded: int | None = None, render_mode: str | None = None
+        self,
+        task: Task,
+        *,
+        n_worlds: int,
+        commanded: int | None = None,
+        render_mode: str | None = None,
+        clip: bool = False,
     ) -> None:
-        self.render_mode = checked_mode(render_mode)
-        self.swarms = VectorSwarmEnv(task, n_worlds=n_worlds, commanded=commanded)
+        if checked_mode(render_mode) == "human":
+            raise InvalidValueError("render_mode is 'human'; expected 'rgb_array' or None: many worlds have no window")
+        self.render_mode = render_mode
+        self.swarms = VectorSwarmEnv(task, n_worlds=n_worlds, commanded=commanded, clip=clip)
         self.num_envs = self.swarms.n_worlds * self.swarms.commanded
         self.single_observation_space, self.single_action_space = observation_space(task), action_space(task)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._camera = Camera(task.chart)
+        self._screen = Display(render_mode)
 
     def reset(
-        self, *, seed: int | Sequence[int] | None = None, options: dict | None = None
+        self, *, seed: int | Sequence[int] | None = None, options: Options | Sequence[Options] | None = None
     ) -> tuple[np.ndarray, Infos]:
-        """Start an episode in every world; world w gets seed + w, or the w-th of several seeds."""
-        return self._flat(self.swarms.reset(seed=seed)), {}
+        """Start an episode in every world; `seed` and `options` are one for all worlds or a sequence of one each.
+
+        See `VectorSwarmEnv.reset`. The infos are the conditions of the episodes: "map", "n_robots", "speed",
+        "imperfection", and "present", whether an environment has a robot in this episode.
+        """
+        observations = self._flat(self.swarms.reset(seed=seed, options=options))
+        return observations, self._conditions(np.ones(self.swarms.n_worlds, bool))
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Infos]:
-        """Take a step in every world; all arrays have one row an environment."""
+        """Take a step in every world; all arrays have one row an environment.
+
+        The infos are Gymnasium's, with masks whose names begin with "_": "collided" in each step; where an episode has
+        ended "final_obs", "final_info" with "measures" of the whole episode, and what `reset` returns of the new one.
+        """
         shape = self.swarms.n_worlds, self.swarms.commanded
         commands = np.asarray(actions)
         if commands.shape[:1] == (self.num_envs,):
             commands = commands.reshape(*shape, *commands.shape[1:])
-        observations, reward, terminated, truncated, infos = self.swarms.step(commands)
+        observations, reward, terminated, truncated, found = self.swarms.step(commands)
+        collided, ended = found["collided"].ravel(), terminated | truncated
+        again = np.repeat(~ended, shape[1])
+        infos = _masked({"collided": collided & again}, again) if again.any() else {}
+        if not again.all():
+            infos |= {**self._conditions(ended), **self._final(found, collided, ~again)}
+        infos |= self._present()
         terminated, truncated = np.repeat(terminated, shape[1]), np.repeat(truncated, shape[1])
-        if infos:
-            infos = {"final_obs": self._flat(infos["final_obs"]), "_final_obs": terminated | truncated}
         return self._flat(observations), reward.ravel(), terminated, truncated, infos
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -144,10 +208,38 @@ class RobotVectorEnv(VectorEnv):
             return None
         if not self.swarms.worlds:
             raise SwarmError("the environment has no episode yet; call reset() before render()")
-        return tuple(map(self._camera.picture, self.swarms.worlds))
+        pictures = [self._screen.render(world) for world in self.swarms.worlds]
+        return tuple(picture for picture in pictures if picture is not None)
+
+    def _final(self, found: Infos, collided: np.ndarray, ended: np.ndarray) -> Infos:
+        whole = {name: np.repeat(values, self.swarms.commanded) for name, values in found["measures"].items()}
+        last = {"collided": collided & ended, "measures": _masked(whole, ended)}
+        return {
+            "final_obs": self._flat(found["final_obs"]),
+            "_final_obs": ended,
+            **_masked({"final_info": _masked(last, ended)}, ended),
+        }
+
+    def _conditions(self, begun: np.ndarray) -> Infos:
+        """Return the conditions of the episodes that have just begun in these worlds, as Gymnasium merges infos."""
+        infos = self._present()
+        rows = [one.info if new else {} for one, new in zip(self.swarms.conditions, begun.tolist(), strict=True)]
+        for name, kind in (("map", object), ("n_robots", int), ("speed", float), ("imperfection", float)):
+            blank = None if kind is object else 0
+            values = np.array([row.get(name, blank) for row in rows], kind)
+            infos |= _masked({name: np.repeat(values, self.swarms.commanded)}, np.repeat(begun, self.swarms.commanded))
+        return infos
+
+    def _present(self) -> Infos:
+        return _masked({"present": self.swarms.present.ravel()}, np.ones(self.num_envs, bool))
 
     def _flat(self, array: np.ndarray) -> np.ndarray:
         return array.reshape(self.num_envs, -1)
+
+
+def _masked(values: Infos, where: np.ndarray) -> Infos:
+    """Return infos, each with the mask of the environments that have it."""
+    return {**values, **{f"_{name}": where.copy() for name in values}}
 
 
 def robot_vector_env(
@@ -155,6 +247,7 @@ def robot_vector_env(
     task: str,
     num_envs: int,
     render_mode: str | None = None,
+    clip: bool = False,
     n_robots: int = 1,
     commanded: int = 1,
     **parameters: object,
@@ -165,4 +258,4 @@ def robot_vector_env(
     more.
     """
     chosen = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
-    return RobotVectorEnv(chosen, n_worlds=num_envs, commanded=commanded, render_mode=render_mode)
+    return RobotVectorEnv(chosen, n_worlds=num_envs, commanded=commanded, render_mode=render_mode, clip=clip)

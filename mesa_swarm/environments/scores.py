@@ -1,12 +1,14 @@
-"""Observations and rewards of each robot."""
+"""Observations and rewards of robots, and measures of their episodes."""
 
+import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_choice
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import ENCODINGS
+from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.swarm_model import SwarmModel
@@ -14,8 +16,15 @@ from mesa_swarm.world.statics import FIRE, OBSTACLE, ROBOT
 
 # The blocks of a typed observation, in their order.
 KINDS = (OBSTACLE, ROBOT, FIRE)
-BODY = 4
+BODY, HOME, HEARD = 4, 4, 3
 OBSERVED = ("distance", "kind", "radiation", "line", "temperature", "hot", "heat", "fire")
+# What robots broadcast, the sensor of their nest, and that of what they carry.
+MESSAGE, NEST, CARRIED = "signal", "nest", "carried"
+
+LARGEST_REWARD = 1e6
+# Of the grid on which coverage is counted, and the columns of which a tally is made.
+CELLS = (40, 40)
+TALLIED = ("command", "max_speed", "collided", "position")
 
 
 class ObservationEncoder:
@@ -28,7 +37,11 @@ class ObservationEncoder:
     - each radiation sensor's temperature;
     - for each line sensor, 1 over a ground mark, else 0;
     - with `body`: the robot's own temperature / `leave` (at most 1), and 1 or 0 for: it is too hot, it takes heat,
-      it is extinguishing.
+      it is extinguishing;
+    - with `home`: 1 or 0 for: it carries something; the distance of the nest / `home`, at most 1; (1 + cos) / 2 and
+      (1 + sin) / 2 of the nest's bearing; 1, 0.5 and 0.5 where it is out of range;
+    - with `messages`: of the nearest robot heard, the distance / `message_range`, (1 + cos) / 2 and (1 + sin) / 2 of
+      its bearing, and (1 + x) / 2 of each number x that it sent; 1, and otherwise 0.5, where none is heard.
 
     Parameters
     ----------
@@ -40,6 +53,13 @@ class ObservationEncoder:
         Whether the robot's own heat is observed.
     leave : float
         The temperature at which a robot leaves a fire.
+    kinds : tuple of int
+        Codes of the three kinds of things.
+    home : float
+        Range of the sensor "nest", which reads range and bearing; 0 for designs without one.
+    messages : int
+        How many numbers robots broadcast as "signal".
+    message_range : float
 
     Examples
     --------
@@ -50,7 +70,18 @@ class ObservationEncoder:
     41
     """
 
-    def __init__(self, design: RobotDesign, *, encoding: str, body: bool = False, leave: float = 1.0) -> None:
+    def __init__(
+        self,
+        design: RobotDesign,
+        *,
+        encoding: str,
+        body: bool = False,
+        leave: float = 1.0,
+        kinds: tuple[int, int, int] = KINDS,
+        home: float = 0.0,
+        messages: int = 0,
+        message_range: float = 1.0,
+    ) -> None:
         ranges = [float(sensor.range) for sensor in design.proximity]
         if not ranges or min(ranges) <= 0:
             raise InvalidValueError(
@@ -60,34 +91,100 @@ class ObservationEncoder:
         self._reach = np.array(ranges)
         self._body = body
         self._leave = leave
+        self._kinds = kinds
+        self._parts = len(design.radiation), len(design.line)
+        self._home, self._messages, self._message_range = home, messages, message_range
         blocks = 1 + len(KINDS) * self._typed
-        self.width = blocks * len(ranges) + len(design.radiation) + len(design.line) + BODY * body
+        self._seen = blocks * len(ranges) + sum(self._parts) + BODY * body
+        self.width = self._seen + HOME * (home > 0) + (HEARD + messages) * (messages > 0)
+
+    def observe(self, columns: dict[str, np.ndarray], out: np.ndarray, first: int = 0) -> None:
+        """Write the observations of the robots from row `first` on, as many as `out` (k, width) has rows."""
+        rows = slice(first, first + len(out))
+        seen = [columns[name][rows] for name in OBSERVED]
+        observe(*seen, self._reach, self._typed, self._kinds, self._parts, self._body, self._leave, out)
+        if self._home:
+            place = columns[NEST][rows]
+            out[:, self._seen] = columns[CARRIED][rows, 0] >= 0
+            _write_place(place[:, 0] / self._home, place[:, 1], out[:, self._seen + 1 :])
+        if self._messages:
+            self._write_heard(columns, rows, out[:, self.width - HEARD - self._messages :])
+
+    def _write_heard(self, columns: dict[str, np.ndarray], rows: slice, out: np.ndarray) -> None:
+        away = columns["heard.range"][rows, 0] / self._message_range
+        _write_place(away, columns["heard.bearing"][rows, 0], out)
+        heard = 0.5 + 0.5 * columns[f"heard.{MESSAGE}"][rows].reshape(len(out), -1)
+        np.nan_to_num(heard, copy=False, nan=0.5)
+        out[:, HEARD : HEARD + self._messages] = heard
+
+
+def _write_place(away: np.ndarray, bearing: np.ndarray, out: np.ndarray) -> None:
+    """Write a distance, at most 1, and the two shares of a bearing; 1, 0.5 and 0.5 for NaN."""
+    missing = np.isnan(away)
+    out[:, 0] = np.where(missing, 1.0, np.minimum(away, 1.0))
+    out[:, 1] = np.where(missing, 0.5, 0.5 + 0.5 * np.cos(bearing))
+    out[:, 2] = np.where(missing, 0.5, 0.5 + 0.5 * np.sin(bearing))
+
+
+class TeamEncoder:
+    """Turns the columns of robots of several designs into rows of numbers in [0, 1].
+
+    The first robots are those of the first encoder, and so on. Rows are as wide as the widest; the others end in zeros.
+
+    Parameters
+    ----------
+    encoders : sequence of (ObservationEncoder, int)
+        Each with its number of robots.
+
+    Examples
+    --------
+    >>> from mesa_swarm.robots.design import AGENT3, AGENT9
+    >>> nine, three = (ObservationEncoder(design, encoding="distance") for design in (AGENT9, AGENT3))
+    >>> team = TeamEncoder([(nine, 2), (three, 1)])
+    >>> team.width, team.widths
+    (9, (9, 9, 3))
+    """
+
+    def __init__(self, encoders: Sequence[tuple[ObservationEncoder, int]]) -> None:
+        self._encoders = tuple(encoders)
+        self.widths = tuple(encoder.width for encoder, count in encoders for _ in range(count))
+        self.width = max(self.widths)
 
     def observe(self, columns: dict[str, np.ndarray], out: np.ndarray) -> None:
         """Write the observations of the first robots, as many as `out` (k, width) has rows."""
-        observe(*(columns[name] for name in OBSERVED), self._reach, self._typed, self._body, self._leave, out)
+        out.fill(0.0)
+        first = 0
+        for encoder, count in self._encoders:
+            rows = out[first : first + count]
+            if len(rows):
+                own = np.empty((len(rows), encoder.width), out.dtype)
+                encoder.observe(columns, own, first)
+                rows[:, : encoder.width] = own
+            first += count
 
 
 # This calls no compiled function of another file, so that Numba's own cache cannot go stale.
 @compiled
-def observe(distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, body, leave, out):
-    """Write the rows that `ObservationEncoder` describes."""
-    sensors = distance.shape[1]
+def observe(
+    distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, kinds, parts, body, leave, out
+):
+    """Write the first blocks of the rows that `ObservationEncoder` describes; a robot may lack the last columns."""
+    sensors = reach.shape[0]
     for i in range(out.shape[0]):
         for s in range(sensors):
             seen = kind[i, s]
             out[i, s] = 1.0 if distance[i, s] < 0.0 else min(distance[i, s] / reach[s], 1.0)
             if typed:
-                out[i, sensors + s] = seen == OBSTACLE
-                out[i, 2 * sensors + s] = seen == ROBOT
-                out[i, 3 * sensors + s] = seen == FIRE
+                out[i, sensors + s] = seen == kinds[0]
+                out[i, 2 * sensors + s] = seen == kinds[1]
+                out[i, 3 * sensors + s] = seen == kinds[2]
         at = 4 * sensors if typed else sensors
-        for q in range(radiation.shape[1]):
+        for q in range(parts[0]):
             out[i, at + q] = radiation[i, q]
-        at += radiation.shape[1]
-        for k in range(line.shape[1]):
+        at += parts[0]
+        for k in range(parts[1]):
             out[i, at + k] = line[i, k]
-        at += line.shape[1]
+        at += parts[1]
         if body:
             out[i, at] = min(temperature[i] / leave, 1.0)
             out[i, at + 1] = hot[i]
@@ -96,7 +193,10 @@ def observe(distance, kind, radiation, line, temperature, hot, heat, fire, reach
 
 
 class Score(Protocol):
-    """Rewards for the steps of one world."""
+    """Rewards for the steps of one world.
+
+    It may also have `measures`, which returns the task's own measures of the episode so far, numbers by name.
+    """
 
     @property
     def finished(self) -> bool:
@@ -104,6 +204,41 @@ class Score(Protocol):
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step for the first robots, as many as `out` (k,) has rows."""
+
+
+class EpisodeTally:
+    """Sums over the steps of an episode for the first `count` robots of a world, and which cells they were in.
+
+    `sums` (count, 2) are of forward speeds as shares of the greatest, and of collisions; `fresh` (count,) is 1 for
+    the robots that were first in a cell of 40 x 40 in the last step, else 0.
+    """
+
+    def __init__(self, count: int, bounds: tuple[float, float, float, float]) -> None:
+        self.steps = 0
+        self.sums = np.zeros((count, 2))
+        self.fresh = np.zeros(count)
+        self.visited = np.zeros(CELLS, np.bool_)
+        self._bounds = bounds
+
+    def add(self, columns: dict[str, np.ndarray]) -> None:
+        """Add the last step from the swarm's columns."""
+        tally_step(*(columns[name] for name in TALLIED), self._bounds, self.visited, self.fresh, self.sums)
+        self.steps += 1
+
+    def measures(self, reachable: np.ndarray) -> dict[str, float]:
+        """Return collisions per 1,000 steps of the mean and the worst robot, the mean speed ahead, and the coverage.
+
+        The coverage is of the `reachable` cells (40, 40). Without steps all others are NaN.
+        """
+        visited, steps = int((self.visited & reachable).sum()), self.steps or math.nan
+        ahead, collided = self.sums.T
+        return {
+            "steps": float(self.steps),
+            "collisions": float(1000.0 * collided.mean() / steps),
+            "worst robot": float(1000.0 * collided.max() / steps),
+            "speed ahead": float(ahead.mean() / steps),
+            "coverage": visited / max(int(reachable.sum()), 1),
+        }
 
 
 class DrivingScore:
@@ -126,15 +261,16 @@ class ThesisScore:
 
     finished = False
 
-    def __init__(self, model: SwarmModel, *, kind: str, critical: float, ranges: np.ndarray) -> None:
+    def __init__(self, model: SwarmModel, *, kind: str, critical: float) -> None:
         self._model = model
         self._rule = REWARDS.index(kind), float(critical)
-        self._ranges = ranges
+        self._ranges = ranges_of(model.swarm.table.proximity)
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         columns = self._model.swarm.columns
-        near(columns["distance"], columns["command"], columns["max_speed"], self._ranges, *self._rule, out)
+        seen = columns["distance"], columns["design"], self._ranges
+        near(*seen, columns["command"], columns["max_speed"], *self._rule, out)
 
 
 class FindingScore:
@@ -143,6 +279,7 @@ class FindingScore:
     def __init__(self, model: SwarmModel, count: int, *, arrival: float, step_cost: float) -> None:
         self._model = model
         self._worth = arrival, step_cost
+        self._steps_to_end = math.nan
         self.found = np.zeros((count, len(model.fires)), bool)
 
     @property
@@ -153,6 +290,13 @@ class FindingScore:
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
+        if math.isnan(self._steps_to_end) and self.finished:
+            self._steps_to_end = float(self._model.steps)
+
+    def measures(self) -> dict[str, float]:
+        """Return the share of fires found, and the steps until all were, NaN before that."""
+        found = float(self.found.any(axis=0).mean())
+        return {"fires found": found, "steps until all found": self._steps_to_end}
 
 
 class ExtinguishingScore:
@@ -161,6 +305,7 @@ class ExtinguishingScore:
     def __init__(self, model: SwarmModel, count: int, *, put_out: float, work: float, step_cost: float) -> None:
         self._model = model
         self._worth = put_out, work, step_cost
+        self._steps_to_end = math.nan
         self._fought = np.full(count, -1)
 
     @property
@@ -172,6 +317,33 @@ class ExtinguishingScore:
         """Write the rewards of the last step."""
         out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
         extinguishing(fire, out_now, *self._worth, self._fought, out)
+        if math.isnan(self._steps_to_end) and self.finished:
+            self._steps_to_end = float(self._model.steps)
+
+    def measures(self) -> dict[str, float]:
+        """Return the share of fires out, 1 or 0 for the largest, and the steps until all were out, NaN before that."""
+        fires = self._model.fires.columns
+        largest = fires["out"][np.argmax(fires["radius"])]
+        return {
+            "fires out": float(fires["out"].mean()),
+            "largest fire out": float(largest),
+            "steps until all out": self._steps_to_end,
+        }
+
+
+@compiled
+def tally_step(command, max_speed, collided, position, bounds, visited, fresh, sums):
+    """Add a step to the sums of `EpisodeTally`, write which robots are first in a cell, and mark it as visited."""
+    rows, columns = visited.shape
+    left, below, right, above = bounds
+    for i in range(sums.shape[0]):
+        forward = 0.5 * (command[i, 0] + command[i, 1])
+        sums[i, 0] += forward / max_speed[i] if max_speed[i] > 0.0 else 0.0
+        sums[i, 1] += 1.0 if collided[i] else 0.0
+        column = min(max(int((position[i, 0] - left) / (right - left) * columns), 0), columns - 1)
+        row = min(max(int((position[i, 1] - below) / (above - below) * rows), 0), rows - 1)
+        fresh[i] = 0.0 if visited[row, column] else 1.0
+        visited[row, column] = True
 
 
 @compiled
@@ -185,13 +357,13 @@ def driving(command, max_speed, collided, collision_cost, reward):
 
 
 @compiled
-def near(distance, command, max_speed, ranges, kind, critical, reward):
+def near(distance, design, ranges, command, max_speed, kind, critical, reward):
     """Write the thesis's reward for the least reading and the wheel commands."""
     for i in range(reward.shape[0]):
         nearest = 1.0
-        for s in range(ranges.shape[0]):
+        for s in range(distance.shape[1]):
             if distance[i, s] >= 0.0:
-                nearest = min(nearest, distance[i, s] / ranges[s])
+                nearest = min(nearest, distance[i, s] / ranges[design[i], s])
         speed = max_speed[i] if max_speed[i] > 0.0 else 1.0
         reward[i] = rewarded(kind, nearest, command[i, 0] / speed, command[i, 1] / speed, critical)
 
@@ -217,3 +389,29 @@ def extinguishing(fire, out, put_out, work, step_cost, fought, reward):
         if before >= 0 and out[before]:  # only in this step: a fire that is out is not fought
             reward[i] += put_out
         fought[i] = fire[i]
+
+
+@compiled
+def cluster_sizes(position, link, sizes):
+    """Write how many robots are in each robot's cluster, itself included (single linkage)."""
+    n = position.shape[0]
+    root = np.arange(n)
+    for i in range(n):
+        for j in range(i):
+            dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+            if dx * dx + dy * dy <= link * link:
+                a, b = i, j
+                while root[a] != a:
+                    a = root[a]
+                while root[b] != b:
+                    b = root[b]
+                root[max(a, b)] = min(a, b)
+    sizes[:] = 0
+    for i in range(n):
+        a = i
+        while root[a] != a:
+            a = root[a]
+        root[i] = a
+        sizes[a] += 1
+    for i in range(n - 1, -1, -1):
+        sizes[i] = sizes[root[i]]

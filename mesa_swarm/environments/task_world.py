@@ -1,17 +1,28 @@
 """One world of a task for one episode, and the layer through which a learner drives robots."""
 
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mesa
 import numpy as np
+import shapely
+from numpy.typing import ArrayLike
 
+from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.control import Subsumption
+from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.environments.tasks import Task
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count
+from mesa_swarm.control.team import Key
+from mesa_swarm.environments.actions import shares
+from mesa_swarm.environments.scores import CELLS, MESSAGE, EpisodeTally
+from mesa_swarm.environments.task import Task
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.streams import Seed
 from mesa_swarm.swarm_model import SwarmModel
+
+Control = Arbiter | Mapping[Key, Arbiter | None]
 
 
 class Commanded:
@@ -19,17 +30,31 @@ class Commanded:
 
     Their `wheels` (count, 2) are rim speeds left and right, map units a step, 0 at first; robots are driven by them
     from the next step on. They exist once the layer belongs to a swarm: ``model.control.layers[0].wheels``.
+
+    Parameters
+    ----------
+    count : int
+        At least 1.
+    acts : sequence of str
+        Names of actuators of one number; `acts` (count, number of names) of the layer is what they are set to, 0 at
+        first.
+    sends : dict of name and width
+        Messages that are sent; `sends` (count, sum of widths) of the layer are the numbers, 0 at first.
     """
 
     name = "Commanded"
     _wheels: np.ndarray | None = None
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, acts: Sequence[str] = (), sends: Mapping[str, int] | None = None) -> None:
         self.count = check_count("count", count, minimum=1)
+        self._actuators, self._messages = tuple(acts), dict(sends or {})
+        self.acts, self.sends = np.empty((0, 0)), np.empty((0, 0))
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Allocate the commands: a copy of this layer belongs to each swarm."""
         self._wheels = np.zeros((self.count, 2))
+        self.acts = np.zeros((self.count, len(self._actuators)))
+        self.sends = np.zeros((self.count, sum(self._messages.values())))
 
     @property
     def wheels(self) -> np.ndarray:
@@ -49,6 +74,13 @@ class Commanded:
             )
         command[: self.count, :2] = self.wheels
         layer[: self.count] = index
+        for k, name in enumerate(self._actuators):
+            senses.act[name][: self.count] = self.acts[:, k]
+        first = 0
+        for name, width in self._messages.items():
+            sent = senses.send[name]
+            sent[: self.count] = self.sends[:, first : first + width].reshape(self.count, *sent.shape[1:])
+            first += width
 
     def reason(self, moment: Moment) -> Reason:
         """Return that the decision came from outside."""
@@ -56,25 +88,67 @@ class Commanded:
 
 
 class TaskWorld(SwarmModel):
-    """A world for one episode: `advance`, then `observe`, `finished` and `out_of_time`.
+    """A world for one episode: `advance`, then `observe`, `finished`, `out_of_time` and `measures`.
 
-    The first `commanded` robots are commanded, the task's rules drive the others. Its DataCollector collects nothing,
-    so that memory does not grow with the steps.
+    The first `commanded` robots are commanded and rewarded; the task's rules drive the others. Where none is
+    commanded, rules drive all robots, and all of them are rewarded and measured. Its DataCollector collects
+    nothing, so that memory does not grow with the steps.
+
+    Parameters
+    ----------
+    task : Task
+    commanded : int, optional
+        0 to the task's number of robots: all by default, and 0 with a `control`.
+    control : Arbiter, or dict of them by design, optional
+        Drives all robots, instead of the task's rules; see `SwarmModel.control`.
+    rng : int, SeedSequence or Generator, optional
+
+    Raises
+    ------
+    InvalidValueError
+        If robots are to be commanded and driven by `control` at once.
+
+    Examples
+    --------
+    >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+    >>> from mesa_swarm.environments import CollisionAvoidance
+    >>> task = CollisionAvoidance(n_robots=5, map="openspace", max_steps=20)
+    >>> rules = TaskWorld(task=task, control=Subsumption(Avoid(), Explore()), rng=1).play()
+    >>> straight_on = TaskWorld(task=task, rng=1).play(lambda seen: np.ones((5, 2)))
+    >>> rules["steps"], straight_on["speed ahead"]
+    (20.0, 1.0)
     """
 
-    def __init__(self, *, task: Task, commanded: int, rng: int) -> None:
-        super().__init__(map=task.map, rng=rng, history_every=0, fire_constants=task.constants)
+    def __init__(
+        self, *, task: Task, commanded: int | None = None, control: Control | None = None, rng: Seed = None
+    ) -> None:
+        super().__init__(
+            map=task.map, rng=rng, history_every=0, fire_constants=task.constants, communication=task.radio
+        )
         self.datacollector = mesa.DataCollector()
         self.task = task
-        self.commanded = commanded
-        self.add_robots(task.design, task.n_robots)
-        others = task.others() if commanded < task.n_robots else ()
-        self.control = Subsumption(Commanded(commanded), *others)
-        commands: Any = self.control.layers[0]  # the copy of Commanded that belongs to this swarm
-        self._wheels = commands.wheels
+        self.commanded = _checked_commanded(task, commanded, control)
+        self.rewarded = self.commanded or task.n_robots
+        for design, count in task.blocks():
+            self.add_robots(design, count)
+        task.furnish(self)
+        self.control = self._driver() if control is None else control
+        bound: Any = self.control
+        # The copy of Commanded that belongs to this swarm.
+        self._commands: Commanded | None = bound.layers[0] if self.commanded else None
         self._observer = task.observer()
-        self._score = task.score(self, commanded)
+        self._score = task.score(self, self.rewarded)
+        self._tally = EpisodeTally(self.rewarded, self.map.bounds)
+        self._begun_at = np.empty((0, 2))
         self.sense()
+
+    def _driver(self) -> Arbiter:
+        """Return what drives the robots without a `control`."""
+        others = self.task.others() if self.commanded < self.task.n_robots else ()
+        if not self.commanded:
+            return Subsumption(*others)
+        sends = {MESSAGE: self.task.messages} if self.task.messages else {}
+        return Subsumption(Commanded(self.commanded, acts=self.task.acts, sends=sends), *others)
 
     @property
     def finished(self) -> bool:
@@ -86,17 +160,96 @@ class TaskWorld(SwarmModel):
         """Whether the episode's steps are used up."""
         return self.steps >= self.task.max_steps
 
-    def advance(self, shares: np.ndarray, reward: np.ndarray) -> None:
-        """Take a step at these shares (k, 2) of the greatest wheel speed; write the commanded robots' rewards (k,)."""
-        np.multiply(shares, self.task.design.max_speed, out=self._wheels)
+    def advance(self, shares: np.ndarray | None, reward: np.ndarray) -> None:
+        """Take a step, and write the rewards (k,) of the robots that are rewarded.
+
+        `shares` (k, w) are, of each commanded robot, the wheel speeds as shares of the greatest and the other numbers
+        of the task's actions; None where none is commanded.
+        """
+        if not self._tally.steps:
+            self._begun_at = self.swarm.position.copy()
+        if shares is not None and self._commands is not None:
+            self._command(self._commands, shares)
         self.step()
+        self._tally.add(self.swarm.columns)
         if self.task.rewards_state:
             self._score.reward(reward)
-            self.sense()
+            self._perceive()
         else:
-            self.sense()
+            self._perceive()
             self._score.reward(reward)
+        if self.task.coverage_reward:
+            reward += self.task.coverage_reward * self._tally.fresh
+        if self.task.team:
+            reward += self.task.team * (reward.mean() - reward)
+
+    def _command(self, commands: Commanded, shares: np.ndarray) -> None:
+        """Set wheels, actuators and messages of the commanded robots."""
+        fastest = self.swarm.columns["max_speed"][: self.commanded, None]
+        np.multiply(shares[:, :2], fastest, out=commands.wheels)
+        self.task.set_acts(self, shares, commands.acts)
+        commands.sends[:] = shares[:, self.task.numbers - self.task.messages :]
+
+    def _perceive(self) -> None:
+        """Read all sensors, and let robots hear what was sent in the last step, as in the next step."""
+        self.sense()
+        if self._channel is not None:
+            self._exchange(self._channel)
 
     def observe(self, out: np.ndarray) -> None:
-        """Write the observations of the commanded robots, shape (k, width)."""
+        """Write the observations of the first robots, as many as `out` (k, width) has rows."""
         self._observer.observe(self.swarm.columns, out)
+
+    def measures(self) -> dict[str, float]:
+        """Return measures of the episode so far, of the robots that are rewarded.
+
+        Returns
+        -------
+        dict of float
+            "steps"; "collisions" and "worst robot", the collisions of the mean and of the worst robot per 1,000
+            steps; "speed ahead", the mean share of max_speed; "coverage", the visited share of the cells, of 40 x 40,
+            that robots can reach from where they begin; then the task's own. NaN stands for what is not known yet.
+        """
+        begun_at = self._begun_at if self._tally.steps else self.swarm.position
+        solids = [(body.shape.geometry, body.shape.radius) for body in self.obstacle_list if body.contact]
+        solids += [(shapely.Point(x, y), radius) for x, y, radius in self.fires.discs.tolist()]
+        radius = float(self.swarm.radius.min())
+        reachable = cells_from_places(self.map.bounds, solids, radius, begun_at[: self.rewarded], CELLS)
+        own = getattr(self._score, "measures", dict)
+        return {**self._tally.measures(reachable), **own()}
+
+    def play(self, policy: Callable[[np.ndarray], ArrayLike] | None = None) -> dict[str, float]:
+        """Take all steps of the episode and return its measures, with the "reward" of a robot and step.
+
+        Parameters
+        ----------
+        policy : callable, optional
+            Returns an action of each commanded robot for their observations, a float32 ndarray (k, width): wheel
+            speeds (k, 2) and what else the task's actions have, or numbers of actions (k,). Needed where robots are
+            commanded.
+        """
+        if (policy is None) == bool(self.commanded):
+            expected = "a policy for them" if self.commanded else "None: no robot is commanded"
+            raise InvalidValueError(f"policy is {shortened(policy)}, {self.commanded} commanded; expected {expected}")
+        seen = np.empty((self.commanded, self._observer.width), np.float32)
+        reward, total = np.empty(self.rewarded), 0.0
+        while not (self.finished or self.out_of_time):
+            command = None
+            if policy is not None:
+                self.observe(seen)
+                command = shares(self.task.actions, policy(seen), (self.commanded,), numbers=self.task.numbers)
+            self.advance(command, reward)
+            total += float(reward.mean())
+        return {"reward": total / max(self._tally.steps, 1), **self.measures()}
+
+
+def _checked_commanded(task: Task, commanded: int | None, control: Control | None) -> int:
+    """Return how many robots are commanded."""
+    if commanded is None:
+        return task.n_robots if control is None else 0
+    check_count("commanded", commanded, maximum=task.n_robots)
+    if commanded and control is not None:
+        raise InvalidValueError(
+            f"commanded is {commanded} beside a control, which drives all robots; give one of them only"
+        )
+    return commanded

@@ -1,15 +1,14 @@
 """The tasks: world, robots, rewards, and when an episode ends."""
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
-
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from mesa_swarm.control import Avoid, Explore, Layer
-from mesa_swarm.environments.actions import checked_choice
+from mesa_swarm.environments.aggregation import Aggregation
+from mesa_swarm.environments.foraging import Foraging
 from mesa_swarm.environments.scores import (
+    LARGEST_REWARD,
     DrivingScore,
     ExtinguishingScore,
     FindingScore,
@@ -17,97 +16,15 @@ from mesa_swarm.environments.scores import (
     Score,
     ThesisScore,
 )
-from mesa_swarm.errors import (
-    InvalidValueError,
-    UnknownNameError,
-    check_choice,
-    check_count,
-    check_number,
-    shortened,
-    unknown_name,
-)
+from mesa_swarm.environments.task import LASTING, Task
+from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
 from mesa_swarm.learning.rewards import CRITICAL, REWARD_STATES, REWARDS, STATE
-from mesa_swarm.robots.design import AGENT9, AGENT_FIRE, RobotDesign
+from mesa_swarm.robots.design import AGENT_FIRE, RobotDesign
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
 
-LARGEST_REWARD = 1e6
-# Fires that neither grow nor can be put out, and heat no robot: they only have to be found.
-LASTING = FireConstants(k1=1e-9, k2=1e-12, k3=0.0, k4=0.0, leave=1.0, join=0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Task:
-    """Base class of the tasks; see `CollisionAvoidance`, `FindFires` and `ExtinguishFires`.
-
-    Parameters
-    ----------
-    n_robots : int
-        At least 1, at free random poses of their own in every episode.
-    map : str, path or Map
-    design : RobotDesign
-        Of all robots, with at least one proximity sensor.
-    encoding : str
-        What robots observe: "distance", or "typed": the kinds of things as well, see `ObservationEncoder`.
-    actions : "continuous", 4 or 8
-        "continuous": two wheel speeds from -1 to 1, shares of the greatest; otherwise the number of one of the first
-        4 or 8 actions of the thesis (8.1).
-    max_steps : int
-        After which an episode is truncated.
-    """
-
-    n_robots: int = 15
-    map: str | os.PathLike | Map = "original"
-    design: RobotDesign = AGENT9
-    encoding: str = "distance"
-    actions: str | int = "continuous"
-    max_steps: int = 1000
-
-    def __post_init__(self) -> None:
-        check_count("n_robots", self.n_robots, minimum=1)
-        check_count("max_steps", self.max_steps, minimum=1)
-        checked_choice(self.actions)
-        object.__setattr__(self, "map", Map.load(self.map))
-        if not isinstance(self.design, RobotDesign):
-            raise InvalidValueError(f"design is {shortened(self.design)}; expected a RobotDesign such as AGENT9")
-        self.observer()
-
-    @classmethod
-    def of(cls, parameters: Mapping[str, Any]) -> "Task":
-        """Return the task with these parameters."""
-        known = [field.name for field in fields(cls)]
-        for name in parameters:
-            if name not in known:
-                raise UnknownNameError(unknown_name(f"parameter of {cls.__name__}", name, known))
-        return cls(**parameters)
-
-    @property
-    def chart(self) -> Map:
-        """The map itself."""
-        return Map.load(self.map)
-
-    @property
-    def constants(self) -> FireConstants:
-        """How its fires burn."""
-        return LASTING
-
-    def observer(self) -> ObservationEncoder:
-        """Return what turns readings into observations."""
-        return ObservationEncoder(self.design, encoding=self.encoding)
-
-    def others(self) -> tuple[Layer, ...]:
-        """Return the layers that drive the robots that are not commanded."""
-        return Avoid(), Explore()
-
-    @property
-    def rewards_state(self) -> bool:
-        """Whether the score is of the readings with which robots acted, and not of those after the step."""
-        return False
-
-    def score(self, model: SwarmModel, count: int) -> Score:
-        """Return what rewards the first `count` robots of a new world."""
-        raise NotImplementedError
+__all__ = ["LASTING", "TASKS", "Aggregation", "CollisionAvoidance", "ExtinguishFires", "FindFires", "Foraging", "Task"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +36,7 @@ class CollisionAvoidance(Task):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps
+    n_robots, map, design, encoding, actions, max_steps, variation, team, coverage_reward, messages, message_range
         As for `Task`.
     collision_cost : float
         At least 0; of the reward "speed" only.
@@ -156,8 +73,7 @@ class CollisionAvoidance(Task):
     def score(self, model: SwarmModel, count: int) -> Score:
         """Return what rewards the first `count` robots of a new world."""
         if self.reward in REWARDS:
-            ranges = np.array([float(sensor.range) for sensor in self.design.proximity])
-            return ThesisScore(model, kind=self.reward, critical=self.critical, ranges=ranges)
+            return ThesisScore(model, kind=self.reward, critical=self.critical)
         return DrivingScore(model, collision_cost=self.collision_cost)
 
 
@@ -167,7 +83,7 @@ class FireTask(Task):
 
     n_robots: int = 10
     map: str | os.PathLike | Map = "openspace_fire"
-    design: RobotDesign = AGENT_FIRE
+    design: RobotDesign | Sequence[RobotDesign] = AGENT_FIRE
     encoding: str = "typed"
     max_steps: int = 2000
     step_cost: float = 0.01
@@ -190,7 +106,7 @@ class FindFires(FireTask):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps
+    n_robots, map, design, encoding, actions, max_steps, variation, team, coverage_reward, messages, message_range
         As for `Task`.
     step_cost, arrival : float
         At least 0.
@@ -224,7 +140,7 @@ class ExtinguishFires(FireTask):
 
     Parameters
     ----------
-    n_robots, map, design, encoding, actions, max_steps
+    n_robots, map, design, encoding, actions, max_steps, variation, team, coverage_reward, messages, message_range
         As for `Task`.
     step_cost, put_out, work : float
         At least 0.
@@ -258,9 +174,10 @@ class ExtinguishFires(FireTask):
         """How its fires burn."""
         return design_constants() if self.fire_constants is None else self.fire_constants
 
-    def observer(self) -> ObservationEncoder:
-        """Return the observer, which includes the robots' heat."""
-        return ObservationEncoder(self.design, encoding=self.encoding, body=True, leave=self.constants.leave)
+    def encoder(self, design: RobotDesign) -> ObservationEncoder:
+        """Return the encoder, which includes the robots' heat."""
+        leave = self.constants.leave
+        return ObservationEncoder(design, encoding=self.encoding, body=True, leave=leave, **self._heard())
 
     def others(self) -> tuple[Layer, ...]:
         """Return the layers of strategy B."""
@@ -275,4 +192,6 @@ TASKS: dict[str, type[Task]] = {
     "collision_avoidance": CollisionAvoidance,
     "find_fires": FindFires,
     "extinguish_fires": ExtinguishFires,
+    "foraging": Foraging,
+    "aggregation": Aggregation,
 }

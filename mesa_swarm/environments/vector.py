@@ -1,23 +1,36 @@
 """Many worlds at once, as arrays: (worlds, robots, ...)."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mesa_swarm.environments.actions import shares
+from mesa_swarm.environments.actions import checked_clip, shares
+from mesa_swarm.environments.scores import TeamEncoder
+from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
+from mesa_swarm.environments.variation import Conditions, Options, Variation, checked_options
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, shortened
 
+if TYPE_CHECKING:  # optional
+    from gymnasium.spaces import Box
+
 LARGEST_SEED = 2**63
-Infos = dict[str, np.ndarray]
+# The stream of what varies from episode to episode, apart from that of the episodes' seeds.
+VARYING = 1
+Infos = dict[str, Any]
 
 
 class VectorSwarmEnv:
     """Several worlds of one task, stepped together; needs neither Gymnasium nor PettingZoo.
 
     A world whose episode ends starts the next one in the same step: its row of the observations is then the first
-    of the new episode, and ``infos["final_obs"]`` holds the last observations of the old one.
+    of the new episode, and ``infos["final_obs"]`` holds the last observations of the old one. Where the task's
+    `Variation` draws numbers of robots, the arrays have room for the most of them; rows of robots that an episode does
+    not have are 0, what is done with their actions is nothing, and `present` is False.
 
     Parameters
     ----------
@@ -27,11 +40,19 @@ class VectorSwarmEnv:
         At least 1.
     commanded : int, optional
         How many robots of each world are commanded, the first ones; all by default. The task's rules drive the others.
+    clip : bool
+        Whether wheel speeds beyond -1 and 1 are clipped instead of refused.
 
     Attributes
     ----------
     worlds : list of TaskWorld
         The current worlds; their columns can be read: ``env.worlds[0].swarm.collided``.
+    conditions : list of Conditions
+        Map, number of robots, speed and imperfection of the current episodes.
+    present : bool ndarray, shape (worlds, robots), read-only
+        Which commanded robots the current episodes have.
+    observed : bool ndarray, shape (robots, width), read-only
+        Which numbers the robots observe; of teams of several designs, the rows of others than the widest end in 0.
 
     Examples
     --------
@@ -39,33 +60,53 @@ class VectorSwarmEnv:
     >>> env = VectorSwarmEnv(CollisionAvoidance(n_robots=5, map="openspace"), n_worlds=3)
     >>> observations = env.reset(seed=1)
     >>> observations, reward, terminated, truncated, infos = env.step(np.ones((3, 5, 2)))
-    >>> observations.shape, reward.shape, terminated.shape
-    ((3, 5, 9), (3, 5), (3,))
+    >>> observations.shape, reward.shape, terminated.shape, env.state().shape
+    ((3, 5, 9), (3, 5), (3,), (3, 46))
     """
 
-    def __init__(self, task: Task, *, n_worlds: int, commanded: int | None = None) -> None:
+    def __init__(self, task: Task, *, n_worlds: int, commanded: int | None = None, clip: bool = False) -> None:
         if not isinstance(task, Task):
             raise InvalidValueError(f"task is {shortened(task)}; expected a task such as CollisionAvoidance()")
         self.task = task
         self.n_worlds = check_count("n_worlds", n_worlds, minimum=1)
-        most = task.n_robots
+        most = task.most_robots
         self.commanded = check_count("commanded", most if commanded is None else commanded, minimum=1, maximum=most)
-        self.width = task.observer().width
+        observer = task.observer()
+        self.width = observer.width
+        widths = np.array(observer.widths if isinstance(observer, TeamEncoder) else [self.width] * self.commanded)
+        self.observed = np.arange(self.width) < widths[: self.commanded, None]
+        self.observed.flags.writeable = False
         self.worlds: list[TaskWorld] = []
+        self.conditions: list[Conditions] = []
+        self.present = np.zeros((self.n_worlds, self.commanded), bool)
+        self._returns = np.zeros((self.n_worlds, self.commanded))
+        self._clip = checked_clip(task.actions, clip)
+        self._states: StateEncoder | None = None
+        self._space: Box | None = None
         self._generators = [np.random.default_rng() for _ in range(self.n_worlds)]
 
-    def reset(self, *, seed: int | Sequence[int] | None = None) -> np.ndarray:
+    def reset(
+        self, *, seed: int | Sequence[int] | None = None, options: Options | Sequence[Options] | None = None
+    ) -> np.ndarray:
         """Start an episode in every world and return the observations (worlds, robots, width), float32.
 
         Parameters
         ----------
         seed : int or sequence of int, optional
-            World w gets seed + w, or its own. A world with the same seed has the same episodes, whatever the number
-            of worlds. Without one the streams continue.
+            World w gets child w of the seed (NumPy's ``SeedSequence(seed).spawn``): it has the same episodes whatever
+            the number of worlds, and shares none with a world of another seed. Or each world gets a seed of its own,
+            and is then world 0 of that seed. Without one the streams continue.
+        options : dict or sequence of dict, optional
+            Of the episodes that begin now, in all worlds or in each: "map", "n_robots", "speed" and "imperfection"
+            are what they are given to be instead of drawn.
         """
+        given = self._options(options)
         if seed is not None:
-            self._generators = [np.random.default_rng(each) for each in self._seeds(seed)]
-        self.worlds = [self._new_world(w) for w in range(self.n_worlds)]
+            self._generators = generators(seed, self.n_worlds)
+        made = [self._new_world(w, given[w]) for w in range(self.n_worlds)]
+        self.worlds, self.conditions = [world for world, _ in made], [drawn for _, drawn in made]
+        self._returns[:] = 0.0
+        self._note_present()
         return self._observations()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Infos]:
@@ -73,8 +114,8 @@ class VectorSwarmEnv:
 
         Parameters
         ----------
-        actions : ndarray, shape (worlds, robots, 2) or (worlds, robots)
-            Wheel speeds from -1 to 1, or numbers of actions, depending on the task.
+        actions : ndarray, shape (worlds, robots, w) or (worlds, robots)
+            Wheel speeds and what else the task's actions have (``task.numbers``), from -1 to 1, or numbers of actions.
 
         Returns
         -------
@@ -83,50 +124,147 @@ class VectorSwarmEnv:
         terminated, truncated : bool ndarrays, shape (worlds,)
             Whether the task was done; whether the steps were used up.
         infos : dict
-            Empty, or "final_obs" (worlds, robots, width) if an episode has ended.
+            "collided" (worlds, robots): which overlapped anything in this step; "present": which there were. If an
+            episode has ended: "final_obs" (worlds, robots, width); "_final_obs" (worlds,): which have ended; and of
+            these, 0 for others, "returns" (worlds, robots), the sums of rewards, and "measures", a dict of arrays
+            (worlds,): steps, collisions and what else the task measures; infinity for what has not happened.
         """
         if not self.worlds:
             raise SwarmError("the environment has no episode yet; call reset() before step()")
-        wheels = shares(self.task.actions, actions, (self.n_worlds, self.commanded))
-        reward = np.empty((self.n_worlds, self.commanded))
-        for world, command, row in zip(self.worlds, wheels, reward, strict=True):
-            world.advance(command, row)
+        commands = shares(self.task.actions, actions, (self.n_worlds, self.commanded), self._clip, self.task.numbers)
+        reward = np.zeros((self.n_worlds, self.commanded))
+        collided = np.zeros((self.n_worlds, self.commanded), bool)
+        for world, command, row, hit in zip(self.worlds, commands, reward, collided, strict=True):
+            k = world.commanded
+            world.advance(command[:k], row[:k])
+            hit[:k] = world.swarm.columns["collided"][:k]
+        self._returns += reward
         observations = self._observations()
         terminated = np.array([world.finished for world in self.worlds])
         truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated
-        infos = self._renew(np.flatnonzero(terminated | truncated), observations)
+        infos = {"collided": collided, "present": self.present}
+        if terminated.any() or truncated.any():
+            infos |= self._renew(terminated | truncated, observations)
         return observations, reward, terminated, truncated, infos
 
-    def _renew(self, ended: np.ndarray, observations: np.ndarray) -> Infos:
-        """Start the next episode where one has ended; write its first observations and return the last ones."""
-        if not len(ended):
-            return {}
-        final = observations.copy()
-        for w in ended:
-            self.worlds[w] = self._new_world(w)
-            self.worlds[w].observe(observations[w])
-        return {"final_obs": final}
+    def state(self) -> np.ndarray:
+        """Return the states of all worlds for a central critic, float32, shape (worlds, numbers); see `StateEncoder`.
 
-    def _new_world(self, w: int) -> TaskWorld:
-        return new_world(self.task, self.commanded, self._generators[w])
+        A world whose episode has just ended has the state of the new one.
+        """
+        if not self.worlds:
+            raise SwarmError("the environment has no episode yet; call reset() before state()")
+        if self._states is None:
+            self._states = StateEncoder(self.task)
+        states = np.empty((self.n_worlds, self._states.width), np.float32)
+        for world, row in zip(self.worlds, states, strict=True):
+            self._states.write(world, row)
+        return states
+
+    @property
+    def state_space(self) -> "Box":
+        """The space of one world's state, always the same object; needs Gymnasium."""
+        if self._space is None:
+            from mesa_swarm.environments.spaces import state_space  # noqa: PLC0415 - optional
+
+            self._space = state_space(self.task)
+        return self._space
+
+    def _renew(self, ended: np.ndarray, observations: np.ndarray) -> Infos:
+        """Start the next episode where one has ended; write its first observations and return what the last was."""
+        rows = np.flatnonzero(ended).tolist()
+        found = {w: measures(self.worlds[w]) for w in rows}
+        table = {name: np.zeros(self.n_worlds) for name in found[rows[0]]}
+        for w, values in found.items():
+            for name, value in values.items():
+                table[name][w] = value
+        infos = {
+            "final_obs": observations.copy(),
+            "_final_obs": ended,
+            "returns": np.where(ended[:, None], self._returns, 0.0),
+            "measures": table,
+        }
+        self._returns[ended] = 0.0
+        for w in rows:
+            self.worlds[w], self.conditions[w] = self._new_world(w, None)
+            self._observe(w, observations[w])
+        self._note_present()
+        return infos
+
+    def _new_world(self, w: int, options: Options | None) -> tuple[TaskWorld, Conditions]:
+        return new_world(self.task, self.commanded, self._generators[w], options)
+
+    def _note_present(self) -> None:
+        counts = np.array([world.commanded for world in self.worlds])
+        self.present = np.arange(self.commanded) < counts[:, None]
+        self.present.flags.writeable = False
 
     def _observations(self) -> np.ndarray:
-        observations = np.empty((self.n_worlds, self.commanded, self.width), np.float32)
-        for world, rows in zip(self.worlds, observations, strict=True):
-            world.observe(rows)
+        observations = np.zeros((self.n_worlds, self.commanded, self.width), np.float32)
+        for w, rows in enumerate(observations):
+            self.worlds[w].observe(rows[: self.worlds[w].commanded])
         return observations
 
-    def _seeds(self, seed: int | Sequence[int]) -> list[int]:
-        if isinstance(seed, (list, tuple, np.ndarray)):
-            if len(seed) != self.n_worlds:
-                raise InvalidValueError(f"seed has {len(seed)} numbers for {self.n_worlds} worlds; expected one each")
-            return [check_seed(each) for each in seed]
-        return [check_seed(seed) + w for w in range(self.n_worlds)]
+    def _observe(self, w: int, rows: np.ndarray) -> None:
+        k = self.worlds[w].commanded
+        rows[k:] = 0.0
+        self.worlds[w].observe(rows[:k])
+
+    def _options(self, options: Options | Sequence[Options] | None) -> list[Options | None]:
+        if options is None or isinstance(options, Mapping):
+            return [options] * self.n_worlds
+        if not isinstance(options, (list, tuple)):
+            raise InvalidValueError(
+                f"options is {shortened(options)}; expected a dict, or a list of one for each world"
+            )
+        if len(options) != self.n_worlds:
+            raise InvalidValueError(f"options has {len(options)} dicts for {self.n_worlds} worlds; expected one each")
+        return list(options)
 
 
-def new_world(task: Task, commanded: int, generator: np.random.Generator) -> TaskWorld:
-    """Return a world for the next episode, its seed drawn from this stream."""
-    return TaskWorld(task=task, commanded=commanded, rng=int(generator.integers(LARGEST_SEED)))
+def new_world(
+    task: Task, commanded: int, generator: np.random.Generator, options: Options | None = None
+) -> tuple[TaskWorld, Conditions]:
+    """Return a world for the next episode, its seed drawn from this stream, and the conditions drawn for it."""
+    given = checked_options(options, task.most_robots)
+    if given.get("n_robots", task.n_robots) != task.n_robots and len(task.designs) > 1:
+        raise InvalidValueError(
+            f"option n_robots is {given['n_robots']}; expected {task.n_robots}, the number of the team: an agent "
+            "always has the same design"
+        )
+    seed = int(generator.integers(LARGEST_SEED))
+    if task.variation is None and not given:
+        return TaskWorld(task=task, commanded=commanded, rng=seed), Conditions(map=task.chart, n_robots=task.n_robots)
+    variation = Variation() if task.variation is None else task.variation
+    drawn = variation.draw(stream(seed, VARYING), map=task.chart, n_robots=task.n_robots)
+    conditions = replace(drawn, **given)
+    world = TaskWorld(task=task.under(conditions), commanded=min(commanded, conditions.n_robots), rng=seed)
+    world.imperfections = variation.imperfections.at(conditions.imperfection)
+    world.sense()
+    return world, conditions
+
+
+def measures(world: TaskWorld) -> dict[str, float]:
+    """Return what `infos` hold of an episode that is over: its measures, infinity for what has not happened in it.
+
+    NaN would make equal infos differ.
+    """
+    return {name: math.inf if math.isnan(value) else value for name, value in world.measures().items()}
+
+
+def stream(seed: int, child: int = 0) -> np.random.Generator:
+    """Return the generator of a child of a seed: 0 for a single environment, w for world w of a vector."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(child,)))
+
+
+def generators(seed: int | Sequence[int], n_worlds: int) -> list[np.random.Generator]:
+    """Return a generator for each world: of the children of a seed, or of a seed each."""
+    if not isinstance(seed, (list, tuple, np.ndarray)):
+        root = check_seed(seed)
+        return [stream(root, w) for w in range(n_worlds)]
+    if len(seed) != n_worlds:
+        raise InvalidValueError(f"seed has {len(seed)} numbers for {n_worlds} worlds; expected one each")
+    return [stream(check_seed(each)) for each in seed]
 
 
 def check_seed(seed: object) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.experiments.controllers import Controller
 from mesa_swarm.experiments.driving import driven_world, tallied
 from mesa_swarm.experiments.evolution import Evolved, Trial, evolve
 from mesa_swarm.experiments.gating import ValidationGate, driven_by, gated
@@ -54,7 +55,7 @@ class Trained:
     `passed` is None where no training was validated. All but the last of the trainings, if that passed, missed.
     """
 
-    frozen: Arbiter
+    frozen: Arbiter | Controller
     learning: Arbiter | None = None
     robot_steps: int = 0
     curve: list[float] = field(default_factory=list)

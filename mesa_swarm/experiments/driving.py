@@ -6,7 +6,7 @@ import mesa
 import numpy as np
 import shapely
 
-from mesa_swarm.analysis.coverage import coverage, reachable_cells
+from mesa_swarm.analysis.coverage import cells_from_places, coverage
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.fitness import SQUARE, Tally
@@ -64,14 +64,6 @@ def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
 
 def within_reach(model: SwarmModel) -> np.ndarray:
     """Return which cells (40, 40) any robot of a model can reach from its position, as if it were alone."""
-    bounds, radius = model.map.bounds, float(model.swarm.radius[0])
     solids = [(body.shape.geometry, body.shape.radius) for body in model.obstacle_list if body.contact]
-    solids += [(shapely.Point(x, y), radius_of_fire) for x, y, radius_of_fire in model.fires.discs]
-    corner, extent = np.array(bounds[:2]), np.array(bounds[2:]) - bounds[:2]
-    reachable = np.zeros(CELLS, np.bool_)
-    for place in model.swarm.position:
-        column, row = np.minimum((place - corner) / extent * CELLS[::-1], np.array(CELLS[::-1]) - 1).astype(int)
-        if not reachable[row, column]:
-            reachable |= reachable_cells(bounds, solids, radius, place.copy(), CELLS, fewest_share=0.01)
-            reachable[row, column] = True
-    return reachable
+    solids += [(shapely.Point(x, y), radius) for x, y, radius in model.fires.discs.tolist()]
+    return cells_from_places(model.map.bounds, solids, float(model.swarm.radius[0]), model.swarm.position, CELLS)

@@ -15,7 +15,7 @@ from mesa_swarm.experiments.experiment import shown_value
 from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.experiments.runs import without_addresses
 from mesa_swarm.files import write_whole
-from mesa_swarm.learning.evolution import Evolution
+from mesa_swarm.learning.evolution import Evolution, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.policy import PolicyLayer, SensorLayout
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length, half_length, whole_genome
@@ -37,13 +37,13 @@ class Diary:
         if self.file is not None and self.file.suffix != ".json":
             raise LearningError(f"{self.file.name} does not end with .json; give the evolution's file such a name")
 
-    def write(self, search: Evolution) -> None:
+    def write(self, search: Evolution | MixedEvolution) -> None:
         """Write the fitness of all generations, whole or not at all."""
         if self.file is not None:
             text = json.dumps({"format": FORMAT, "settings": self.settings, "fitness": search.history})
             write_whole(self.file, text, LearningError)
 
-    def replay(self, search: Evolution, most: int) -> None:
+    def replay(self, search: Evolution | MixedEvolution, most: int) -> None:
         """Pass the fitness in the file, if there is one, to a new search; that of this many generations at most."""
         if self.file is None or not self.file.exists():
             return

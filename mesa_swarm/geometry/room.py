@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -22,6 +23,8 @@ SAMPLED = 32
 MOST_NEAR = 100
 # Its edges are those of a simpler outline, at most this share of the reach away; the reach grows by the same share.
 SMOOTHED = 0.01
+# Worlds of which the parts of the room are remembered.
+REMEMBERED = 256
 # Points are tried against this number of the largest solids before all.
 STAGES = (30, 500, None)
 POINT = 0  # Shapely's number of this type
@@ -348,6 +351,50 @@ def part_around(space: shapely.Geometry, point: np.ndarray, slack: float) -> sha
     distance = shapely.distance(parts, shapely.Point(point))
     nearest = distance.argmin()
     return parts[nearest] if distance[nearest] <= slack else None
+
+
+def cells_of_nearest_parts(
+    bounds: Bounds,
+    solids: tuple[tuple[shapely.Geometry, float], ...],
+    radius: float,
+    quarter_segments: int,
+    points: np.ndarray,
+    shape: tuple[int, int],
+    fewest_share: float,
+) -> np.ndarray:
+    """Return the cells of the parts of the room for a disc in which points (n, 2) are, or to which they are nearest.
+
+    Those are cells, bool of `shape` (rows, columns), of which a part covers more than `fewest_share`.
+
+    Examples
+    --------
+    >>> wall = (shapely.box(45, 0, 55, 100), 0.0)
+    >>> cells_of_nearest_parts((0, 0, 100, 100), (wall,), 5.0, 16, np.array([[20, 20]]), (1, 4), 0.01)
+    array([[ True,  True, False, False]])
+    """
+    parts, covered = _parts_by_cell(bounds, solids, radius, quarter_segments, shape, fewest_share)
+    if not len(points) or not len(parts):
+        return np.zeros(shape, bool)
+    away = shapely.distance(parts[:, None], shapely.points(np.asarray(points, float))) if len(parts) > 1 else None
+    nearest = slice(None) if away is None else np.unique(away.argmin(axis=0))
+    return np.asarray(covered[nearest].any(axis=0))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _parts_by_cell(
+    bounds: Bounds,
+    solids: tuple[tuple[shapely.Geometry, float], ...],
+    radius: float,
+    quarter_segments: int,
+    shape: tuple[int, int],
+    fewest_share: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the parts of the room for a disc, and which cells each of them covers (parts, rows, columns)."""
+    parts = shapely.get_parts(room_for_disc(bounds, solids, radius, quarter_segments))
+    x_min, y_min, x_max, y_max = bounds
+    fewest = fewest_share * (x_max - x_min) * (y_max - y_min) / (shape[0] * shape[1])
+    covered = [areas_by_cell(part, bounds, *shape) > fewest for part in parts]
+    return parts, np.array(covered, bool).reshape(-1, *shape)
 
 
 def areas_by_cell(space: shapely.Geometry, bounds: Bounds, rows: int, columns: int) -> np.ndarray:

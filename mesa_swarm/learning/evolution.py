@@ -1,4 +1,4 @@
-"""Evolution: a reproducible search by covariance matrix adaptation."""
+"""Evolution: a reproducible search by covariance matrix adaptation, of numbers alone or with categories."""
 
 import math
 from collections.abc import Sequence
@@ -86,17 +86,114 @@ class Evolution:
         LearningError
             If it is not one finite number for each; the search is then unchanged.
         """
-        values = [float(value) for value in fitness]
-        if len(values) != self.population:
-            raise LearningError(f"{len(values)} fitnesses given; expected {self.population}, one a candidate")
-        wrong = next((k for k, value in enumerate(values) if not math.isfinite(value)), None)
-        if wrong is not None:
-            raise LearningError(
-                f"the fitness of candidate {wrong} in generation {self.generations} is {values[wrong]}; "
-                "expected a finite number"
-            )
+        values = checked_fitness(fitness, self.population, self.generations)
         # CMA-ES minimises.
         self._search.tell([(x, -value) for x, value in zip(self.ask(), values, strict=True)])
         self._asked = None
         self.history.append(values)
         self.means.append(self.mean)
+
+
+Candidate = tuple[np.ndarray, np.ndarray]
+
+
+class MixedEvolution:
+    """Search for numbers and categories whose fitness is greatest, by CatCMA [1]_: `ask` and `tell` as of `Evolution`.
+
+    A candidate is a pair of arrays: of numbers (d,), which begin around 0.5, and of the index of a category each (k,),
+    which begin equally probable.
+
+    Parameters
+    ----------
+    numbers : int
+        How many numbers a candidate has, at least 2.
+    categories : sequence of int
+        Of each of its categorical variables the number of categories, at least 2.
+    sigma : float
+        Standard deviation of the first candidates' numbers, above 0.
+    population : int
+        Candidates a generation, at least 4.
+    seed : int
+        0 to 2^31 - 1.
+
+    Raises
+    ------
+    InvalidValueError
+
+    References
+    ----------
+    .. [1] Hamano et al., CatCMA: stochastic optimization for mixed-category problems, GECCO 2024, arXiv:2405.09962.
+
+    Examples
+    --------
+    >>> search = MixedEvolution(2, [3, 3], sigma=0.3, population=12, seed=1)
+    >>> for _ in range(60):
+    ...     search.tell([float((c == 2).sum() - x @ x) for x, c in search.ask()])
+    >>> search.best[-1][1]
+    array([2, 2])
+    """
+
+    def __init__(self, numbers: int, categories: Sequence[int], *, sigma: float, population: int, seed: int) -> None:
+        from cmaes import CatCMA  # noqa: PLC0415 - it loads scipy.stats, for which models do not wait
+
+        check_count("numbers", numbers, minimum=2, maximum=10_000)
+        kinds = np.array([check_count("categories", count, minimum=2, maximum=1000) for count in categories], np.int64)
+        if not len(kinds):
+            raise InvalidValueError("categories is empty; expected one number at least, or use Evolution")
+        self.population = check_count("population", population, minimum=4, maximum=10_000)
+        self._search = CatCMA(
+            mean=np.full(numbers, 0.5),
+            sigma=check_number("sigma", sigma, above=0, maximum=1e6),
+            cat_num=kinds,
+            population_size=self.population,
+            seed=check_count("seed", seed),
+        )
+        self._asked: list[Candidate] | None = None
+        self.history: list[list[float]] = []
+        self.best: list[Candidate] = []
+
+    @property
+    def generations(self) -> int:
+        """The number of generations evaluated."""
+        return len(self.history)
+
+    def ask(self) -> list[Candidate]:
+        """Return the candidates of this generation, the same ones until `tell`."""
+        if self._asked is None:
+            self._asked = [self._search.ask() for _ in range(self.population)]
+        return [(x.copy(), np.argmax(c, axis=1)) for x, c in self._asked]
+
+    def tell(self, fitness: Sequence[float]) -> None:
+        """Take the fitness of each candidate in their order, and begin the next generation.
+
+        Raises
+        ------
+        LearningError
+            If it is not one finite number for each; the search is then unchanged.
+        """
+        values = checked_fitness(fitness, self.population, self.generations)
+        candidates = self.ask()
+        asked = self._asked or []
+        # CatCMA minimises.
+        self._search.tell([(one, -value) for one, value in zip(asked, values, strict=True)])
+        self._asked = None
+        self.history.append(values)
+        self.best.append(candidates[int(np.argmax(values))])
+
+
+def checked_fitness(fitness: Sequence[float], population: int, generation: int) -> list[float]:
+    """Return the fitness of a generation, one finite number for each candidate.
+
+    Raises
+    ------
+    LearningError
+    """
+    values = [float(value) for value in fitness]
+    if len(values) != population:
+        raise LearningError(f"{len(values)} fitnesses given; expected {population}, one a candidate")
+    wrong = next((k for k, value in enumerate(values) if not math.isfinite(value)), None)
+    if wrong is not None:
+        raise LearningError(
+            f"the fitness of candidate {wrong} in generation {generation} is {values[wrong]}; expected a finite number"
+        )
+    return values

@@ -1,15 +1,17 @@
 """Learning to fight fires by choosing among skills."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from mesa_swarm.control.layer import Senses, nearest_of
-from mesa_swarm.errors import LearningError, check_count, check_flag, check_name, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
 from mesa_swarm.learning.learner import LearningLayer
+from mesa_swarm.learning.policy import SensorLayout, sensors_of
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -57,6 +59,98 @@ def perform(skill, distance, kind, bearing, forward, i, d, at_fire, side, speed,
 
 
 LARGEST_REWARD = 1e6
+# Stored in a policy's `training`.
+TRAINING_PARAMETERS = ("arrival", "put_out", "step_cost", "alpha", "gamma", "beta", "shared")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, slots=True)
+class SkillPolicy:
+    """Values of skills in each situation, which robots learned by `LearnFires`.
+
+    ``LearnFires(start=policy, frozen=True)`` drives robots by it, on any map and of any design with proximity sensors;
+    `save_policy` and `load_policy` store it. Its situations include a robot's heat, which is not among the readings
+    with which `PolicyLayer` asks a `Policy`.
+
+    Parameters
+    ----------
+    sensors : SensorLayout
+        Of the robots that learned.
+    values : ndarray, shape (copies, 16, 5)
+        Of every skill of `SKILLS` in every situation of `SITUATIONS`. The k-th robot acts by set ``k % copies``.
+    temperature : float
+        Of the choice, above 0.
+    hold : int
+        Steps for which a skill lasts in the same situation, at least 1.
+    steps : int
+        Robot-steps of training, 0 for none.
+    training : dict
+        Provenance, and figures of its training.
+
+    Raises
+    ------
+    InvalidValueError
+        If the values have another shape, or are not finite.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT_FIRE
+    >>> eyes = SensorLayout.of(AGENT_FIRE)
+    >>> policy = SkillPolicy(sensors=eyes, values=np.eye(16, 5)[None], temperature=0.1, hold=50)
+    >>> policy.best()["free, sees a fire"]
+    'wait'
+    """
+
+    family: ClassVar[str] = "skills"
+    sensors: SensorLayout
+    values: np.ndarray
+    temperature: float = 0.1
+    hold: int = 50
+    steps: int = 0
+    training: dict = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        values, expected = np.asarray(self.values), (len(SITUATIONS), len(SKILLS))
+        if values.ndim != 3 or not len(values) or values.shape[1:] != expected:
+            raise InvalidValueError(
+                f"values have shape {values.shape}; expected (copies, {expected[0]}, {expected[1]})"
+            )
+        if not np.isfinite(values).all():
+            raise InvalidValueError("values hold numbers that are not finite; train the policy anew")
+        check_number("temperature", self.temperature, above=0, maximum=LARGEST_REWARD)
+        check_count("hold", self.hold, minimum=1)
+        check_count("steps", self.steps, maximum=2**62)
+
+    @property
+    def copies(self) -> int:
+        """The number of robots' tables."""
+        return len(self.values)
+
+    def of_robot(self, index: int) -> "SkillPolicy":
+        """Return the policy of one robot, 0 to ``copies - 1``, to share it with others."""
+        k = check_count("index", index, maximum=self.copies - 1)
+        return replace(self, values=self.values[k : k + 1].copy())
+
+    def best(self, copy: int = 0) -> dict[str, str]:
+        """Return the skill of the largest value in every situation, by their names, of one robot's table."""
+        row = self.values[check_count("copy", copy, maximum=self.copies - 1)]
+        return {name: SKILLS[k] for name, k in zip(SITUATIONS, row.argmax(axis=1).tolist(), strict=True)}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the values by name."""
+        return {"values": np.asarray(self.values, np.float64)}
+
+    def settings(self) -> dict:
+        """Return the other fields that acting depends on."""
+        return {"temperature": self.temperature, "hold": self.hold}
+
+    @classmethod
+    def restored(
+        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
+    ) -> "SkillPolicy":
+        """Return the policy with these parts, from a file."""
+        if sorted(arrays) != ["values"] or sorted(settings) != ["hold", "temperature"]:
+            raise InvalidValueError(f"a skills policy has {', '.join(arrays)}; expected values, hold and temperature")
+        return cls(sensors=sensors, values=arrays["values"], steps=steps, training=training, **settings)
 
 
 @dataclass(kw_only=True)
@@ -84,13 +178,16 @@ class LearnFires(LearningLayer):
     beta : float
         Share of its difference to the limit by which the temperature falls in each step, 0 to 1.
     first_temperature, last_temperature : float
-        Of the choice, above 0.
+        Of the choice, above 0. With a start, its temperature is the first.
     hold : int
         Steps, at least 1.
     shared : bool
         Whether all robots learn in one table, in the order of their ids.
     frozen : bool
-        Whether it only chooses, without learning: at random if frozen from the start.
+        Whether it only chooses, without learning: by the values of its start, at random without one.
+    start : SkillPolicy, optional
+        The initial policy of new robots, from `policy()` or a file. The k-th robot ever made gets table
+        ``k % copies``, or table 0 where they share one.
 
     Raises
     ------
@@ -114,6 +211,7 @@ class LearnFires(LearningLayer):
     hold: int = 50
     shared: bool = False
     frozen: bool = False
+    start: SkillPolicy | None = None
     name: str = "LearnFires"
 
     def __post_init__(self) -> None:
@@ -128,11 +226,37 @@ class LearnFires(LearningLayer):
         check_count("hold", self.hold, minimum=1)
         for name in ("shared", "frozen"):
             check_flag(name, getattr(self, name))
+        if self.start is not None and not isinstance(self.start, SkillPolicy):
+            raise InvalidValueError(f"start is {shortened(self.start)}; expected a SkillPolicy, as policy() returns it")
+
+    def policy(self, **training: str | float) -> SkillPolicy:
+        """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
+        sensors = sensors_of(self._robots)
+        self._init_new_robots()
+        return SkillPolicy(
+            sensors=sensors,
+            values=self._column("values")[: 1 if self.shared else None].copy(),
+            temperature=float(self._column("temperature").mean()),
+            hold=int(self.hold),
+            **self._training(TRAINING_PARAMETERS, training),
+        )
+
+    def _check_sensors(self) -> None:
+        """Permit all sensors: skills are the same for all."""
 
     def _start_elsewhere(self) -> None:
-        """Refuse to: tables cannot be stored as a policy, from which robots of another model could start."""
-        if self._column("values").any():
-            raise LearningError(f"{self.name} has learned in another model; give this one a new LearnFires(...)")
+        """Let the robots of another model start with the values that were learned."""
+        if self._column("lessons").any():
+            self.start = self.policy()
+
+    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
+        """Let new robots begin with the table that is shared, or with those of the start."""
+        values = self._column("values")
+        if self.shared and len(known):
+            values[new] = values[known[0]]
+        elif self.start is not None:
+            number = np.zeros_like(new) if self.shared else self._robots.columns["number"][new]
+            values[new] = self.start.values[number % self.start.copies]
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: a table, a robot's skill and since when, and its reward."""
@@ -141,7 +265,10 @@ class LearnFires(LearningLayer):
             swarm.remember(f"{prefix}.{name}", (), np.int64, -1)
         swarm.remember(f"{prefix}.kept", (), np.int64, 0)
         swarm.remember(f"{prefix}.gain", (), np.float64, 0.0)
-        swarm.remember(f"{prefix}.temperature", (), np.float64, self.first_temperature)
+        first = self.first_temperature if self.start is None else self.start.temperature
+        swarm.remember(f"{prefix}.temperature", (), np.float64, first)
+        swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
+        swarm.remember(f"{prefix}.born", (), np.bool_, False)
 
     @property
     def values(self) -> np.ndarray:
@@ -160,11 +287,12 @@ class LearnFires(LearningLayer):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Learn from the last step, choose skills where due, and drive robots that no other layer drives."""
+        self._init_new_robots()
         values = self._column("values")
         learn_skills(
             senses.distance, senses.kind, senses.heat, senses.hot, senses.fire, senses.last_command,
             senses.tendency, senses.max_speed, senses.radius, senses.design, senses.bearing, senses.forward,
-            values, tuple(map(self._column, ("situation", "skill", "last", "before", "kept"))),
+            values, tuple(map(self._column, ("situation", "skill", "last", "before", "kept", "lessons"))),
             tuple(map(self._column, ("gain", "temperature"))), self._rng.random(len(layer)),
             (float(self.arrival), float(self.put_out), float(self.step_cost)),
             (float(self.alpha), float(self.gamma), float(self.beta), float(self.last_temperature)),
@@ -189,7 +317,7 @@ def learn_skills(
     values, doing, worth, chance, rewards, rates, hold, options, command, layer, index,
 ):  # fmt: skip
     """Learn from the last step and write the commands of the skills that are chosen."""
-    situation, skill, last, before, age = doing
+    situation, skill, last, before, age, lessons = doing
     gain, temperature = worth
     alpha, gamma, beta, coolest = rates
     shared, frozen = options
@@ -200,6 +328,7 @@ def learn_skills(
             stood = last_command[i, 0] == 0.0 and last_command[i, 1] == 0.0
             gain[i] += gamma ** age[i] * paid(fire[i], before[i], last[i], hot[i], stood, rewards)
             age[i] += 1
+            lessons[i] += 0 if frozen else 1
         if fire[i] >= 0:
             last[i] = fire[i]
         before[i] = fire[i]

@@ -1,6 +1,7 @@
-"""HebbianLearning: reflexes strengthened where random trials were rewarded more than expected."""
+"""HebbianLearning: distance sensors take over a reflex to contacts, by Hebb's rule (distributed adaptive control)."""
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,56 +10,58 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, check_choice, check_flag, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
-from mesa_swarm.learning.learner import LARGEST, LearningLayer
+from mesa_swarm.learning.learner import LearningLayer
 from mesa_swarm.learning.policy import sensors_of
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.swarm import Swarm
 
 # Stored in a policy's `training`.
-TRAINING_PARAMETERS = ("reward", "eta", "trace", "gamma", "average", "jitter", "persistence", "critical")
+TRAINING_PARAMETERS = ("eta", "forgetting", "contact", "limit")
+# Of the former rule, which learned from rewards of random trials and did not learn to avoid; they have no effect.
+WITHOUT_EFFECT = ("trace", "gamma", "average", "jitter", "persistence")
+# Sensors that look at most this far from straight ahead, rad, feel contacts ahead; the others behind.
+ASIDE = math.pi / 2 + 1e-9
 
 
 @dataclass(kw_only=True)
 class HebbianLearning(LearningLayer):
-    """Learn weights from readings to wheels by a Hebbian rule that reward modulates; always active.
+    """Learn to turn away before a contact from what is sensed during contacts, by Hebb's rule; always active.
 
-    Each robot drives by ``u = W' x`` within [-1, 1], with x the proximities (0 nothing near, 1 touching) and a
-    constant, plus noise: wheels = u + z within [-1, 1]; z is normal with standard deviation `jitter` and
-    autocorrelation `persistence` from step to step. Each robot also learns how much reward to expect, ``v' x``. In
-    each step, with r the reward for the last action, x the inputs before and y those after it,
+    Each robot drives by ``u = c + W' x + U`` within [-1, 1], with x the proximities (0 nothing near, 1 touching), c
+    a constant, (1, 1) at first: straight ahead, and U the reflex to a contact, a reading of at most `contact`: ahead or
+    at the side, one wheel turns back, U = (0, -2) where the contact is on the left, otherwise (-2, 0); behind, (1, 1)
+    is added. In each step with a contact
 
-        ``d = r + gamma v' y - v' x``, ``e <- trace e + x z``, ``W <- W + eta d e``, ``v <- v + average d x``
+        ``W <- W + eta (U x' - forgetting W)``
 
-    so that a trial z at x is strengthened if it led to more reward than expected there: a Hebbian rule with a third
-    factor [1]_, the surprise, and a trace for rewards that come late. Weights stay within [-limit, limit].
+    so that what the sensors read during a contact comes to have the reflex's effect, and has it earlier, since
+    sensors look ahead: the distributed adaptive control of [1]_, here with weights straight to the wheels. Contacts
+    then become rare, and with them learning. Weights stay within [-limit, limit]. No reward is needed, nor chance.
     Its state outlasts a change of controls as that of `QLearning`.
 
     Parameters
     ----------
-    reward : str
-        "a", "b" or "c", see `learning.rewards`.
     eta : float
         Rate, 0 to 1.
-    trace : float
-        How much of the past is still given credit one step later, 0 to below 1.
-    gamma : float
-        Discount of later rewards, 0 to below 1.
-    average : float
-        How fast expectations follow, above 0, at most 1.
-    jitter : float
-        Standard deviation of the trials, as a share of max_speed, 0 to 1.
-    persistence : float
-        Autocorrelation of trials, since one step moves a robot too little. 0 to below 1.
-    critical : float
-        As for `QLearning`, but 0.4 of the range by default, the thesis's number, where that layer has 0.08.
+    forgetting : float
+        How much of a weight is forgotten for what is added: U x' / forgetting is where weights end. 0 to 1.
+    contact : float
+        The largest reading that counts as a contact, map units, at least 0.
     limit : float
         Of the weights, above 0.
+    reward : str
+        "a", "b" or "c", see `learning.rewards`: what `last_reward` is; nothing is learned from it.
+    critical : float
+        Of that reward, as for `QLearning`, but 0.4 of the range by default, the thesis's number, where that layer
+        has 0.08.
     frozen : bool
-        Whether it only acts, without trials or learning; this requires a trained `start`.
+        Whether it only acts, without the reflex to contacts or learning; this requires a trained `start`.
     start : ReflexPolicy, optional
-        The initial policy of new robots: without hidden units or whim, of distances, linear; small random
-        weights by default. Expectations start at 0.
+        The initial policy of new robots: without hidden units or whim, of distances, linear; by default one that
+        drives straight ahead.
+    trace, gamma, average, jitter, persistence : float, optional
+        Without effect and deprecated: of a former rule, which learned from rewards of random trials.
 
     Raises
     ------
@@ -68,44 +71,50 @@ class HebbianLearning(LearningLayer):
 
     References
     ----------
-    .. [1] Fremaux and Gerstner, Neuromodulated spike-timing-dependent plasticity, and theory of three-factor learning
-       rules, Frontiers in Neural Circuits 9 (2016); for rates: Legenstein, Chase, Schwartz and Maass, A
-       reward-modulated Hebbian learning rule can explain experience-dependent network reorganization in a brain
-       control task, Journal of Neuroscience 30 (2010).
+    .. [1] Verschure, Krose and Pfeifer, Distributed adaptive control: the self-organization of structured behavior,
+       Robotics and Autonomous Systems 9 (1992); Pfeifer and Scheier, Understanding Intelligence (1999), chapter 5.
 
     Examples
     --------
-    >>> HebbianLearning(reward="c").trace
-    0.8
+    >>> HebbianLearning(eta=0.1).forgetting
+    0.1
     """
 
+    eta: float = 0.03
+    forgetting: float = 0.1
+    contact: float = 1.0
+    limit: float = 10.0
     reward: str = "c"
-    eta: float = 0.005
-    trace: float = 0.8
-    gamma: float = 0.9
-    average: float = 0.02
-    jitter: float = 0.2
-    persistence: float = 0.9
     critical: float = 0.4
-    limit: float = 4.0
     frozen: bool = False
     start: ReflexPolicy | None = None
+    trace: float | None = None
+    gamma: float | None = None
+    average: float | None = None
+    jitter: float | None = None
+    persistence: float | None = None
     name: str = "HebbianLearning"
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
         check_choice("reward", self.reward, REWARDS)
-        for name in ("eta", "jitter"):
+        for name in ("eta", "forgetting"):
             check_number(name, getattr(self, name), minimum=0, maximum=1)
-        for name in ("trace", "gamma", "persistence"):
-            check_number(name, getattr(self, name), minimum=0, maximum=0.999)
-        for name in ("average", "critical"):
-            check_number(name, getattr(self, name), above=0, maximum=1)
+        check_number("contact", self.contact, minimum=0, maximum=1e6)
+        check_number("critical", self.critical, above=0, maximum=1)
         check_number("limit", self.limit, above=0, maximum=1e6)
         self.frozen = check_flag("frozen", self.frozen)
         if self.start is not None:
             self._check_reflex(self.start)
         self._check_frozen()
+        self._warn_of_what_has_no_effect()
+
+    def _warn_of_what_has_no_effect(self) -> None:
+        """Warn of parameters of the former rule."""
+        for name in WITHOUT_EFFECT:
+            if getattr(self, name) is not None:
+                text = f"{name} of HebbianLearning has no effect and will be removed: it no longer learns from rewards"
+                warnings.warn(text, DeprecationWarning, stacklevel=4)
 
     @staticmethod
     def _check_reflex(start: object) -> None:
@@ -125,19 +134,13 @@ class HebbianLearning(LearningLayer):
             self.start = self.policy()
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns: weights and traces, last inputs, commands and reward, and expectations."""
+        """Make the columns: weights, constants, last commands and reward."""
         self._check_sensors()
         columns: dict[str, tuple[tuple[int | str, ...], type, object]] = {
             "weights": (("proximity", 2), np.float64, 0.0),
-            "constant": ((2,), np.float64, 0.0),
-            "trace": (("proximity", 2), np.float64, 0.0),
-            "constant_trace": ((2,), np.float64, 0.0),
+            "constant": ((2,), np.float64, 1.0),
             "command": ((2,), np.float64, math.nan),
-            "tried": ((2,), np.float64, 0.0),
             "reward": ((), np.float64, 0.0),
-            "seen": (("proximity",), np.float64, 0.0),
-            "expected": (("proximity",), np.float64, 0.0),
-            "usual": ((), np.float64, 0.0),
             "lessons": ((), np.int64, 0),
             "born": ((), np.bool_, False),
         }
@@ -158,130 +161,91 @@ class HebbianLearning(LearningLayer):
         )
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last action, and try the next one with robots that no other layer drives.
-
-        Expectations that diverge are an error that names the robot; what was learned before is unchanged.
-        """
+        """Learn from contacts after its own actions, and drive robots that no other layer drives."""
         self._init_new_robots()
-        self._draw_trials(self._column("tried"))
-        diverged = learn_and_try(
+        associate(
             senses.distance,
             ranges_of(senses.sensors),
+            senses.bearing,
             senses.design,
             senses.max_speed,
-            tuple(map(self._column, ("weights", "constant", "trace", "constant_trace"))),
-            self._column("command"),
-            tuple(map(self._column, ("reward", "lessons"))),
-            tuple(map(self._column, ("seen", "expected", "usual"))),
-            self._column("tried"),
-            REWARDS.index(self.reward),
-            (float(self.eta), float(self.trace), float(self.limit)),
-            (float(self.gamma), float(self.average), float(self.critical)),
+            *map(self._column, ("weights", "constant", "command", "reward", "lessons")),
+            (REWARDS.index(self.reward), float(self.critical)),
+            (float(self.eta), float(self.forgetting), float(self.limit)),
+            float(self.contact),
             bool(self.frozen),
             command,
             layer,
             index,
         )
-        self._check_diverged(diverged, "its expectations grow beyond all bounds; lower average or gamma")
 
     @property
     def last_reward(self) -> np.ndarray:
         """Every robot's reward for its last action (n,); a copy."""
         return self._column("reward").copy()
 
-    def _draw_trials(self, tried: np.ndarray) -> None:
-        """Draw the next trials (n, 2); frozen robots try nothing."""
-        if self.frozen:
-            tried.fill(0.0)
-            return
-        persistence = float(self.persistence)
-        fresh = float(self.jitter) * math.sqrt(1.0 - persistence**2)
-        tried[:] = persistence * tried + fresh * self._rng.normal(size=tried.shape)
-
     def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
         """Initialise the weights of new robots."""
-        weights, constant = self._column("weights"), self._column("constant")
-        if self.start is None:
-            weights[new] = self._rng.uniform(-0.1, 0.1, (len(new), *weights.shape[1:]))
-            constant[new] = self._rng.uniform(-0.1, 0.1, (len(new), 2))
-        else:
+        if self.start is not None:
             wheel = self.start.wheel[self._robots.columns["number"][new] % len(self.start.wheel)]
-            weights[new], constant[new] = wheel[:, :-2], wheel[:, -1]
+            self._column("weights")[new], self._column("constant")[new] = wheel[:, :-2], wheel[:, -1]
 
 
 @compiled
-def learn_and_try(
-    distance, ranges, design, max_speed, weights, last, counts, critic, tried, reward, rates, expecting, frozen,
-    command, layer, index,
+def associate(
+    distance, ranges, bearing, design, max_speed, weights, constant, last, rewards, lessons, paying, rates, contact,
+    frozen, command, layer, index,
 ):  # fmt: skip
-    """Learn from the last action and try the next; return a robot whose expectations diverged, or -1."""
-    rewards, lessons = counts
-    diverged = -1
+    """Learn from the contacts of each robot, and drive it by its weights and its reflex."""
     inputs = np.empty(distance.shape[1])
     for i in range(layer.shape[0]):
         nearest = 0.0
         for s in range(inputs.shape[0]):
             inputs[s] = nearness(distance[i, s], ranges[design[i], s])
             nearest = max(nearest, inputs[s])
-        if not math.isnan(last[i, 0]):
-            rewards[i] = rewarded(reward, 1.0 - nearest, last[i, 0], last[i, 1], expecting[2])
-            if not frozen:
-                surprise = surprised(critic, i, rewards[i], inputs, expecting)
-                if abs(surprise) <= LARGEST:
-                    strengthen(weights, i, surprise, rates)
-                    lessons[i] += 1
-                else:
-                    diverged = i if diverged < 0 else diverged
+        own = not math.isnan(last[i, 0])
+        if own:
+            rewards[i] = rewarded(paying[0], 1.0 - nearest, last[i, 0], last[i, 1], paying[1])
+        left, right = (0.0, 0.0) if frozen else reflex_to(distance, bearing, i, design[i], contact)
+        wheels = constant[i, 0], constant[i, 1]
+        for s in range(inputs.shape[0]):
+            wheels = wheels[0] + weights[i, s, 0] * inputs[s], wheels[1] + weights[i, s, 1] * inputs[s]
+        if own and not frozen:
+            lessons[i] += 1
+            strengthen(weights, i, inputs, left, right, rates)
         last[i, 0] = math.nan
         if layer[i] < 0:
-            try_wheels(weights, i, inputs, tried, rates[1], last)
+            last[i, 0] = min(max(wheels[0] + left, -1.0), 1.0)
+            last[i, 1] = min(max(wheels[1] + right, -1.0), 1.0)
             command[i, 0] = max_speed[i] * last[i, 0]
             command[i, 1] = max_speed[i] * last[i, 1]
             layer[i] = index
-        for s in range(inputs.shape[0]):
-            critic[0][i, s] = inputs[s]
-    return diverged
 
 
 @compiled
-def surprised(critic, i, reward, inputs, expecting):
-    """Return ``r + gamma v' y - v' x`` of robot i, and correct its expectations, unless it is beyond bounds."""
-    seen, expected, usual = critic
-    gamma, average = expecting[0], expecting[1]
-    before, after = usual[i], usual[i]
+def reflex_to(distance, bearing, i, d, contact):
+    """Return what the contacts of robot i add to its left and right wheel."""
+    ahead, behind, side = False, False, 0.0
+    for s in range(distance.shape[1]):
+        if 0.0 <= distance[i, s] <= contact:
+            if abs(bearing[d, s]) <= ASIDE:
+                ahead = True
+                side += math.sin(bearing[d, s])
+            else:
+                behind = True
+    push = 1.0 if behind else 0.0
+    if not ahead:
+        return push, push
+    return (push, push - 2.0) if side > 0.0 else (push - 2.0, push)
+
+
+@compiled
+def strengthen(weights, i, inputs, left, right, rates):
+    """Add ``eta (U x' - forgetting W)`` to the weights of robot i where there is a reflex, within their limits."""
+    if left == 0.0 and right == 0.0:
+        return
+    eta, forgetting, limit = rates
     for s in range(inputs.shape[0]):
-        before += expected[i, s] * seen[i, s]
-        after += expected[i, s] * inputs[s]
-    surprise = reward + gamma * after - before
-    if abs(surprise) <= LARGEST:
-        usual[i] += average * surprise
-        for s in range(inputs.shape[0]):
-            expected[i, s] += average * surprise * seen[i, s]
-    return surprise
-
-
-@compiled
-def strengthen(weights, i, surprise, rates):
-    """Add ``eta d e`` to the weights of robot i, within their limits."""
-    into, constant, trace, constant_trace = weights
-    step, limit = rates[0] * surprise, rates[2]
-    for side in range(2):
-        for s in range(into.shape[1]):
-            into[i, s, side] = min(max(into[i, s, side] + step * trace[i, s, side], -limit), limit)
-        constant[i, side] = min(max(constant[i, side] + step * constant_trace[i, side], -limit), limit)
-
-
-@compiled
-def try_wheels(weights, i, inputs, tried, decay, last):
-    """Write the wheel speeds of robot i to `last`, and add its trial to its trace."""
-    into, constant, trace, constant_trace = weights
-    for side in range(2):
-        total = constant[i, side]
-        for s in range(inputs.shape[0]):
-            total += into[i, s, side] * inputs[s]
-        wanted = min(max(total, -1.0), 1.0)
-        last[i, side] = min(max(wanted + tried[i, side], -1.0), 1.0)
-        # The trial before limiting, whose mean is 0: at full speed any bad surprise would otherwise strengthen it.
-        for s in range(inputs.shape[0]):
-            trace[i, s, side] = decay * trace[i, s, side] + inputs[s] * tried[i, side]
-        constant_trace[i, side] = decay * constant_trace[i, side] + tried[i, side]
+        for side, reflex in ((0, left), (1, right)):
+            changed = weights[i, s, side] + eta * (reflex * inputs[s] - forgetting * weights[i, s, side])
+            weights[i, s, side] = min(max(changed, -limit), limit)

@@ -1,15 +1,17 @@
 """Q-learning in a look-up table of discrete states (thesis 7.3.2), beside the networks of `QLearning`."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import (
     InvalidValueError,
-    LearningError,
     check_choice,
     check_count,
     check_flag,
@@ -18,14 +20,139 @@ from mesa_swarm.errors import (
     shortened,
 )
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, checked_actions, chosen, ranges_of
-from mesa_swarm.learning.learner import LearningLayer
+from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, checked_actions, choose_all, chosen, ranges_of
+from mesa_swarm.learning.learner import TRAINING_PARAMETERS, LearningLayer
+from mesa_swarm.learning.policy import SensorLayout, checked_chances, checked_numbers, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE, rewarded
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
 # A robot's table of eight actions then has 6.4 MB.
 MOST_STATES = 100_000
+# Stored in a policy's `training`: those of networks that tables have too.
+OF_TABLES = tuple(name for name in TRAINING_PARAMETERS if name not in ("eta", "self_adjusting"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TablePolicy:
+    """Choose an action by Boltzmann's probabilities of values in a table, which `TableQLearning` learned.
+
+    Parameters
+    ----------
+    sensors : SensorLayout
+    values : ndarray, shape (copies, states, actions)
+        Of the actions in each state, see `TableQLearning.values`. The k-th robot acts by set ``k % copies``.
+    edges : tuple of float
+    sectors : int
+        As for `TableQLearning`.
+    temperature : float
+        Of the choice, above 0.
+    steps : int
+        Robot-steps of training, 0 for none.
+    training : dict
+        Provenance, and figures of its training.
+
+    Raises
+    ------
+    InvalidValueError
+        If the values do not fit the states, or are not finite.
+
+    Examples
+    --------
+    >>> from mesa_swarm import AGENT3
+    >>> near_or_far = np.array([[[1.0, 0, 0, 0], [0, 0, 0, 1.0]]])  # back when something is near, otherwise forward
+    >>> policy = TablePolicy(sensors=SensorLayout.of(AGENT3), values=near_or_far, edges=(0.2,), sectors=1, steps=1)
+    >>> policy.act([[5.0, -1.0, -1.0], [40.0, -1.0, -1.0]])
+    array([[-1., -1.],
+           [ 1.,  1.]])
+    """
+
+    family: ClassVar[str] = "table"
+    sensors: SensorLayout
+    values: np.ndarray
+    edges: tuple[float, ...]
+    sectors: int
+    temperature: float = 0.2
+    steps: int = 0
+    training: dict = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        states = states_of(self.edges, self.sectors)
+        values = np.asarray(self.values)
+        if values.ndim != 3 or not len(values) or values.shape[1] != states:
+            raise InvalidValueError(f"values have shape {values.shape}; expected (copies, {states}, actions)")
+        checked_actions(values.shape[2])
+        if not np.isfinite(values).all():
+            raise InvalidValueError("values hold numbers that are not finite; train the policy anew")
+        check_number("temperature", self.temperature, above=0, maximum=1e6)
+        check_count("steps", self.steps, maximum=2**62)
+
+    @property
+    def copies(self) -> int:
+        """The number of robots' tables."""
+        return len(self.values)
+
+    def of_robot(self, index: int) -> "TablePolicy":
+        """Return the policy of one robot; see `QPolicy.of_robot`."""
+        k = check_count("index", index, maximum=self.copies - 1)
+        return replace(self, values=self.values[k : k + 1].copy())
+
+    def act(
+        self,
+        readings: ArrayLike,
+        kinds: ArrayLike | None = None,
+        chance: ArrayLike | None = None,
+        *,
+        numbers: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
+
+        The robot with number k, of ``numbers`` (n,), acts by set ``k % copies``; by default they are 0, 1, and so on.
+        """
+        distance, _ = self.sensors.check_readings(readings, kinds)
+        given = np.empty((len(distance), self.values.shape[2]))
+        count = checked_numbers(numbers, len(distance))
+        look_up(distance, *self._layout, np.array(self.edges, float), int(self.sectors), self.values, count, given)
+        chances = np.empty(0) if chance is None else checked_chances(chance, len(distance))
+        taken = np.empty(len(distance), np.int64)
+        choose_all(given, float(self.temperature), chances, taken)
+        return ACTIONS[taken]
+
+    @cached_property
+    def _layout(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ranges and bearings (1, s), rad, as those of designs."""
+        bearings = [math.remainder(math.radians(degrees), 2 * math.pi) for degrees in self.sensors.bearings]
+        return np.array([self.sensors.ranges]), np.array([bearings])
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the values and the edges by name."""
+        return {"values": np.asarray(self.values, np.float64), "edges": np.array(self.edges, np.float64)}
+
+    def settings(self) -> dict:
+        """Return the other fields that acting depends on."""
+        return {"sectors": self.sectors, "temperature": self.temperature}
+
+    @classmethod
+    def restored(
+        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
+    ) -> "TablePolicy":
+        """Return the policy with these parts, from a file."""
+        if sorted(arrays) != ["edges", "values"] or sorted(settings) != ["sectors", "temperature"]:
+            raise InvalidValueError(f"a table policy has {', '.join(arrays)}; expected edges, values")
+        edges = tuple(arrays["edges"].ravel().tolist())
+        return cls(sensors=sensors, values=arrays["values"], edges=edges, steps=steps, training=training, **settings)
+
+
+def states_of(edges: object, sectors: int) -> int:
+    """Return the number of states, if it is not too large."""
+    bins = len(checked_edges(edges)) + 1
+    states = bins ** check_count("sectors", sectors, minimum=1, maximum=64)
+    if states > MOST_STATES:
+        raise InvalidValueError(
+            f"sectors is {sectors}, which makes {states:,} states with {bins} bins; "
+            f"expected at most {MOST_STATES:,}: give fewer sectors or edges"
+        )
+    return states
 
 
 @dataclass(kw_only=True)
@@ -45,10 +172,15 @@ class TableQLearning(LearningLayer):
     sectors : int
         At least 1; there are (bins to the power of sectors) states, at most 100,000. With an odd number, sectors are
         symmetric.
-    reward, actions, alpha, gamma, beta, critical, reward_of, shared, frozen
+    reward, actions, alpha, gamma, beta, critical, reward_of, shared
         As for `QLearning`.
     first_temperature, last_temperature : float
-        T_0 and T_c, above 0.
+        T_0 and T_c, above 0. With a start, its temperature is the first.
+    frozen : bool
+        Whether it only acts, without learning: by the values of its start, at random without one.
+    start : TablePolicy, optional
+        The initial policy of new robots, with the same states and actions. The k-th robot ever made gets table
+        ``k % copies``, or table 0 where they share one.
 
     Raises
     ------
@@ -73,17 +205,13 @@ class TableQLearning(LearningLayer):
     reward_of: str = STATE
     shared: bool = False
     frozen: bool = False
+    start: TablePolicy | None = None
     name: str = "TableQLearning"
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
         self.edges = checked_edges(self.edges)
-        check_count("sectors", self.sectors, minimum=1, maximum=64)
-        if self.states > MOST_STATES:
-            raise InvalidValueError(
-                f"sectors is {self.sectors}, which makes {self.states:,} states with {len(self.edges) + 1} bins; "
-                f"expected at most {MOST_STATES:,}: give fewer sectors or edges"
-            )
+        states_of(self.edges, self.sectors)
         checked_actions(self.actions)
         check_choice("reward", self.reward, REWARDS)
         check_choice("reward_of", self.reward_of, REWARD_STATES)
@@ -95,31 +223,65 @@ class TableQLearning(LearningLayer):
             check_number(name, getattr(self, name), above=0, maximum=1e6)
         for name in ("shared", "frozen"):
             setattr(self, name, check_flag(name, getattr(self, name)))
+        self._check_start()
+
+    def _check_start(self) -> None:
+        """Check that it can continue from its start."""
+        start = self.start
+        if start is None:
+            return
+        if not isinstance(start, TablePolicy):
+            raise InvalidValueError(f"start is {shortened(start)}; expected a TablePolicy, as policy() returns it")
+        given, own = (start.edges, start.sectors, start.values.shape[2]), (self.edges, self.sectors, self.actions)
+        if given != own:
+            raise InvalidValueError(
+                f"start has edges, sectors and actions {shortened(given)}; expected {shortened(own)}"
+            )
 
     @property
     def states(self) -> int:
         """The number of states."""
         return (len(self.edges) + 1) ** self.sectors
 
+    def policy(self, **training: str | float) -> TablePolicy:
+        """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
+        sensors = sensors_of(self._robots)
+        self._init_new_robots()
+        return TablePolicy(
+            sensors=sensors,
+            values=self._column("values")[: 1 if self.shared else None].copy(),
+            edges=self.edges,
+            sectors=int(self.sectors),
+            temperature=float(self._column("temperature").mean()),
+            **self._training(OF_TABLES, training),
+        )
+
     def _start_elsewhere(self) -> None:
-        """Refuse to: tables cannot be stored as a policy, from which robots of another model could start."""
-        if self._column("values").any():
-            raise LearningError(f"{self.name} has learned in another model; give this one a new TableQLearning(...)")
+        """Let the robots of another model start with the tables that were learned."""
+        if self._column("lessons").any():
+            self.start = self.policy()
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: a table, the last state, its nearest reading, action and reward, and the temperature."""
+        self._check_sensors()
         swarm.remember(f"{prefix}.values", (self.states, self.actions), np.float64, 0.0)
         swarm.remember(f"{prefix}.born", (), np.bool_, False)
         swarm.remember(f"{prefix}.state", (), np.int64, 0)
         swarm.remember(f"{prefix}.nearest", (), np.float64, 1.0)
         swarm.remember(f"{prefix}.action", (), np.int64, -1)
         swarm.remember(f"{prefix}.reward", (), np.float64, 0.0)
-        swarm.remember(f"{prefix}.temperature", (), np.float64, self.first_temperature)
+        first = self.first_temperature if self.start is None else self.start.temperature
+        swarm.remember(f"{prefix}.temperature", (), np.float64, first)
+        swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
 
     def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
-        """Let new robots begin with the table that is shared."""
+        """Let new robots begin with the table that is shared, or with those of the start."""
+        values = self._column("values")
         if self.shared and len(known):
-            self._column("values")[new] = self._column("values")[known[0]]
+            values[new] = values[known[0]]
+        elif self.start is not None:
+            number = np.zeros_like(new) if self.shared else self._robots.columns["number"][new]
+            values[new] = self.start.values[number % self.start.copies]
 
     @property
     def values(self) -> np.ndarray:
@@ -145,7 +307,7 @@ class TableQLearning(LearningLayer):
         values = self._column("values")
         learn_table(
             senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed, values,
-            tuple(map(self._column, ("state", "action"))),
+            tuple(map(self._column, ("state", "action", "lessons"))),
             tuple(map(self._column, ("nearest", "reward", "temperature"))),
             self._rng.random(len(layer)), np.array(self.edges), int(self.sectors), REWARDS.index(self.reward),
             (float(self.alpha), float(self.gamma), float(self.critical)),
@@ -206,7 +368,7 @@ def learn_table(
     cooling, options, command, layer, index,
 ):  # fmt: skip
     """Learn from the last action by (7.3) and choose the next."""
-    state, action = doing
+    state, action, lessons = doing
     last, rewards, temperature = worth
     alpha, gamma, critical = rates
     beta, coolest = cooling
@@ -220,6 +382,7 @@ def learn_table(
         if a >= 0:
             rewards[i] = rewarded(reward, least if afterwards else last[i], ACTIONS[a, 0], ACTIONS[a, 1], critical)
             if not frozen:
+                lessons[i] += 1
                 target = rewards[i] + gamma * values[row, now, best_of(values[row, now])]
                 values[row, state[i], a] = (1.0 - alpha) * values[row, state[i], a] + alpha * target
         if not frozen:
@@ -230,3 +393,12 @@ def learn_table(
             command[i, 0] = max_speed[i] * ACTIONS[action[i], 0]
             command[i, 1] = max_speed[i] * ACTIONS[action[i], 1]
             layer[i] = index
+
+
+@compiled
+def look_up(distance, ranges, bearing, edges, sectors, values, numbers, given):
+    """Write the value of every action for every robot (n, actions)."""
+    nearest = np.empty(sectors)
+    for i in range(distance.shape[0]):
+        copy = (numbers[i] if numbers.shape[0] else i) % values.shape[0]
+        given[i] = values[copy, state_of(distance, ranges, bearing, i, 0, edges, sectors, nearest)]

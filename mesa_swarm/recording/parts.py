@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from functools import partial
-from itertools import groupby
+from itertools import groupby, islice
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from shapely import Point, Polygon
 
 from mesa_swarm import control as controls
+from mesa_swarm.control.conditions import CONDITIONS
 from mesa_swarm.control.team import Key, Team, label_of
 from mesa_swarm.errors import RecordingError, SwarmError, check_flag, check_name, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
@@ -43,10 +44,11 @@ OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, 
 OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections, Scale)
 FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
 TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
+OF_MACHINES = (controls.Approach, controls.Halt, controls.Retreat, *CONDITIONS)
 LAYERS = (*FLOCKING, *TOWARDS_BODIES, controls.Avoid, controls.Explore, controls.Respond, FightFire, SeekHeat)
-PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *LAYERS)}
+PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *LAYERS, *OF_MACHINES)}
 OWN_CODE = "code of one's own"  # a key of stored states
-ARBITERS = {"Subsumption": controls.Subsumption, "VectorSum": controls.VectorSum}
+ARBITERS = {one.__name__: one for one in (controls.StateMachine, controls.Subsumption, controls.VectorSum)}
 MOST_OBJECTS = 10_000_000
 
 
@@ -159,6 +161,10 @@ def control_to_json(control: controls.Arbiter | None) -> object:
     if isinstance(control, Team):
         return {"Team": [[_key_to_json(key), control_to_json(arbiter)] for key, arbiter in control.items()]}
     layers = [_layer_to_json(layer) for layer in control.layers]
+    if isinstance(control, controls.StateMachine):
+        states = [[name, len(of_state)] for name, of_state in control.states.items()]
+        changes = [[one.source, one.target, _layer_to_json(one.condition)] for one in control.transitions]
+        return {"StateMachine": {"layers": layers, "states": states, "transitions": changes}}
     weights = getattr(control, "weights", None)
     return {type(control).__name__: {"layers": layers, "weights": None if weights is None else list(weights)}}
 
@@ -177,8 +183,18 @@ def control_from_json(value: object) -> Any:
     if own:
         raise RecordingError(f"the control has a custom rule ({shortened(own[0])}), which cannot be recorded")
     layers = [part_from_json(layer) for layer in given["layers"]]
+    if name == "StateMachine":
+        return _made(name, partial(_machine, layers, given), {})
     more = {} if given.get("weights") is None else {"weights": given["weights"]}
     return _made(name, lambda: ARBITERS[name](*layers, **more), {})
+
+
+def _machine(layers: list, given: dict) -> controls.StateMachine:
+    """Return the state machine of these layers, of which the number in each state is stored."""
+    rest = iter(layers)
+    states = {str(name): tuple(islice(rest, _id(count))) for name, count in given["states"]}
+    changes = [(source, target, part_from_json(condition)) for source, target, condition in given["transitions"]]
+    return controls.StateMachine(states, [controls.Transition(source=a, target=b, condition=c) for a, b, c in changes])
 
 
 def own_code(control: Any) -> list[str]:
@@ -186,6 +202,7 @@ def own_code(control: Any) -> list[str]:
     if control is not None and "Team" in control:
         return [name for _, arbiter in control["Team"] for name in own_code(arbiter)]
     layers = [layer for given in (control or {}).values() for layer in given["layers"]]
+    layers += [part for given in (control or {}).values() for _, _, part in given.get("transitions", ())]
     return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
 
 

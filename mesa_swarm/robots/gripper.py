@@ -85,7 +85,7 @@ class Gripper(Actuator):
             if robot in carriers and not grips:
                 model.release(robot)
         empty = [robot for robot, grips in zip(robots, closed, strict=True) if grips and robot not in carriers]
-        near = [(gap, k, body) for k, robot in enumerate(empty) for gap, body in self._near(model, robot)]
+        near = list(self._near(model, empty)) if empty else []
         taken, busy = set[int](), set[int]()
         for _, k, body in sorted(near):
             if body not in taken and k not in busy:
@@ -93,19 +93,20 @@ class Gripper(Actuator):
                 busy.add(k)
                 model.attach(empty[k], movers.agents[body])
 
-    def _near(self, model: Any, robot: Any) -> Iterator[tuple[float, int]]:
-        """Yield the distance and the row of each body that a robot can grip."""
-        movers, position, radius = model.movers, robot.position, float(robot.radius)
-        far = radius + self.reach + movers.reach
-        apart = np.hypot(*(movers.position - position).T)
-        for row in np.flatnonzero((apart <= far) & ~movers.carried).tolist():
+    def _near(self, model: Any, robots: list) -> Iterator[tuple[float, int, int]]:
+        """Yield the distance of each body that a robot can grip, the robot's place in the list, and the body's row."""
+        movers, positions = model.movers, np.array([robot.position for robot in robots])
+        radii = np.array([float(robot.radius) for robot in robots])
+        apart = np.hypot(*(movers.position - positions[:, None]).transpose(2, 0, 1))
+        pairs = np.argwhere((apart <= radii[:, None] + self.reach + movers.reach) & ~movers.carried)
+        for k, row in pairs.tolist():
             body = movers.agents[row]
             if body.kind not in self.kinds or body.agent is not None:
                 continue
-            distance, azimuth = body.seen_from(position)
-            gap, bearing = distance - radius, wrapped(azimuth - float(robot.heading))
+            distance, azimuth = body.seen_from(positions[k])
+            gap, bearing = distance - radii[k], wrapped(azimuth - float(robots[k].heading))
             if gap <= self.reach and abs(bearing) <= np.radians(self.field_of_view_degrees) / 2:
-                yield gap, row
+                yield float(gap), k, row
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

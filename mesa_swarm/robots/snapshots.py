@@ -48,6 +48,8 @@ class Snapshots:
         for name in self.columns:
             if name not in swarm.columns:
                 raise UnknownNameError(unknown_name("column", name, swarm.columns))
+        # Columns of a control's memory, stored besides while they exist.
+        self.noted: tuple[str, ...] = ()
         self.trigger = Trigger.of(every, minimum=1)
         self._stored: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
         self._numbers = swarm.number
@@ -73,8 +75,9 @@ class Snapshots:
 
     def append(self, step: int) -> None:
         """Store the swarm as it is now."""
-        now, noted = self._swarm.columns, self._noted
-        self._rows.append((step, [noted[name] if name in noted else now[name].copy() for name in self.columns]))
+        now, before = self._swarm.columns, self._noted
+        names = dict.fromkeys((*self.columns, *self.noted))
+        self._rows.append((step, {name: before[name] if name in before else now[name].copy() for name in names}))
         self._noted = {}
 
     @property
@@ -84,10 +87,11 @@ class Snapshots:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Return a column at all stored steps, shape (k, n, ...)."""
-        place = self._place(name)
+        if name not in self.columns:
+            raise UnknownNameError(unknown_name("watched column", name, self.columns))
         if not self._rows:
             return np.empty((0, *self._swarm.columns[name].shape), self._swarm.columns[name].dtype)
-        return np.stack([columns[place] for _, columns in self._rows])
+        return np.stack([columns[name] for _, columns in self._rows])
 
     def at(self, step: int) -> dict[str, np.ndarray]:
         """Return all stored columns after one step, by name.
@@ -99,7 +103,7 @@ class Snapshots:
         """
         for stored, columns in reversed(self._rows):
             if stored == step:
-                return dict(zip(self.columns, columns, strict=True))
+                return dict(columns)
         steps = self.steps
         there = f"stored are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "none are stored yet"
         raise InvalidValueError(f"step {shortened(step)} is not stored; {there}; store more with watch(last=...)")
@@ -113,11 +117,6 @@ class Snapshots:
                 self.forget()
             self._version, self._numbers = swarm.version, swarm.number
         return self._stored
-
-    def _place(self, name: str) -> int:
-        if name not in self.columns:
-            raise UnknownNameError(unknown_name("watched column", name, self.columns))
-        return self.columns.index(name)
 
 
 def check_watched(snapshots: Snapshots | None, needed: Iterable[str], purpose: str, call: str = "watch()") -> Snapshots:

@@ -8,7 +8,7 @@ import shapely
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.streams import Streams
 from mesa_swarm.world.map import Map
-from mesa_swarm.world.map_parts import listed
+from mesa_swarm.world.map_parts import FireSpot, listed
 from mesa_swarm.world.placement import free_space
 from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -18,6 +18,9 @@ LENGTHS = (60.0, 320.0)
 THICKNESSES = (15.0, 50.0)
 SHARE_OF_DISCS = 0.4
 TRIES = 50
+# As on the map openspace_fire: the largest takes more than one robot.
+LARGEST_FIRE, RADII_OF_FIRES = 40.0, (13.0, 22.0)
+TRIES_OF_FIRES = 500
 
 
 def random_map(
@@ -26,8 +29,11 @@ def random_map(
     obstacles: int = 8,
     passage: float = 30.0,
     size: tuple[float, float] = (WIDTH, HEIGHT),
+    fires: int = 0,
 ) -> Map:
     """Return a map whose free space is connected; the same arguments return an equal map.
+
+    The obstacles of a number are the same with and without fires.
 
     Parameters
     ----------
@@ -39,6 +45,9 @@ def random_map(
         A disc of this diameter can get from any place where it fits to any other, above 0, at most 200.
     size : (width, height)
         Map units, 200 to 10,000 each.
+    fires : int
+        At most 30, a passage or more from each other and from all obstacles, so that robots get to every side of them.
+        The first has a radius of 40, the others of 13 to 22. Fewer if no more find room.
 
     Examples
     --------
@@ -46,16 +55,23 @@ def random_map(
     (True, False)
     >>> len(random_map(1, obstacles=3).obstacles), random_map(1, obstacles=2, size=(400, 300)).bounds
     (7, (0.0, 0.0, 400.0, 300.0))
+    >>> [round(fire.radius) for fire in random_map(1, fires=3).fires]
+    [40, 18, 17]
     """
     number = check_count("number", number)
     wanted = check_count("obstacles", obstacles, maximum=30)
     extent = _checked_size(size)
     width = check_number("passage", passage, above=0, maximum=200)
-    rng = Streams(np.random.SeedSequence(number))["random map"]
+    burning = check_count("fires", fires, maximum=30)
+    streams = Streams(np.random.SeedSequence(number))
+    rng = streams["random map"]
     shapes = _outer_walls(*extent)
     for _ in range(wanted):
         shapes += _one_more(shapes, extent, width, rng)
-    return Map(name=f"random {number}", bounds=(0, 0, *extent), obstacles=tuple(shapes))
+    spots: list[FireSpot] = []
+    for _ in range(burning):
+        spots += _one_more_fire(spots, shapes, extent, width, streams["random fires"])
+    return Map(name=f"random {number}", bounds=(0, 0, *extent), obstacles=tuple(shapes), fires=tuple(spots))
 
 
 def _checked_size(size: object) -> tuple[float, float]:
@@ -96,6 +112,22 @@ def _drawn(extent: tuple[float, float], rng: np.random.Generator) -> Shape | Non
     corners = centre + np.array([along + across, along - across, -along - across, -along + across])
     inside = (corners >= 0).all() and (corners <= extent).all()
     return polygon(corners) if inside else None
+
+
+def _one_more_fire(
+    spots: list[FireSpot],
+    shapes: list[Shape],
+    extent: tuple[float, float],
+    passage: float,
+    rng: np.random.Generator,
+) -> list[FireSpot]:
+    """Return one fire with a passage all round, or an empty list if none is found."""
+    radius = rng.uniform(*RADII_OF_FIRES) if spots else LARGEST_FIRE
+    points = rng.uniform((0, 0), extent, (TRIES_OF_FIRES, 2))
+    burning = np.array([(*spot.position, spot.radius) for spot in spots]).reshape(-1, 3)
+    room = free_space((0, 0, *extent), shapes, burning, radius + passage)
+    free = np.flatnonzero(shapely.contains_xy(room, points))
+    return [FireSpot(tuple(points[free[0]].tolist()), radius)] if len(free) else []
 
 
 def _is_whole(shapes: list[Shape], extent: tuple[float, float], passage: float) -> bool:

@@ -12,6 +12,7 @@ from shapely.geometry import Point
 
 from mesa_swarm import Map
 from mesa_swarm.analysis import coverage, reachable_cells, visited_cells
+from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.geometry.room import areas_by_cell, room_for_disc
 
@@ -211,3 +212,24 @@ def test_of_the_map_original_the_cells_that_a_robot_fits_into_are_reachable():
     fits = clearance(centres, world.bounds, solids).reshape(40, 40) > 5.0
     assert cells[fits].all()
     assert 0.7 < cells.mean() < 0.85
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_cells_from_several_places_are_all_that_can_be_reached_from_any_of_them(seed):
+    rng = np.random.default_rng(seed)
+    solids, points = random_solids(rng), rng.uniform((5, 5), (95, 75), (40, 2))
+    places = points[clearance(points, BOX, solids) > 4.1][:3]
+    alone = [reachable_cells(BOX, solids, 4.0, place, (8, 10)) for place in places]
+    expected = np.any([*alone, visited_cells(places, BOX, (8, 10))], axis=0)
+    assert np.array_equal(cells_from_places(BOX, solids, 4.0, places, (8, 10)), expected)
+
+
+def test_a_place_outside_the_world_is_refused():
+    with pytest.raises(InvalidValueError, match=r"^positions holds \(120, 10\); expected points within the bounds"):
+        cells_from_places(BOX, [], 4.0, [[120, 10]])
+
+
+@pytest.mark.parametrize("solids", [[], [(shapely.box(45, 0, 55, 80), 0.0)]])
+def test_nothing_is_reached_from_no_place(solids):
+    assert not cells_from_places(BOX, solids, 4.0, np.empty((0, 2))).any()

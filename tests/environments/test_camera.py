@@ -70,6 +70,18 @@ def test_a_fire_goes_from_black_to_red_and_is_pale_once_it_is_out():
     assert colour(pictured(temperature=0.0, out=True), 50, 80) == LIGHT.ashes
 
 
+def test_bodies_that_a_task_adds_are_drawn_where_they_are():
+    world = World(map=HALL, rng=1)
+    world.add_obstacle(disc((-50, 30), 10, contact=False))
+    food = world.add_body(disc((-50, 30), 3), kind="food")
+    camera = Camera(HALL, longest_side=400)
+    picture = camera.picture(world)
+    assert (colour(picture, -50, 30), colour(picture, -44, 30)) == (LIGHT.load, LIGHT.mark)
+    food.position = (-80, 30)
+    picture = camera.picture(world)
+    assert (colour(picture, -50, 30), colour(picture, -80, 30)) == (LIGHT.mark, LIGHT.load)
+
+
 def test_what_reaches_over_the_edge_is_cut_off():
     picture = pictured([(-98, 2, 0.0), (98, 98, 0.0)])
     assert colour(picture, -100, 1) == LIGHT.robot

@@ -5,12 +5,30 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import mesa_swarm.environments
-from mesa_swarm.environments import CollisionAvoidance, FindFires, RobotEnv, RobotVectorEnv, VectorSwarmEnv, register
+from mesa_swarm.environments import (
+    CollisionAvoidance,
+    FindFires,
+    RobotEnv,
+    RobotVectorEnv,
+    Variation,
+    VectorSwarmEnv,
+    register,
+)
 from mesa_swarm.environments.camera import RIM
 from mesa_swarm.environments.registration import NAMESPACE, REGISTERED
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
+from mesa_swarm.robots.imperfections import MEASURED
 
 IDS = [f"{NAMESPACE}/{name}" for name in REGISTERED]
+
+
+def plain(infos: dict) -> dict:
+    """Return infos of a vector as plain values, which can be compared."""
+    return {name: plain(value) if isinstance(value, dict) else value.tolist() for name, value in infos.items()}
+
+
+def without_present(infos: dict) -> dict:
+    return {name: value for name, value in plain(infos).items() if name not in ("present", "_present")}
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -54,29 +72,83 @@ def test_make_vec_makes_what_make_makes(name):
     one = gymnasium.make(name, n_robots=2)
     assert vector.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
     seen = vector.reset(seed=7)[0]
-    assert np.array_equal(seen[1], one.reset(seed=8)[0])
+    assert np.array_equal(seen[0], one.reset(seed=7)[0])
     for action in np.random.default_rng(0).uniform(-1, 1, (50, 2, 2)).astype(np.float32):
-        rows, single = vector.step(action), one.step(action[1])
-        assert np.array_equal(rows[0][1], single[0])
-        assert [rows[k][1] for k in (1, 2, 3)] == list(single[1:4])
+        rows, single = vector.step(action), one.step(action[0])
+        assert np.array_equal(rows[0][0], single[0])
+        assert [rows[k][0] for k in (1, 2, 3)] == list(single[1:4])
     assert vector.observation_space.contains(seen)
 
 
 def test_it_agrees_with_gymnasium_s_own_vector_environment_over_ends_of_episodes():
-    name, parameters = IDS[0], {"n_robots": 2, "max_steps": 7}
+    variation = Variation(maps=("original", "sparse"), speed=(0.5, 1.0), imperfection=(0.0, 0.5))
+    name, parameters = IDS[0], {"n_robots": 40, "max_steps": 90, "variation": variation}
     ours = gymnasium.make_vec(name, num_envs=2, **parameters)
     theirs = gymnasium.vector.SyncVectorEnv(
         [lambda: gymnasium.make(name, **parameters)] * 2, autoreset_mode=AutoresetMode.SAME_STEP
     )
-    assert np.array_equal(ours.reset(seed=3)[0], theirs.reset(seed=3)[0])
-    for action in np.random.default_rng(0).uniform(-1, 1, (30, 2, 2)).astype(np.float32):
+    (seen, infos), (their_seen, their_infos) = ours.reset(seed=[3, 9]), theirs.reset(seed=[3, 9])
+    assert np.array_equal(seen, their_seen)
+    assert without_present(infos) == plain(their_infos)
+    collisions = 0
+    for action in np.random.default_rng(0).uniform(0.8, 1, (200, 2, 2)).astype(np.float32):
         (*mine, infos), (*other, their_infos) = ours.step(action), theirs.step(action)
         for a, b in zip(mine, other, strict=True):
             assert np.array_equal(a, b)
-        assert set(infos) == set(their_infos) - {"final_info", "_final_info"}
-        if infos:
-            assert np.array_equal(infos["final_obs"], np.stack(their_infos["final_obs"]))
-            assert np.array_equal(infos["_final_obs"], their_infos["_final_obs"])
+        if "final_obs" in infos:
+            their_infos["final_obs"] = np.stack(their_infos["final_obs"])
+        assert without_present(infos) == plain(their_infos)
+        collisions += "collided" in infos and infos["collided"].sum()
+    assert collisions > 0
+
+
+def test_infos_follow_gymnasium_s_convention_of_masks():
+    vector = gymnasium.make_vec(IDS[1], num_envs=2, n_robots=2, max_steps=3)
+    one_by_one = gymnasium.wrappers.vector.DictInfoToList(vector)
+    _, infos = one_by_one.reset(seed=1)
+    assert [info["map"] for info in infos] == ["openspace_fire"] * 2
+    for _ in range(3):
+        *_, infos = one_by_one.step(np.zeros((2, 2)))
+    assert infos[1]["final_info"]["measures"]["steps"] == 3
+    assert infos[1]["final_info"]["measures"]["steps until all found"] == np.inf
+
+
+def test_statistics_of_episodes_can_be_recorded_by_gymnasium_s_wrapper():
+    vector = gymnasium.wrappers.vector.RecordEpisodeStatistics(
+        RobotVectorEnv(CollisionAvoidance(n_robots=2, max_steps=3), n_worlds=2)
+    )
+    vector.reset(seed=1)
+    rewards = []
+    for _ in range(3):
+        _, reward, *_, infos = vector.step(np.full((4, 2), 0.5))
+        rewards.append(reward)
+    assert infos["episode"]["r"] == pytest.approx(np.sum(rewards, axis=0))
+
+
+def test_options_fix_what_an_episode_is_like():
+    env = gymnasium.make(IDS[0], n_robots=5)
+    _, info = env.reset(seed=1, options={"map": "sparse", "n_robots": 2, "speed": 0.5, "imperfection": 0.25})
+    assert info == {"map": "sparse", "n_robots": 2, "speed": 0.5, "imperfection": 0.25}
+    world = env.unwrapped.world
+    assert (world.map.name, len(world.swarm)) == ("sparse", 2)
+    assert world.swarm.max_speed.tolist() == [world.swarm.designs[0].max_speed] * 2
+    assert world.swarm.designs[0].max_speed == 0.5 * env.unwrapped.task.design.max_speed
+    assert world.imperfections == MEASURED.at(0.25)
+    assert env.reset()[1] == {"map": "original", "n_robots": 5, "speed": 1.0, "imperfection": 0.0}
+    with pytest.raises(UnknownNameError, match=r"^unknown option 'robots'; did you mean 'n_robots'\?"):
+        env.reset(options={"robots": 2})
+
+
+def test_a_window_shows_a_gymnasium_environment(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame = pytest.importorskip("pygame")
+    env = gymnasium.make(IDS[1], render_mode="human")
+    env.reset(seed=1)
+    env.step(np.zeros(2, np.float32))
+    assert pygame.display.get_surface().get_size() == (640, 480)
+    env.close()
+    with pytest.raises(InvalidValueError, match=r"^render_mode is 'human'; expected 'rgb_array' or None"):
+        gymnasium.make_vec(IDS[1], num_envs=2, render_mode="human")
 
 
 def test_all_robots_of_many_worlds_lie_flat():
@@ -89,7 +161,10 @@ def test_all_robots_of_many_worlds_lie_flat():
         assert np.array_equal(seen.reshape(rows.shape), rows)
         assert np.array_equal(reward.reshape(3, 4), rewards)
         assert np.array_equal(truncated, np.repeat(ends, 4))
-        assert infos.keys() - {"_final_obs"} == final.keys()
+        assert ("final_obs" in infos) == ("final_obs" in final)
+        if "collided" in infos:
+            mask = infos["_collided"]
+            assert np.array_equal(infos["collided"][mask], final["collided"].ravel()[mask])
 
 
 def test_all_robots_of_a_world_whose_task_is_done_end_and_no_others():

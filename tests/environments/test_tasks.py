@@ -6,31 +6,20 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc
+from mesa_swarm.analysis import coverage
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.experiments.driving import within_reach
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.learning import reward
 from mesa_swarm.world.map import FireSpot
+from support.task_worlds import rewarded, world_of
 
 # One fire of area 4 in the middle of a hall.
 HALL = Map(name="hall", bounds=(0, 0, 300, 200), fires=[FireSpot(position=(150, 100), radius=20)])
 QUENCHED = FireConstants(k1=1e-9, k2=1.001, k3=0.0, k4=0.0, leave=10.0, join=0.0)
-
-
-def world_of(task, poses, **more) -> TaskWorld:
-    """Return a world whose robots stand at these poses."""
-    world = TaskWorld(task=replace(task, n_robots=len(poses)), rng=1, **{"commanded": len(poses), **more})
-    for robot, (x, y, heading) in zip(world.robots, poses, strict=True):
-        robot.position, robot.heading = (x, y), heading
-    return world
-
-
-def rewarded(world: TaskWorld, wheels) -> list[float]:
-    out = np.full(world.commanded, np.nan)
-    world.advance(np.array(wheels, float), out)
-    return out.tolist()
 
 
 @pytest.mark.parametrize("reward_of", ["state", "next state"])
@@ -209,3 +198,107 @@ def test_obstacles_may_be_added_to_a_world():
     out = np.empty((1, 9))
     world.observe(out)
     assert out[0, 0] == pytest.approx(5 / 50)
+
+
+BLANK = Map(name="blank", bounds=(0, 0, 400, 400))
+
+
+def test_collisions_speed_and_coverage_are_measured_of_the_steps_so_far():
+    world = world_of(CollisionAvoidance(map=BLANK), [(395, 205, 0.0), (105, 105, 0.0)])
+    for wheels in [((1, 1), (1, 1))] * 50 + [((0, 0), (1, -1))] * 50:
+        rewarded(world, wheels)
+    assert world.measures() == {
+        "steps": 100.0,
+        "collisions": 250.0,
+        "worst robot": 500.0,
+        "speed ahead": 0.5,
+        "coverage": 7 / 1600,  # x from 106 to 155 in cells of 10, and the cell at the wall
+    }
+
+
+def test_an_episode_without_steps_has_no_means_and_has_covered_nothing():
+    measured = TaskWorld(task=CollisionAvoidance(map=BLANK, n_robots=2), rng=1).measures()
+    assert [measured.pop(name) for name in ("steps", "coverage")] == [0.0, 0.0]
+    assert all(np.isnan(value) for value in measured.values())
+
+
+def test_measures_are_those_of_numpy_on_the_positions_and_collisions_of_each_step():
+    rules = Subsumption(Avoid(), Explore(turn_interval=20))
+    world = TaskWorld(task=CollisionAvoidance(n_robots=4, map="original"), control=rules, rng=3)
+    reach = within_reach(world)
+    positions, collided, ahead, reward = [], [], [], np.empty(4)
+    for _ in range(300):
+        world.advance(None, reward)
+        positions.append(world.swarm.position.copy())
+        collided.append(world.swarm.collided.copy())
+        ahead.append(world.swarm.command.mean(axis=1) / world.swarm.max_speed)
+    measured = world.measures()
+    assert measured["coverage"] == coverage(np.array(positions), reach, world.map.bounds)
+    assert measured["collisions"] == pytest.approx(1000 * np.mean(collided))
+    assert measured["worst robot"] == pytest.approx(1000 * np.mean(collided, axis=0).max())
+    assert measured["speed ahead"] == pytest.approx(np.mean(ahead))
+
+
+@pytest.mark.parametrize("commanded", [None, 0])
+def test_a_world_that_rules_drive_is_the_model_without_a_learner_rewarded_and_measured(commanded):
+    task = CollisionAvoidance(n_robots=3, map="openspace", max_steps=50)
+    control = Subsumption(Avoid(), Explore()) if commanded is None else None
+    world = TaskWorld(task=task, commanded=commanded, control=control, rng=5)
+    model = SwarmModel(map="openspace", rng=5)
+    model.add_robots(AGENT9, 3)
+    model.control = Subsumption(Avoid(), Explore())
+    measured = world.play()
+    model.run(50)
+    assert np.array_equal(world.swarm.position, model.swarm.position)
+    assert (world.commanded, world.rewarded, measured["steps"]) == (0, 3, 50.0)
+    assert measured["reward"] == pytest.approx(measured["speed ahead"] - 2 * measured["collisions"] / 1000)
+
+
+def test_a_function_of_observations_is_measured_as_when_a_learner_steps_it():
+    task = CollisionAvoidance(n_robots=3, map="openspace", max_steps=30, actions=4)
+    played = TaskWorld(task=task, rng=5).play(lambda seen: np.full(len(seen), 3))
+    world, reward = TaskWorld(task=task, rng=5), np.empty(3)
+    for _ in range(30):
+        world.advance(np.ones((3, 2)), reward)
+    assert {**world.measures(), "reward": reward.mean()} == {**played, "reward": pytest.approx(reward.mean())}
+
+
+def test_a_share_of_the_fires_is_found_and_the_steps_until_all_were_are_counted_once():
+    two = Map(name="two", bounds=(0, 0, 400, 200), fires=[FireSpot(position=(x, 100), radius=20) for x in (100, 300)])
+    world = world_of(FindFires(map=two), [(100, 132, 0.0), (345, 100, np.pi)])
+    rewarded(world, [(0, 0), (0, 0)])
+    first = world.measures()
+    assert first["fires found"] == 0.5
+    assert np.isnan(first["steps until all found"])
+    for _ in range(30):
+        rewarded(world, [(0, 0), (1, 1)])
+    last = world.measures()
+    assert (last["fires found"], last["steps until all found"]) == (1.0, 11.0)
+
+
+def test_fires_that_are_out_are_measured_and_whether_the_largest_is_among_them():
+    spots = [FireSpot(position=(100, 100), radius=20), FireSpot(position=(300, 100), radius=30)]
+    task = ExtinguishFires(map=Map(name="two", bounds=(0, 0, 400, 200), fires=spots), fire_constants=QUENCHED)
+    world = world_of(task, [(70, 100, 0.0)] * 1 + [(130, 100, 0.0), (260, 100, 0.0), (340, 100, 0.0)])
+    for _ in range(3):
+        rewarded(world, [(0, 0)] * 4)
+    assert [world.measures()[name] for name in ("fires out", "largest fire out")] == [0.5, 0.0]
+    for _ in range(30):
+        rewarded(world, [(0, 0)] * 4)
+    measured = world.measures()
+    assert [measured[name] for name in ("fires out", "largest fire out")] == [1.0, 1.0]
+    assert 3 < measured["steps until all out"] < 33
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda task: TaskWorld(task=task, commanded=2, control=Subsumption(Explore())), "commanded is 2 beside a"),
+        (lambda task: TaskWorld(task=task, commanded=16), "commanded is 16; expected"),
+        (lambda task: TaskWorld(task=task, rng=1).play(), "policy is None, 15 commanded; expected a policy for them"),
+        (lambda task: TaskWorld(task=task, commanded=0, rng=1).play(len), "policy is .*, 0 commanded; expected None"),
+    ],
+)
+def test_what_drives_the_robots_of_a_world_is_unambiguous(make, message):
+    with pytest.raises(InvalidValueError, match=f"^{message}"):
+        make(CollisionAvoidance())

@@ -1,7 +1,11 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
+from mesa_swarm.environments.task_world import TaskWorld
+from mesa_swarm.environments.vector import LARGEST_SEED, generators
 from mesa_swarm.errors import InvalidValueError, PlacementError, SwarmError
 
 TASKS = [
@@ -9,6 +13,8 @@ TASKS = [
     FindFires(n_robots=8, max_steps=300),
     ExtinguishFires(n_robots=8, max_steps=300),
 ]
+
+ENDED = {"final_obs", "_final_obs", "returns", "measures"}
 
 
 def random_actions(env: VectorSwarmEnv, steps: int, seed: int = 0) -> np.ndarray:
@@ -20,7 +26,8 @@ def played(env: VectorSwarmEnv, actions: np.ndarray, seed) -> list[np.ndarray]:
     heard = [env.reset(seed=seed)]
     for action in actions:
         *arrays, infos = env.step(action)
-        heard += [*arrays, *infos.values()]
+        measures = infos.pop("measures", {})
+        heard += [*arrays, env.state(), *infos.values(), *measures.values()]
     return heard
 
 
@@ -54,20 +61,38 @@ def test_without_any_seed_two_environments_differ():
 def test_a_world_is_the_same_alone_and_among_others():
     many, alone = VectorSwarmEnv(TASKS[0], n_worlds=3), VectorSwarmEnv(TASKS[0], n_worlds=1)
     actions = random_actions(many, 320)
-    together, one = played(many, actions, 10), played(alone, actions[:, 2:], 12)
+    together, one = played(many, actions, [10, 11, 12]), played(alone, actions[:, 2:], 12)
     assert same([array[2:] for array in together], one)
-    assert same(together, played(VectorSwarmEnv(TASKS[0], n_worlds=3), actions, [10, 11, 12]))
+    two = played(VectorSwarmEnv(TASKS[0], n_worlds=2), actions[:, :2], 7)
+    assert same(two, [array[:2] for array in played(many, actions, 7)])
+
+
+def test_worlds_are_seeded_by_the_children_of_the_seed():
+    env = VectorSwarmEnv(TASKS[0], n_worlds=3)
+    env.reset(seed=5)
+    for world, child in zip(env.worlds, np.random.SeedSequence(5).spawn(3), strict=True):
+        first = int(np.random.default_rng(child).integers(2**63))
+        assert world.state_hash() == TaskWorld(task=TASKS[0], commanded=8, rng=first).state_hash()
+
+
+@given(seeds=st.sets(st.integers(0, 2**63), min_size=2, max_size=4))
+def test_no_two_seeds_share_a_world(seeds):
+    firsts = [[int(g.integers(LARGEST_SEED)) for g in generators(seed, 16)] for seed in seeds]
+    assert len(set().union(*firsts)) == 16 * len(seeds)
 
 
 def test_an_episode_that_ends_hands_over_what_was_seen_last_and_starts_anew():
     env = VectorSwarmEnv(CollisionAvoidance(n_robots=3, max_steps=5), n_worlds=2)
     env.reset(seed=1)
-    old = env.worlds[1]
+    old, env_returns = env.worlds[1], np.zeros((2, 3))
     for step in range(1, 6):
-        observations, _, terminated, truncated, infos = env.step(np.ones((2, 3, 2)))
+        observations, reward, terminated, truncated, infos = env.step(np.ones((2, 3, 2)))
+        env_returns += reward
         assert truncated.tolist() == [step == 5] * 2
         assert not terminated.any()
-        assert bool(infos) == (step == 5)
+        assert set(infos) == {"collided", "present"} | (ENDED if step == 5 else set())
+    assert infos["measures"]["steps"].tolist() == [5, 5]
+    assert infos["returns"].tolist() == env_returns.tolist()
     seen = np.empty((3, 9), np.float32)
     old.observe(seen)
     assert np.array_equal(infos["final_obs"][1], seen)
@@ -87,6 +112,9 @@ def test_only_the_world_whose_task_is_done_starts_anew():
     assert env.worlds[1] is unended
     assert env.worlds[0].steps == 0
     assert infos["final_obs"].shape == (2, 1, 37)
+    assert infos["_final_obs"].tolist() == [True, False]
+    assert infos["measures"]["fires found"].tolist() == [1, 0]
+    assert infos["returns"].tolist() == [[-0.01], [0]]
 
 
 def test_a_done_task_is_terminated_and_not_truncated_though_its_time_is_up():

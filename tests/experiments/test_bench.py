@@ -27,7 +27,7 @@ from mesa_swarm.experiments.bench import (
     two_threads,
 )
 from mesa_swarm.experiments.driving import MEASURES, drive_measured, driven_world
-from mesa_swarm.experiments.learn_bench import Benchmark, group_of, is_training, map_named
+from mesa_swarm.experiments.learn_bench import is_training
 from mesa_swarm.experiments.learning_figures import demonstrated, fire_run
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.robots.design import AGENT9
@@ -119,22 +119,8 @@ def test_a_robot_that_drives_ahead_in_open_space_does_not_collide():
     assert (measured["collisions"], measured["speed ahead"]) == (0.0, 1.0)
 
 
-def test_ten_seeds_of_a_benchmark_cover_the_generated_maps():
-    bench = Benchmark(seeds=10)
-    assert len(list(bench.runs())) == 100
-    assert bench.maps(1) == ("original", "sparse", "openspace", "openspace_fire", "random 1", "random 2")
-    generated = [place for seed in range(1, 11) for place in bench.maps(seed) if place.startswith("random")]
-    assert generated == [f"random {number}" for number in range(1, 21)]
-
-
 def test_an_outcome_without_all_measures_is_not_a_training():
     assert not is_training(Outcome(results={"robot-steps": 15.0}))
-
-
-@pytest.mark.parametrize(("place", "group"), [("original", "home"), ("sparse", "built in"), ("random 7", "generated")])
-def test_maps_have_names_and_groups(place, group):
-    assert map_named(place).name == place
-    assert group_of(place) == group
 
 
 def test_rounds_of_learning_fires_have_their_steps():

@@ -6,10 +6,10 @@ from mesa_swarm import AGENT9
 from mesa_swarm.control import Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import contestants as all_contestants
+from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, Trained, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world
 from mesa_swarm.experiments.gating import VALIDATION, ValidationGate, gated
-from mesa_swarm.experiments.learn_bench import GENERATED, UNSEEN
 from support.q_learners import learned, trained
 
 BRIEF = {"maps": ["openspace", "sparse"], "robots": 3, "steps": 40}
@@ -136,8 +136,8 @@ def test_validation_maps_are_none_of_those_to_breed_to_choose_to_compare_and_to_
     assert not set(VALIDATION) & {
         *BREEDING,
         *CHOOSING,
-        *GENERATED,
-        *UNSEEN,
+        *TRAIN,
+        *TEST,
         *range(50_001, 50_021),
         *range(60_001, 60_051),
     }

@@ -1,41 +1,50 @@
-"""The benchmark of learning: its measures, its continuation after an interruption, and its refusals."""
+"""The benchmark of learning: its tasks and measures, its continuation after an interruption, and its refusals."""
 
 import ast
 import json
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from mesa_swarm import AGENT9, Map, disc
-from mesa_swarm.cli.learn import learn_bench as command
+from mesa_swarm.cli import app
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
-from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
+from mesa_swarm.experiments.benchmark_tasks import APART, TEST, TRAIN, benchmark_tasks, is_target_met
+from mesa_swarm.experiments.contestants import BREEDING, CHOOSING
 from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
 from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
-from mesa_swarm.experiments.learn_bench import (
-    EVERY,
-    GENERATED,
-    UNSEEN,
-    Benchmark,
-    Training,
-    learn_bench,
-    lines_of,
-    markdown,
-    runs_csv,
-    seed_by_seed,
-    summary_json,
-)
+from mesa_swarm.experiments.gating import VALIDATION
+from mesa_swarm.experiments.learn_bench import Benchmark, Training, learn_bench
+from mesa_swarm.experiments.learn_report import lines_of, markdown, report_page, runs_csv, summary_json
 from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.task_contestants import at_random, contestants_of, evolved_linear
+from mesa_swarm.learning import ReflexPolicy, SensorLayout, save_policy
 from mesa_swarm.world.random_map import random_map
 
-BRIEF = {"seeds": 2, "steps": 40, "evaluation_steps": 10}
-TWO = ("random", "Hebbian")
+BRIEF = {"seeds": 2, "steps": 40, "evaluation_steps": 10, "maps": 2}
+TWO = ("random", "Q (b)")
+OUTSIDE = """
+import numpy as np
+
+def ahead(observations):
+    return np.ones((len(observations), 2))
+
+class Turning:
+    def act(self, observations):
+        return np.tile([1.0, -1.0], (len(observations), 1))
+"""
 
 
 def brief(only=TWO, **options):
-    return Benchmark(**{**BRIEF, **options}, only=only)
+    return Benchmark(**{**BRIEF, "tasks": ("avoid",), **options}, only=only)
+
+
+def results_of(run):
+    """Return the results apart from the times, which differ each time."""
+    return {name: value for name, value in run.numbers.items() if "seconds" not in name}
 
 
 @pytest.fixture(scope="module")
@@ -43,56 +52,56 @@ def runs(tmp_path_factory):
     return learn_bench(brief(), out=tmp_path_factory.mktemp("bench"))
 
 
-def test_all_that_the_table_must_list_take_part():
-    wanted = {"random", "Avoid + Explore", "evolved reflex", "Q (a)", "Q (b)", "Q (c)", "Q (c), typed", "wire-fitted Q"}
-    assert wanted | {"Hebbian"} <= set(contestants())
+@pytest.fixture
+def outside(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(OUTSIDE)
 
 
-def test_ten_seeds_see_all_built_in_and_twenty_generated_maps():
-    ten = Benchmark(seeds=10)
-    seen = {place for seed in range(1, 11) for place in ten.maps(seed)}
-    assert seen == {"original", "sparse", "openspace", "openspace_fire", *(f"random {k}" for k in GENERATED)}
-    assert all(len(ten.maps(seed)) == 6 for seed in range(1, 11))
-    assert ten.maps(11) == ten.maps(1)
-    assert len(GENERATED) == len(UNSEEN) == 20
+def test_the_five_tasks_have_contestants_by_chance_and_by_a_rule():
+    assert list(benchmark_tasks()) == ["avoid", "find fires", "extinguish fires", "foraging", "aggregation"]
+    for name, task in benchmark_tasks().items():
+        assert {"random", task.rule} < set(contestants_of(name))
 
 
-def test_no_map_is_in_two_of_the_blocks_to_breed_to_choose_to_compare_and_to_test():
-    blocks = BREEDING, CHOOSING, GENERATED, UNSEEN
+def test_no_map_is_in_two_of_the_blocks_to_train_to_choose_to_validate_and_to_test():
+    blocks = BREEDING, CHOOSING, TRAIN, VALIDATION, TEST
     assert len(set().union(*blocks)) == sum(map(len, blocks))
+    assert len(TEST) == 50
 
 
-def test_the_rule_and_the_bred_are_measured_on_every_unseen_map_with_each_seed(tmp_path, monkeypatch):
-    monkeypatch.setattr(bench, "UNSEEN", range(40_001, 40_004))
-    alone = Benchmark(seeds=1, steps=40, evaluation_steps=10, only=("random", "Avoid + Explore", "evolved reflex"))
-    runs = learn_bench(alone, out=tmp_path)
-    rows = {run.name: {measure: value for place, _, measure, value in run.rows() if place == EVERY} for run in runs}
-    assert (rows["random"], len(rows["evolved reflex"])) == ({}, 4)
-    rule, apart = Subsumption(Avoid(), Explore()), bench.APART + 1
-    each = [drive_measured(driven_world(rule, AGENT9, 15, random_map(k), apart), 10) for k in range(40_001, 40_004)]
-    assert rows["Avoid + Explore"] == {measure: np.mean([row[measure] for row in each]) for measure in each[0]}
-    assert "evolved reflex: each seed on all twenty unseen maps" in markdown(alone, runs)
+@pytest.mark.parametrize("name", benchmark_tasks())
+def test_every_task_measures_a_rule_and_numbers_from_outside_in_the_same_world(name):
+    setting = benchmark_tasks()[name]
+    rule = contestants_of(name)[setting.rule](1, 0).frozen
+    for controller in (rule, at_random(setting.task.numbers, 1)):
+        found = setting.drive(controller, f"random {TEST[0]}", 1, 4)
+        assert tuple(found) == setting.measures
+        assert found == setting.drive(controller, f"random {TEST[0]}", 1, 4)
 
 
-def test_the_target_is_judged_seed_by_seed_and_in_the_mean():
-    def training(seed, name, *values):
-        measures = ("collisions", "speed ahead", "coverage")
-        results = {f"{EVERY}|frozen|{m}": v for m, v in zip(measures, values, strict=True)}
-        return Training(name=name, seed=seed, results=results)
+def test_a_drive_is_what_is_measured_step_by_step_without_the_environment():
+    rule = Subsumption(Avoid(), Explore())
+    found = benchmark_tasks()["avoid"].drive(rule, "random 60001", 3, 200)
+    plain = drive_measured(driven_world(rule, AGENT9, 15, random_map(60_001), APART + 3), 200)
+    assert found == pytest.approx(plain, abs=1e-12)
 
-    rule = [training(seed, "Avoid + Explore", 60.0, 0.9, 0.8) for seed in (1, 2)]
-    bred = [training(1, "evolved reflex", 0.25, 0.875, 0.8125), training(2, "evolved reflex", 0.75, 0.875, 0.8125)]
-    table = [
-        [cell.strip() for cell in row.split("|")[1:-1]]
-        for row in seed_by_seed(rule + bred, "evolved reflex").splitlines()[4:]
-    ]
-    assert table == [
-        ["1", "0.25", "0.88", "0.812", "0.800", "yes"],
-        ["2", "0.75", "0.88", "0.812", "0.800", "no"],
-        ["mean", "0.50", "0.88", "0.812", "0.800", "yes"],
-    ]
-    alone = seed_by_seed(bred[:1], "evolved reflex").splitlines()[-1]
-    assert [cell.strip() for cell in alone.split("|")[-3:-1]] == ["nan", "no"]
+
+@pytest.mark.parametrize(
+    ("measured", "is_met"),
+    [((0.5, 0.6, 0.8), True), ((0.51, 0.9, 0.9), False), ((0.0, 0.59, 0.9), False), ((0.0, 0.9, 0.79), False)],
+)
+def test_the_target_is_few_collisions_a_speed_and_the_coverage_of_the_rule(measured, is_met):
+    assert is_target_met(*measured, of_the_rule=0.8) is is_met
+
+
+def test_a_linear_controller_is_evolved_to_the_same_weights_each_time():
+    seen = np.random.default_rng(1).random((3, 36), np.float32)
+    found = [evolved_linear("aggregation", 1, 0.02) for _ in range(2)]
+    actions = [controller.actor("continuous")(seen) for controller, _ in found]
+    assert (actions[0] == actions[1]).all()
+    assert not (actions[0] == evolved_linear("aggregation", 2, 0.02)[0].actor("continuous")(seen)).all()
+    assert found[0][1] == (1 * 16 + 1 * len(VALIDATION)) * 30 * 15
 
 
 def test_a_robot_that_drives_straight_is_fast_and_sees_what_it_passes():
@@ -132,10 +141,10 @@ def test_within_reach_leaves_out_what_stands_there():
 
 
 def test_learners_are_measured_frozen_and_still_learning_and_others_only_frozen(runs):
-    assert [(run.name, run.seed) for run in runs] == [("random", 1), ("Hebbian", 1), ("random", 2), ("Hebbian", 2)]
+    assert [(run.name, run.seed) for run in runs] == [("random", 1), ("Q (b)", 1), ("random", 2), ("Q (b)", 2)]
     modes = {run.name: {mode for _, mode, _, _ in run.rows()} for run in runs}
-    assert modes == {"random": {"frozen"}, "Hebbian": {"frozen", "learning"}}
-    assert all(len(list(run.rows())) == 6 * 4 * len(modes[run.name]) for run in runs)
+    assert modes == {"random": {"frozen"}, "Q (b)": {"frozen", "learning"}}
+    assert all(len(list(run.rows())) == 3 * 4 * len(modes[run.name]) for run in runs)
     assert len(runs[1].curve()) == 33
     assert runs[1].results["robot-steps"] == 40 * 15
 
@@ -150,91 +159,129 @@ def test_an_interrupted_benchmark_goes_on_to_the_same_results(tmp_path, monkeypa
             raise KeyboardInterrupt
         return usual(*given, **more)
 
-    monkeypatch.setattr(Benchmark, "maps", lambda self, seed: ("openspace",))
-    whole = learn_bench(brief(), out=tmp_path / "whole")
+    whole = learn_bench(brief(maps=1), out=tmp_path / "whole")
     monkeypatch.setattr(bench, "measured", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        learn_bench(brief(), out=tmp_path)
-    again = learn_bench(brief(), out=tmp_path)
+        learn_bench(brief(maps=1), out=tmp_path)
+    again = learn_bench(brief(maps=1), out=tmp_path)
     assert len(calls) == 3 + 2
     assert [list(run.rows()) for run in again] == [list(run.rows()) for run in whole]
-    learn_bench(brief(), out=tmp_path)
+    learn_bench(brief(maps=1), out=tmp_path)
     assert len(calls) == 5
-    learn_bench(brief(only=("random",)), out=tmp_path, resume=False)
+    learn_bench(brief(only=("random",), maps=1), out=tmp_path, resume=False)
     assert len(calls) == 7
 
 
-def test_lines_are_interquartile_means_over_seeds_and_maps():
-    results = {
-        f"random {k}|frozen|{m}": v for k, v in enumerate([1.0, 2.0, 3.0, 90.0]) for m in ("collisions", "coverage")
-    }
-    results |= {f"random {k}|frozen|{m}": 0.5 for k in range(4) for m in ("worst robot", "speed ahead")}
-    (line,) = lines_of([Training(name="one", seed=1, results=results)])
-    assert (line.group, line.mode, line.collisions.estimate, line.worst, line.ahead) == (
-        "generated",
-        "frozen",
-        2.5,
-        0.5,
-        0.5,
-    )
+def training(seed, **more):
+    kinds = {"collisions": 1.0, "worst robot": 2.0, "speed ahead": 0.5, "coverage": 0.25}
+    results = {f"random {k}|frozen|{m}": v for k in (60_001, 60_002) for m, v in kinds.items()}
+    figures = {"train wall seconds": 1.0, "train processor seconds": 1.0, "robot-steps": 15.0, "trainings": 1.0}
+    numbers = {**figures, "passed": None, **results, **more}
+    return Training(task="avoid", name="one", seed=seed, results=numbers)
+
+
+def test_lines_are_means_over_seeds_of_means_over_maps_without_what_did_not_happen():
+    trainings = [training(seed, **{"random 60001|frozen|collisions": 3.0 * seed}) for seed in range(1, 7)]
+    trainings[0].results["random 60001|frozen|coverage"] = None
+    (line,) = lines_of(trainings)
+    assert (line.group, line.mode) == ("test", "frozen")
+    assert line.values["collisions"].estimate == np.mean([(3.0 * seed + 1.0) / 2 for seed in range(1, 7)])
+    assert line.values["collisions"].low < line.values["collisions"].estimate < line.values["collisions"].high
+    assert line.values["coverage"].estimate == 0.25
+
+
+def test_the_table_of_trainings_counts_single_trainings_that_missed():
+    text = markdown(brief(), [training(1, trainings=3.0, passed=1.0), training(2, trainings=5.0, passed=0.0)])
+    assert "| 7 of 8 " in text
+    assert " of 2" not in markdown(brief(), [training(1), training(2)])
 
 
 def test_tables_hold_all_contestants_and_are_read_back(runs):
     text = markdown(brief(), runs)
     assert all(name in text for name in TWO)
-    assert "On generated maps that were not used for training, still learning" in text
+    assert "On the test maps, 2 of them, still learning" in text
+    assert text in report_page(brief(), text)
     rows = runs_csv(runs).splitlines()
-    assert rows[0] == "contestant,seed,map,group,mode,collisions,worst robot,speed ahead,coverage"
-    assert len(rows) == 1 + 2 * 6 * 1 + 2 * 6 * 2
+    assert rows[0] == "task,contestant,seed,map,mode,measure,value"
+    assert len(rows) == 1 + 2 * 3 * 4 * (1 + 2)
     summary = json.loads(summary_json(brief(), runs))
-    assert (summary["seeds"], len(summary["lines"])) == (2, 3 * 3)
+    assert (summary["seeds"], len(summary["lines"])) == (2, 2 * 3)
 
 
-def test_the_command_writes_tables_and_pictures(tmp_path, capsys):
-    command(seeds=1, steps=5, evaluation_steps=3, only="Hebbian", jobs=1, out=tmp_path / "b", resume=True, quiet=True)
-    names = {path.name for path in (tmp_path / "b").iterdir()}
-    assert {"learn_bench.md", "learn_bench.csv", "learn_bench.json", "learn_bench.png", "learn_curves.png"} <= names
-    assert "learn_bench.png" in capsys.readouterr().out
+def test_the_command_writes_tables_pictures_and_a_page(tmp_path):
+    line = "learn-bench --task avoid --only random;Hebbian --seeds 1 --steps 5 --evaluation-steps 3 --maps 1 --jobs 1"
+    done = CliRunner().invoke(app, [*line.split(), "--quiet", "--out", tmp_path, "--report", tmp_path / "page.md"])
+    assert done.exit_code == 0, done.output
+    names = {path.name for path in tmp_path.iterdir()}
+    tables = {"learn_bench.md", "learn_bench.csv", "learn_bench.json"}
+    assert names == tables | {"learn_bench_avoid.png", "learn_curves.png", "ledger.jsonl", "page.md"}
+    assert (tmp_path / "learn_bench.md").read_text() in (tmp_path / "page.md").read_text()
+
+
+def test_controllers_from_outside_are_measured_beside_the_rule_and_chance(tmp_path, outside):
+    eyes = SensorLayout.of(AGENT9)
+    save_policy(ReflexPolicy.reflex(eyes, [*[[0, 0]] * 9, [1, 1]]), "ahead.npz")
+    benchmark = brief((), seeds=1, maps=1, policies=("./mine.py:ahead", "./mine.py:Turning", "ahead.npz"))
+    found = {run.name: dict(run.numbers) for run in learn_bench(benchmark, out=tmp_path)}
+    assert list(found) == ["random", "Avoid + Explore", *benchmark.policies]
+    ahead, turning, saved = (found[name] for name in benchmark.policies)
+    assert ahead["random 60001|frozen|speed ahead"] == saved["random 60001|frozen|speed ahead"] == 1.0
+    assert turning["random 60001|frozen|speed ahead"] == 0.0
+
+
+def test_a_controller_from_outside_is_measured_anew_when_its_file_changes(tmp_path, outside):
+    benchmark = brief((), policies=("./mine.py:ahead",))
+    before = benchmark.key("avoid", "./mine.py:ahead", 1)
+    (tmp_path / "mine.py").write_text(OUTSIDE + "# changed")
+    assert benchmark.key("avoid", "./mine.py:ahead", 1) != before
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"seeds": 0}, {"steps": 0}, {"evaluation_steps": 0}, {"only": ("Q (z)",)}, {"seeds": np.nan}],
+    [
+        *({"seeds": 0}, {"steps": 0}, {"evaluation_steps": 0}, {"only": ("Q (z)",)}, {"seeds": np.nan}, {"maps": 51}),
+        *({"tasks": ("flying",)}, {"policies": ("nothing.npz",)}, {"policies": ("mine",)}),
+    ],
 )
-def test_what_is_no_benchmark_is_refused_in_one_line(wrong):
+def test_what_cannot_be_a_benchmark_is_refused_in_one_line(wrong):
     with pytest.raises(SwarmError) as caught:
         Benchmark(**{**BRIEF, **wrong})
     assert "\n" not in str(caught.value)
 
 
-def test_who_takes_part_does_not_depend_on_the_order_in_which_they_are_named():
-    assert brief(only=("Hebbian", "random")).names == ["random", "Hebbian"]
-    assert brief().key("random", 1) == Benchmark(**BRIEF).key("random", 1) != brief().key("random", 2)
+def test_the_order_in_which_contestants_are_named_does_not_matter():
+    assert brief(only=("Q (b)", "random")).names("avoid") == ["random", "Q (b)"]
+    assert brief().key("avoid", "random", 1) == brief(only=()).key("avoid", "random", 1)
+    assert brief().key("avoid", "random", 1) != brief().key("avoid", "random", 2)
 
 
 def test_trainings_are_done_again_when_code_changes_that_trains_drives_or_measures():
     hashed = {name.split("/")[0] for name in (*ENGINE, *bench.SOURCES)}
-    files = [PACKAGE / name for name in bench.SOURCES]
+    files = [PACKAGE / name for name in bench.SOURCES if name.endswith(".py")]
     nodes = [node for file in files for node in ast.walk(ast.parse(file.read_text()))]
-    used = {
-        node.module.split(".")[1] for node in nodes if isinstance(node, ast.ImportFrom) and "mesa_swarm" in node.module
-    }
-    parts = {part if (PACKAGE / part).is_dir() else f"{part}.py" for part in used}
-    assert "analysis" in parts
-    assert parts - hashed == {"errors.py", "files.py", "progress.py"}
+    modules = [node.module for node in nodes if isinstance(node, ast.ImportFrom) and "mesa_swarm." in node.module]
+    parts = {part if (PACKAGE / part).is_dir() else f"{part}.py" for part in (name.split(".")[1] for name in modules)}
+    assert {"analysis", "environments"} <= parts
+    assert parts - hashed <= {"errors.py", "files.py", "progress.py", "gallery.py"}
+    trained = {name.split(".")[2] for name in modules if name.startswith("mesa_swarm.experiments.")}
+    listed = {name.rpartition("/")[2].removesuffix(".py") for name in bench.SOURCES}
+    assert trained - listed <= {"experiment", "pool", "runs"}
     assert all((PACKAGE / name).exists() for name in (*ENGINE, *bench.SOURCES))
 
 
 def test_a_stored_training_with_other_numbers_than_those_of_a_training_counts_as_never_done(tmp_path):
-    once = Benchmark(seeds=1, steps=40, evaluation_steps=10, only=("random",))
+    once = brief(("random",), seeds=1, maps=1)
     real = learn_bench(once, out=tmp_path)[0].results
     for wrong in ({}, {"a": 1.0}, {**real, "a|b|c": 1.0}, {**real, "robot-steps": None}, {**real, "training|00": 1.0}):
         with Ledger(tmp_path / "ledger.jsonl") as ledger:
-            ledger.append(once.key("random", 1), Outcome(steps=40, results=wrong))
-        again = learn_bench(once, out=tmp_path)[0].results
-        assert {name: value for name, value in again.items() if "seconds" not in name} == {
-            name: value for name, value in real.items() if "seconds" not in name
-        }
+            ledger.append(once.key("avoid", "random", 1), Outcome(steps=40, results=wrong))
+        (again,) = learn_bench(once, out=tmp_path)
+        assert results_of(again) == {name: value for name, value in real.items() if "seconds" not in name}
+
+
+def test_a_benchmark_of_two_processes_has_the_results_of_one(tmp_path):
+    alone, both = (learn_bench(brief(maps=1), out=tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
+    assert [results_of(run) for run in alone] == [results_of(run) for run in both]
 
 
 def test_to_begin_anew_leaves_a_file_alone_that_is_not_a_ledger(tmp_path):

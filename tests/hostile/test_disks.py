@@ -162,10 +162,10 @@ WRITERS = {
     "evolve": Writer(_evolved, size=2_000, also="diary.json"),
     "learn-bench": Writer(
         _to_folder(
-            *("learn-bench", "--only", "random", "--seeds", 1, "--steps", 20, "--evaluation-steps", 10),
-            *("--jobs", 1, "--quiet"),
+            *("learn-bench", "--task", "avoid", "--only", "random", "--seeds", 1, "--steps", 20),
+            *("--evaluation-steps", 10, "--maps", 2, "--jobs", 1, "--quiet"),
         ),
-        ("learn_bench.csv", "learn_bench.json", "learn_bench.md", "learn_bench.png"),
+        ("learn_bench.csv", "learn_bench.json", "learn_bench.md", "learn_bench_avoid.png"),
         size=200_000,
         slow=True,
         also="learn_curves.png",

@@ -141,7 +141,7 @@ def test_a_turn_of_the_dial_goes_on(tally, amount, tmp_path):
 
 
 def test_the_benchmark_of_learners_goes_on(tally, amount, tmp_path):
-    line = f"learn-bench --seeds {amount(4, 30)} --steps 200 --evaluation-steps 20 --quiet --only"
+    line = f"learn-bench --seeds {amount(4, 30)} --steps 200 --evaluation-steps 20 --maps 3 --task avoid --quiet --only"
     attack_work(
         tally,
         "kills: learn-bench",

@@ -206,17 +206,6 @@ def test_commands_are_shares_of_the_greatest_speed():
     assert (driven.swarm.command == 2.0 * policy.act(driven.swarm.distance)).all()
 
 
-def test_trials_are_normal_numbers_that_persist_and_first_weights_are_small():
-    model = learning(HebbianLearning(jitter=0.3, persistence=0.6), robots=20).run(1)
-    weights = np.concatenate([column(model, "weights").ravel(), column(model, "constant").ravel()])
-    assert 0.095 < weights.max() <= 0.1
-    assert -0.1 <= weights.min() < -0.095
-    for _ in range(5):
-        before, stream = column(model, "tried").copy(), copy.deepcopy(model.streams["decide.HebbianLearning"])
-        model.step()
-        np.testing.assert_allclose(column(model, "tried"), 0.6 * before + 0.3 * 0.8 * stream.normal(size=(20, 2)))
-
-
 @pytest.mark.parametrize("self_adjusting", [False, True])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_temperature_follows_time_or_the_share_of_steps_that_ended_near_something(seed, self_adjusting):
@@ -364,11 +353,11 @@ def test_a_lesson_is_learned_in_just_those_steps_that_follow_an_action_of_the_la
     assert len(set(lessons)) > 1
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("learner", LEARNERS[:2])
 @pytest.mark.parametrize("rows", [(0, 1, 2), (1, 2), (2,)])
 def test_of_several_robots_that_diverge_the_first_is_named(learner, rows):
     model = learning(learner()).run(3)
-    column(model, "usual" if learner is HebbianLearning else "outer_bias")[list(rows)] = 1e300
+    column(model, "outer_bias")[list(rows)] = 1e300
     with pytest.raises(LearningError, match=f"robot {model.robots[rows[0]].unique_id} in step 4"):
         model.step()
 
@@ -409,13 +398,3 @@ def test_policies_are_untrained_of_distances_and_moderately_random_unless_they_a
     assert (wires.wires, wires.copies, wires.temperature, wires.steps) == (4, 1, 0.2, 0)
     reflex = ReflexPolicy.of_genome(policy.sensors, np.zeros(22))
     assert (reflex.memory, reflex.squash, reflex.encoding, reflex.steps) == (0, "linear", "distance", 0)
-
-
-def test_at_full_speed_trials_count_from_there_and_not_from_beyond():
-    model = learning(HebbianLearning(eta=0), robots=20).run(1)
-    column(model, "weights")[:] = 0.0
-    column(model, "constant")[:] = (3.0, -3.0)
-    model.step()
-    tried = column(model, "tried")
-    assert column(model, "command") == pytest.approx(np.clip(np.array([1.0, -1.0]) + tried, -1, 1))
-    assert (np.abs(column(model, "command")) < 1).any()

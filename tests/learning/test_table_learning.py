@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
-from mesa_swarm.learning import TableQLearning, reward
+from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.learning import PolicyLayer, TableQLearning, load_policy, reward, save_policy
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS
 from mesa_swarm.learning.table_learning import state_of
 from mesa_swarm.models.q_learning import QLearning
@@ -151,12 +151,27 @@ def test_its_values_and_its_reasons_can_be_read():
     assert model.explain(model.robots[0]).reason.endswith(", by its table and by chance")
 
 
-def test_a_table_that_has_learned_in_another_model_is_refused():
-    layer = layer_of(learning().run(20))
-    other = SwarmModel(rng=1)
-    other.add_robots(AGENT9, 1)
-    with pytest.raises(LearningError, match="new TableQLearning"):
-        other.control = Subsumption(layer)
+@pytest.mark.parametrize("options", [{}, {"shared": True, "actions": 4, "edges": (0.2,), "sectors": 3}])
+def test_a_saved_table_drives_frozen_elsewhere_as_its_policy_does(options, tmp_path):
+    policy = load_policy(save_policy(layer_of(learning(**options).run(60)).policy(), tmp_path / "table.npz"))
+    commands = []
+    for layer in (TableQLearning(start=policy, frozen=True, name="a", **options), PolicyLayer(policy=policy, name="a")):
+        model = SwarmModel(map="openspace", rng=5)
+        model.add_robots(AGENT9, 12)
+        model.control = Subsumption(layer)
+        commands.append(np.array([model.run(1).swarm.command.copy() for _ in range(40)]))
+    assert (commands[0] == commands[1]).all()
+    assert len(np.unique(commands[0])) > 1
+    assert policy.copies == (1 if options else len(learning().robots))
+
+
+def test_a_start_with_other_states_is_refused():
+    policy = layer_of(learning().run(5)).policy()
+    for wrong in ({"sectors": 3}, {"edges": (0.5,)}, {"actions": 4}):
+        with pytest.raises(InvalidValueError, match=r"^start has edges, sectors and actions"):
+            TableQLearning(start=policy, **wrong)
+    with pytest.raises(InvalidValueError, match=r"^start is"):
+        TableQLearning(start="mine.npz")
 
 
 def test_the_model_learns_in_a_table_on_request():

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
@@ -81,9 +83,38 @@ def test_robots_live_there():
     assert worst_overlap(model) <= PROMISED
 
 
+@given(st.integers(0, 2**40), st.integers(0, 6), st.sampled_from([20.0, 30.0, 60.0]))
+@settings(max_examples=8)
+def test_fires_stand_apart_can_be_reached_and_change_no_obstacle(number, fires, passage):
+    made = random_map(number, obstacles=4, passage=passage, fires=fires)
+    plain = random_map(number, obstacles=4, passage=passage)
+    assert (made.obstacles, made.name, plain.fires) == (plain.obstacles, plain.name, ())
+    assert made == random_map(number, obstacles=4, passage=passage, fires=fires)
+    centres = shapely.points(np.array([fire.position for fire in made.fires]).reshape(-1, 2))
+    for fire, centre in zip(made.fires, centres, strict=True):
+        gaps = [shapely.distance(o.geometry, centre) - o.radius for o in made.obstacles]
+        gaps += [
+            shapely.distance(at, centre) - other.radius
+            for other, at in zip(made.fires, centres, strict=True)
+            if at is not centre
+        ]
+        assert min(gaps) - fire.radius >= passage - 1e-6
+    burning = np.array([(*fire.position, fire.radius) for fire in made.fires]).reshape(-1, 3)
+    assert len(shapely.get_parts(free_space(made.bounds, made.obstacles, burning, 0.49 * passage))) == 1
+
+
+def test_there_are_as_many_fires_as_asked_for_unless_they_find_no_room():
+    assert [len(random_map(3, fires=k).fires) for k in (0, 1, 5)] == [0, 1, 5]
+    assert [fire.radius == 40 for fire in random_map(3, fires=5).fires] == [True] + 4 * [False]
+    assert random_map(3, fires=5).fires[:2] == random_map(3, fires=2).fires
+    assert 0 < len(random_map(1, obstacles=0, passage=60, size=(300, 300), fires=30).fires) < 30
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
+        {"number": 1, "fires": -1},
+        {"number": 1, "fires": 31},
         {"number": -1},
         {"number": 0.5},
         {"number": 1, "obstacles": 31},

@@ -1,0 +1,141 @@
+"""Automatic design: design, design-gap, diversity."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
+from mesa_swarm.files import check_writable, write_all
+
+commands = typer.Typer()
+
+MissionName = Annotated[str, typer.Option("--mission", help="aggregation or avoidance.")]
+Generations = Annotated[int, typer.Option(min=1, max=100_000, help="Of the search.")]
+Population = Annotated[int, typer.Option(min=4, max=10_000, help="Candidates a generation.")]
+Robots = Annotated[int, typer.Option(min=1, max=1000, help="In each run.")]
+Steps = Annotated[int, typer.Option(min=1, max=MOST_STORED, help="Of each run.")]
+FirstSeed = Annotated[int, typer.Option("--rng", min=0, max=2**31 - 1, help="Seed; of several designs the first.")]
+
+
+@commands.command("design")
+def design(
+    *,
+    mission: MissionName = "aggregation",
+    robots: Robots = 12,
+    steps: Steps = 400,
+    states: Annotated[int, typer.Option(min=2, max=4, help="At most.")] = 4,
+    transitions: Annotated[int, typer.Option(min=1, max=4, help="Out of each state, at most.")] = 4,
+    generations: Generations = 40,
+    population: Population = 20,
+    rng: FirstSeed = 1,
+    jobs: Jobs = 1,
+    out: Folder = Path("results", "design"),
+    quiet: Quiet = False,
+) -> None:
+    """Search for a state machine that does a mission; continue there after an interruption."""
+    from mesa_swarm.experiments.design import MachineSpace, Mission, design_machine
+    from mesa_swarm.experiments.design_gap import search_maps
+    from mesa_swarm.viewing.machine_drawing import machine_figure
+    from mesa_swarm.viewing.pictures import png
+
+    folder = check_writable(out)
+    with resumable(folder):
+        found = design_machine(
+            Mission(name=mission, robots=robots, steps=steps),
+            space=MachineSpace(states=states, transitions=transitions),
+            maps=search_maps(),
+            generations=generations,
+            population=population,
+            rng=rng,
+            jobs=jobs,
+            file=folder / "search.json",
+            progress=not quiet,
+        )
+    print(f"{found.machine}\nmean score {found.worth:.4g} in the final trials")
+    files: dict[str, str | bytes] = {
+        "machine.txt": found.machine.text(),
+        "machine.png": png(machine_figure(found.machine)),
+    }
+    print("\n".join(map(str, write_all(folder, files))))
+
+
+@commands.command("design-gap")
+def design_gap(
+    *,
+    mission: MissionName = "aggregation",
+    robots: Robots = 12,
+    steps: Steps = 400,
+    designs: Annotated[int, typer.Option(min=2, max=1000, help="Controllers of each kind.")] = 20,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs of each at each place of the dial.")] = 30,
+    generations: Generations = 20,
+    population: Population = 12,
+    preset: Annotated[str, typer.Option(help="measured or robotarium.")] = "measured",
+    rng: FirstSeed = 101,
+    jobs: Jobs = 1,
+    out: Folder = Path("results", "design_gap"),
+    quiet: Quiet = False,
+) -> None:
+    """Design state machines and networks for ideal robots, and compare what they lose on imperfect ones."""
+    from mesa_swarm.experiments import design_gap as gaps
+    from mesa_swarm.experiments.design import Mission
+    from mesa_swarm.viewing.pictures import png
+
+    folder = check_writable(out)
+    with resumable(folder):
+        gap = gaps.design_gap(
+            Mission(name=mission, robots=robots, steps=steps),
+            budget=gaps.Budget(generations=generations, population=population),
+            designs=designs,
+            seeds=seeds,
+            preset=preset,
+            rng=rng,
+            jobs=jobs,
+            out=folder,
+            progress=not quiet,
+        )
+    print(gap.table())
+    files: dict[str, str | bytes] = {
+        "design_gap.csv": gap.csv(),
+        "design_gap.png": png(gaps.design_gap_figure(gap)),
+        "machines.txt": "\n".join(gap.texts),
+    }
+    print("\n".join(map(str, write_all(folder, files))))
+
+
+@commands.command("diversity")
+def diversity(
+    *,
+    measures: Annotated[
+        str, typer.Option(metavar="A,B", help="Two of coverage, speed, largest group.")
+    ] = "coverage,largest group",
+    robots: Robots = 10,
+    steps: Steps = 400,
+    cells: Annotated[int, typer.Option(min=2, max=200, help="Along each measure.")] = 20,
+    generations: Generations = 40,
+    rng: FirstSeed = 1,
+    jobs: Jobs = 1,
+    out: Folder = Path("results", "diversity"),
+    quiet: Quiet = False,
+) -> None:
+    """Search for reflexes that behave differently (pyribs), and draw the map of the best in each cell."""
+    from mesa_swarm.experiments import diversity as search
+    from mesa_swarm.experiments.design_gap import search_maps
+    from mesa_swarm.experiments.evolution import Trial
+    from mesa_swarm.viewing.pictures import png
+
+    folder = check_writable(out)
+    found = search.diversify(
+        Trial(robots=robots, steps=steps, units=0, encoding="typed"),
+        measures=[name.strip() for name in measures.split(",")],
+        cells=cells,
+        generations=generations,
+        maps=search_maps()[:1],
+        rng=rng,
+        jobs=jobs,
+        progress=not quiet,
+    )
+    print(f"{found.filled:.1%} of the cells filled by {found.tried:,} controllers")
+    files: dict[str, str | bytes] = {"diversity.csv": found.csv(), "diversity.png": png(search.behaviour_figure(found))}
+    print("\n".join(map(str, write_all(folder, files))))
+    found.save(folder / "diversity.json")

@@ -1,0 +1,436 @@
+"""Probabilistic finite-state machines: states are layers, transitions are conditions; and their text."""
+
+import ast
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.control.approach import Approach, Halt, Retreat
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.avoid import Avoid
+from mesa_swarm.control.conditions import CONDITIONS, OWN, Condition, chance_of, own_chances
+from mesa_swarm.control.explore import Explore
+from mesa_swarm.control.flocking import Align, Cohere, Cruise, MatchVelocity, Separate
+from mesa_swarm.control.follow import Follow
+from mesa_swarm.control.gather import Gather, Lead
+from mesa_swarm.control.head_on import HeadOn
+from mesa_swarm.control.layer import Layer, Senses
+from mesa_swarm.control.perimeter import Perimeter
+from mesa_swarm.control.push import Push
+from mesa_swarm.control.respond import Respond
+from mesa_swarm.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_name,
+    in_words,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.reasons import Reason
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.streams import Streams
+
+# Names of states: words, between which may be single spaces or hyphens.
+STATE_NAME = re.compile(r"\w+(?:[ -]\w+)*")
+LONGEST_NAME, LONGEST_TEXT, MOST_TRANSITIONS = 60, 100_000, 1000
+_TOWARDS = (Approach, Follow, Gather, HeadOn, Lead, Perimeter, Push, Respond, Retreat)
+_LAYERS = (*_TOWARDS, Align, Avoid, Cohere, Cruise, Explore, Halt, MatchVelocity, Separate)
+# What a text may name.
+PARTS: dict[str, type] = {part.__name__: part for part in (*_LAYERS, *CONDITIONS)}
+ARROW = re.compile(r"(.+?)\s*->\s*(.+)")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Transition:
+    """A change from one state of a machine to another, and its condition.
+
+    Parameters
+    ----------
+    source, target : str
+        Names of two states; a transition may also lead back to its own state, which changes nothing.
+    condition : Condition
+        Such as `Chance` or `Seen`.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> from mesa_swarm.control import Chance
+    >>> Transition(source="stay", target="search", condition=Chance(probability=0.01)).condition.label
+    'p = 0.01'
+    """
+
+    source: str
+    target: str
+    condition: Condition
+
+    def __post_init__(self) -> None:
+        """Check the names and the condition."""
+        check_name("source", self.source)
+        check_name("target", self.target)
+        if not isinstance(self.condition, Condition):
+            raise InvalidValueError(
+                f"condition is {shortened(self.condition)}; expected one such as Chance(probability=0.1)"
+            )
+
+
+class StateMachine(Arbiter):
+    """A probabilistic finite-state machine: each robot is in a state, whose layers drive it [1]_.
+
+    In each step, first the conditions of the transitions out of a robot's state are tried in their order, each with a
+    random number of its own; the first that is fulfilled changes the state. Then the layers of the state that it is in
+    now decide, the first active one drives, as in a `Subsumption` of its own. Robots begin in the first state.
+
+    Parameters
+    ----------
+    states : mapping
+        Of each state's name to its layer, or to several, most important first. Layers such as `Approach`, `Halt`,
+        `Explore` and `Avoid`, or rules made with `behaviour`.
+    transitions : iterable of Transition
+        At most 1,000; none for a machine that remains in its first state.
+
+    Raises
+    ------
+    InvalidValueError
+        If a name is not one of words with single spaces or hyphens between, or something is not a layer or transition.
+    UnknownNameError
+        If a transition is from or to an unknown state.
+
+    References
+    ----------
+    .. [1] Francesca, Brambilla, Brutschy, Trianni and Birattari, AutoMoDe: a novel approach to the automatic design of
+       control software for robot swarms, Swarm Intelligence 8 (2014) 89-112.
+
+    Examples
+    --------
+    >>> from mesa_swarm.control import Avoid, Chance, Explore, Halt, Seen
+    >>> machine = StateMachine(
+    ...     states={"search": (Avoid(distance=10), Explore()), "stay": Halt()},
+    ...     transitions=[
+    ...         Transition(source="search", target="stay", condition=Seen(kind="robot", within=15)),
+    ...         Transition(source="stay", target="search", condition=Chance(probability=0.01)),
+    ...     ],
+    ... )
+    >>> print(machine.text())
+    search: Avoid(distance=10), Explore()
+    stay: Halt()
+    search -> stay: Seen(kind='robot', within=15)
+    stay -> search: Chance(probability=0.01)
+    <BLANKLINE>
+    >>> StateMachine.read(machine.text()) == machine
+    True
+    """
+
+    _swarm: Swarm | None = None
+    _prefix = ""
+
+    def __init__(self, states: Mapping[str, Layer | Sequence[Layer]], transitions: Iterable[Transition] = ()) -> None:
+        if not isinstance(states, Mapping) or not states:
+            raise InvalidValueError(f"states is {shortened(states)}; expected names and layers, at least one state")
+        groups = {_checked_state(name): _as_layers(name, given) for name, given in states.items()}
+        super().__init__(*(layer for layers in groups.values() for layer in layers))
+        self.state_names: tuple[str, ...] = tuple(groups)
+        self._firsts = np.cumsum([0, *map(len, groups.values())])
+        self.transitions = _checked_transitions(transitions, self.state_names)
+        self._tabulate()
+
+    def _tabulate(self) -> None:
+        """Arrange the transitions by their source, as the compiled function takes them."""
+        numbers = {name: k for k, name in enumerate(self.state_names)}
+        sources = np.array([numbers[one.source] for one in self.transitions], np.int64)
+        self._order = np.argsort(sources, kind="stable")
+        counts = np.bincount(sources, minlength=len(numbers))
+        self._out = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        ordered = [self.transitions[k] for k in self._order.tolist()]
+        self._targets = np.array([numbers[one.target] for one in ordered], np.int64)
+        self._rows = np.array([one.condition.row for one in ordered], float).reshape(len(ordered), 5)
+        self._most = int(counts.max())
+
+    @property
+    def states(self) -> dict[str, tuple[Layer, ...]]:
+        """The layers of each state by its name, in the order of their numbers."""
+        spans = zip(self._firsts[:-1].tolist(), self._firsts[1:].tolist(), strict=True)
+        return {name: tuple(self.layers[a:b]) for name, (a, b) in zip(self.state_names, spans, strict=True)}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the layers, after that of their state: "search: Avoid"."""
+        return tuple(f"{name}: {layer.name}" for name, layers in self.states.items() for layer in layers)
+
+    @property
+    def noted(self) -> tuple[str, ...]:
+        """The columns of the swarm that explain its decisions, once it is part of a model's control."""
+        return (f"{self._prefix}.now", f"{self._prefix}.fired") if self._prefix else ()
+
+    @property
+    def now(self) -> np.ndarray:
+        """The number of each robot's state (n,), an index into `state_names`; of a model's control only.
+
+        Raises
+        ------
+        InvalidValueError
+            If the machine does not belong to a model.
+        """
+        if self._swarm is None:
+            raise InvalidValueError("this machine drives no robots; read it from model.control after setting it there")
+        found = self._swarm.columns[f"{self._prefix}.now"].view()
+        found.flags.writeable = False
+        return found
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, StateMachine):
+            return NotImplemented
+        return (list(self.states.items()), self.transitions) == (list(other.states.items()), other.transitions)
+
+    __hash__ = object.__hash__
+
+    def __repr__(self) -> str:
+        return f"<StateMachine of {', '.join(self.state_names)}; {len(self.transitions)} transitions>"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def bound(
+        self,
+        swarm: Swarm,
+        streams: Streams,
+        *,
+        first: int = 0,
+        label: str = "",
+        driven: tuple[RobotDesign, ...] | None = None,
+    ) -> "StateMachine":
+        """Return a copy with columns for the state of each robot, and layers that are bound, see `Arbiter.bound`."""
+        mine: Any = super().bound(swarm, streams, first=first, label=label, driven=driven)
+        place = f"{label}." if label else ""
+        mine._swarm, mine._prefix = swarm, f"{first}.{place}state"
+        swarm.remember(f"{mine._prefix}.now", (), np.int64, 0)
+        swarm.remember(f"{mine._prefix}.fired", (), np.int64, -1)
+        mine._rng = streams[f"decide.{place}state"]
+        return mine
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
+        """Change the states, then write the command (n, w) and the winning layer (n,) of every robot."""
+        command.fill(0.0)
+        self.clear(layer)
+        if self._swarm is None:
+            raise InvalidValueError("this machine drives no robots; set model.control to it")
+        now = self._swarm.columns[f"{self._prefix}.now"]
+        self._change(senses, layer, now, self._swarm.columns[f"{self._prefix}.fired"])
+        active = np.empty_like(layer)
+        index = 0
+        for number, layers in enumerate(self.states.values()):
+            begin_state(now, number, layer, active)
+            for part in layers:
+                part.decide(senses, command, active, index)
+                index += 1
+            end_state(now, number, layer, active)
+
+    def _change(self, senses: Senses, layer: np.ndarray, now: np.ndarray, fired: np.ndarray) -> None:
+        """Take the transitions of this step."""
+        draws = self._rng.random((len(now), self._most))  # type: ignore[attr-defined]
+        own = np.zeros((len(now), len(self._rows)))
+        for place, number in enumerate(self._order.tolist()):
+            condition = self.transitions[number].condition
+            if condition.code == OWN:
+                own[:, place] = own_chances(condition, senses)
+        read = senses.distance, senses.kind, senses.line, senses.radiation
+        change_states(*read, own, self._out, self._targets, self._order, self._rows, draws, layer, now, fired)
+
+    def explained(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
+        """Return a layer's reason, after the transition that was taken in that step, if there was one.
+
+        `row` holds the columns `noted` of one robot.
+        """
+        number = int(row.get(f"{self._prefix}.fired", -1))
+        if not 0 <= number < len(self.transitions):
+            return reason
+        taken = self.transitions[number]
+        words = f"{taken.source} -> {taken.target} as {taken.condition.label}; {reason.words}"
+        return Reason(words, reason.sensors)
+
+    def text(self) -> str:
+        """Return the machine as text, a line for each state and transition, which `read` reads.
+
+        Numbers are written with all their digits; what has its default value is left out.
+
+        Raises
+        ------
+        InvalidValueError
+            If a layer or condition is not a dataclass, such as a rule made with `behaviour`.
+        """
+        states = [f"{name}: {', '.join(map(_part_as_text, layers))}" for name, layers in self.states.items()]
+        changes = [f"{one.source} -> {one.target}: {_part_as_text(one.condition)}" for one in self.transitions]
+        return "".join(f"{line}\n" for line in (*states, *changes))
+
+    @classmethod
+    def read(cls, text: str, parts: Iterable[type] = ()) -> "StateMachine":
+        """Return the machine that a text describes.
+
+        Parameters
+        ----------
+        text : str
+            A line for each state, ``name: Layer(...), ...``, and each transition, ``name -> name: Condition(...)``;
+            empty lines and those that begin with # are skipped. Nothing in it is executed.
+        parts : iterable of classes, optional
+            Other layers and conditions that it may name, such as those of `mesa_swarm.fire`, or custom ones.
+
+        Raises
+        ------
+        InvalidValueError, UnknownNameError
+            If a line is not of this form, or names an unknown part; the error gives the line.
+
+        Examples
+        --------
+        >>> StateMachine.read('''
+        ... # Robots that gather, and part now and then.
+        ... search: Avoid(distance=5), Approach(target='robot'), Explore()
+        ... part: Avoid(distance=5), Retreat(target='robot'), Explore()
+        ... search -> part: RobotsSeen(number=6)
+        ... part -> search: Chance(probability=0.02)
+        ... ''').names[:2]
+        ('search: Avoid', 'search: Approach')
+        """
+        if not isinstance(text, str) or len(text) > LONGEST_TEXT:
+            raise InvalidValueError(f"text is {shortened(text)}; expected up to {LONGEST_TEXT:,} characters")
+        known = {**PARTS, **{part.__name__: part for part in parts}}
+        states: dict[str, tuple] = {}
+        transitions = []
+        for number, line in enumerate(text.splitlines(), 1):
+            if not line.strip() or line.lstrip().startswith("#"):
+                continue
+            head, made = _read_line(number, line, known)
+            arrow = ARROW.fullmatch(head)
+            if arrow:
+                make = partial(Transition, source=arrow[1], target=arrow[2])
+                transitions += [_at_line(number, partial(make, condition=part)) for part in made]
+            elif head in states:
+                raise InvalidValueError(f"line {number}: the state {shortened(head)} is there twice; rename one")
+            else:
+                states[_at_line(number, partial(_checked_state, head))] = made
+        return cls(states, transitions)
+
+
+def _checked_state(name: object) -> str:
+    if not isinstance(name, str) or len(name) > LONGEST_NAME or not STATE_NAME.fullmatch(name):
+        raise InvalidValueError(
+            f"name of a state is {shortened(name)}; expected words of letters, digits and _, with single spaces or "
+            f"hyphens between them, at most {LONGEST_NAME} characters"
+        )
+    return name
+
+
+def _as_layers(name: str, given: Any) -> tuple:
+    """Return the layers of a state."""
+    several = isinstance(given, Sequence) and not isinstance(given, str)
+    if several and not given:
+        raise InvalidValueError(f"state {name} has no layers; use Halt() for robots that stand")
+    return tuple(given) if several else (given,)
+
+
+def _checked_transitions(transitions: Any, names: Sequence[str]) -> tuple[Transition, ...]:
+    found = tuple(transitions) if isinstance(transitions, Iterable) else (transitions,)
+    for one in found:
+        if not isinstance(one, Transition):
+            raise InvalidValueError(f"transitions has {shortened(one)}; expected Transition(...)")
+        for name in (one.source, one.target):
+            if name not in names:
+                raise UnknownNameError(unknown_name("state", name, names))
+    if len(found) > MOST_TRANSITIONS:
+        raise InvalidValueError(f"the machine has {len(found):,} transitions; expected at most {MOST_TRANSITIONS:,}")
+    return found
+
+
+def _part_as_text(part: Any) -> str:
+    """Return a layer or condition as the call that makes it, without what has its default value."""
+    if not is_dataclass(part):
+        raise InvalidValueError(
+            f"{type(part).__name__} {getattr(part, 'name', '')} is not a dataclass, and has no text; use a layer class"
+        )
+    values = [(field, getattr(part, field.name)) for field in fields(part) if field.init]
+    shown = (f"{field.name}={value!r}" for field, value in values if not _is_same(value, field.default))
+    return f"{type(part).__name__}({', '.join(shown)})"
+
+
+def _is_same(value: object, default: object) -> bool:
+    """Return whether a value is the default and of its type."""
+    return type(value) is type(default) and value == default
+
+
+def _read_line(number: int, line: str, known: Mapping[str, type]) -> tuple[str, tuple]:
+    """Return what stands before the colon of a line, and the parts that stand after it."""
+    head, colon, body = line.partition(":")
+    try:
+        tree = ast.parse(f"({body.strip()},)", mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        tree = None
+    calls = tree.elts if colon and isinstance(tree, ast.Tuple) else []
+    if not calls or not all(map(_is_plain_call, calls)):
+        raise InvalidValueError(
+            f"line {number} is {shortened(line)}; expected name: Layer(...), ... or name -> name: Condition(...)"
+        )
+    return head.strip(), tuple(_at_line(number, partial(_made, call, known)) for call in calls)
+
+
+def _is_plain_call(call: ast.AST) -> bool:
+    """Return whether this is a call of a name with nothing but keywords."""
+    plain = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and not call.args
+    return plain and all(keyword.arg for keyword in call.keywords)  # type: ignore[attr-defined]
+
+
+def _made(call: Any, known: Mapping[str, type]) -> Any:
+    name = call.func.id
+    if name not in known:
+        raise UnknownNameError(unknown_name("layer or condition", name, known))
+    return known[name](**{keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords})
+
+
+def _at_line(number: int, make: Any) -> Any:
+    """Return what is made; an error names the line."""
+    try:
+        return make()
+    except UnknownNameError as error:
+        raise UnknownNameError(f"line {number}: {error}") from None
+    except (ValueError, TypeError) as error:
+        raise InvalidValueError(f"line {number}: {in_words(error)}") from None
+
+
+@compiled
+def change_states(
+    distance, kind, line, radiation, own, out, targets, numbers, rows, draws, layer, now, fired
+):  # fmt: skip
+    """Write the new states (n,) and the transitions taken (n,), -1 for none, of robots that no other arbiter drives."""
+    for i in range(now.shape[0]):
+        fired[i] = -1
+        if layer[i] >= 0:
+            continue
+        first = out[now[i]]
+        for t in range(first, out[now[i] + 1]):
+            custom = rows[t, 0] == OWN
+            chance = own[i, t] if custom else chance_of(distance, kind, line, radiation, i, rows[t])
+            if draws[i, t - first] < chance:
+                now[i] = targets[t]
+                fired[i] = numbers[t]
+                break
+
+
+@compiled
+def begin_state(now, number, layer, active):
+    """Let only those robots be decided on that are in this state: -1, all others 0."""
+    for i in range(now.shape[0]):
+        active[i] = -1 if now[i] == number and layer[i] < 0 else 0
+
+
+@compiled
+def end_state(now, number, layer, active):
+    """Take over which layer won where a robot is in this state and is driven by this arbiter."""
+    for i in range(now.shape[0]):
+        if now[i] == number and layer[i] < 0:
+            layer[i] = active[i]

@@ -1,0 +1,100 @@
+"""Aggregation: gather into one cluster, by what each robot sees."""
+
+import os
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mesa_swarm.analysis.spacing import nearest_neighbour_distances
+from mesa_swarm.control import Avoid, Explore, Gather, Layer
+from mesa_swarm.environments.scores import LARGEST_REWARD, Score, cluster_sizes
+from mesa_swarm.environments.task import Task
+from mesa_swarm.errors import check_number
+from mesa_swarm.robots.design import AGENT9, RobotDesign
+from mesa_swarm.robots.sensors import LARGEST_RANGE
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.world.map import Map
+
+FAR_SIGHTED = AGENT9.with_proximity(range=100)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aggregation(Task):
+    """Gather into one cluster. Robots are in one cluster where steps of at most `link` lead from one to the other.
+
+    A step is worth (s - 1) / (n - 1) to a robot in a cluster of s of the n robots, and `collision_cost` less if it
+    overlapped anything in it. Never finished. Robots that are not commanded avoid what is very near, turn to the
+    centroid of the robots that they see, stay there, and explore where they see none.
+
+    Parameters
+    ----------
+    n_robots, map, design, encoding, actions, max_steps, variation, team, coverage_reward, messages, message_range
+        As for `Task`.
+    link : float
+        Greatest distance between the centres of linked robots, map units, above 0: by default two diameters and a
+        margin.
+    collision_cost : float
+        At least 0.
+
+    Examples
+    --------
+    >>> Aggregation().observer().width
+    36
+    """
+
+    design: RobotDesign | Sequence[RobotDesign] = FAR_SIGHTED
+    map: str | os.PathLike | Map = "openspace"
+    encoding: str = "typed"
+    max_steps: int = 2000
+    link: float = 25.0
+    collision_cost: float = 0.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_number("link", self.link, above=0, maximum=LARGEST_RANGE)
+        check_number("collision_cost", self.collision_cost, minimum=0, maximum=LARGEST_REWARD)
+
+    def others(self) -> tuple[Layer, ...]:
+        """Return the layers of agglomeration, with random turns."""
+        return Avoid(distance=4.0), Gather(stop_distance=12.0), Explore(turn_interval=100)
+
+    def score(self, model: SwarmModel, count: int) -> Score:
+        """Return what rewards the first `count` robots of a new world."""
+        return AggregationScore(model, link=float(self.link), collision_cost=float(self.collision_cost))
+
+
+class AggregationScore:
+    """The share of the others that are in the robot's cluster, less `collision_cost` for a collision."""
+
+    finished = False
+
+    def __init__(self, model: SwarmModel, *, link: float, collision_cost: float) -> None:
+        self._model = model
+        self._rule = link, collision_cost
+        self._sizes = np.zeros(len(model.swarm), np.int64)
+        self._largest = array("d")
+
+    def reward(self, out: np.ndarray) -> None:
+        """Write the rewards of the last step."""
+        columns, (link, cost) = self._model.swarm.columns, self._rule
+        cluster_sizes(columns["position"], link, self._sizes)
+        self._largest.append(self._sizes.max() / len(self._sizes))
+        k = len(out)
+        out[:] = (self._sizes[:k] - 1) / max(len(self._sizes) - 1, 1) - cost * columns["collided"][:k]
+
+    def measures(self) -> dict[str, float]:
+        """Return the share of all robots in the largest cluster, its mean over the last quarter of the steps, and more.
+
+        The last is the mean distance of all robots to the nearest other one, map units; NaN for a single robot.
+        """
+        position = self._model.swarm.position
+        sizes = np.zeros(len(position), np.int64)
+        cluster_sizes(position, self._rule[0], sizes)
+        last = self._largest[len(self._largest) * 3 // 4 :]
+        return {
+            "largest cluster": float(sizes.max() / len(sizes)),
+            "largest cluster, last quarter": float(np.mean(last)) if len(last) else np.nan,
+            "neighbour distance": float(np.mean(nearest_neighbour_distances(position))) if len(sizes) > 1 else np.nan,
+        }

@@ -1,0 +1,116 @@
+"""The tasks of the benchmark of learning: their worlds, their blocks of generated maps, and their measures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.environments.aggregation import Aggregation
+from mesa_swarm.environments.foraging import Foraging
+from mesa_swarm.environments.task import Task
+from mesa_swarm.environments.task_world import TaskWorld
+from mesa_swarm.environments.tasks import CollisionAvoidance, ExtinguishFires, FindFires
+from mesa_swarm.experiments.controllers import Controller
+from mesa_swarm.world.map import Map
+from mesa_swarm.world.random_map import random_map
+
+# Numbers of generated maps: to train on, and to compare. Evolution, validation and the choice of settings have further
+# blocks, see `contestants` and `gating`.
+TRAIN, TEST = range(50_101, 50_201), range(60_001, 60_051)
+# Worlds of the evaluation have other seeds than those of training.
+APART = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BenchmarkTask:
+    """A task of the benchmark of learning.
+
+    Parameters
+    ----------
+    task : Task
+        Of `environments`; its map is replaced by generated ones.
+    measures : tuple of str
+        Columns of the table, of `TaskWorld.measures`; the first is the main one.
+    rule : str
+        The contestant that the others are compared with.
+    maps : mapping
+        Options of `random_map`.
+    judged : bool
+        Whether there is a target, see `is_target_met`.
+    """
+
+    task: Task
+    measures: tuple[str, ...]
+    rule: str
+    maps: Mapping[str, Any] = field(default_factory=dict)
+    judged: bool = False
+
+    def map_named(self, place: str) -> Map:
+        """Return a map by the name that results have: "random 60001", or that of a built-in map."""
+        word, _, number = place.partition(" ")
+        return random_map(int(number), **self.maps) if word == "random" else Map.load(place)
+
+    def drive(
+        self,
+        controller: Arbiter | Controller,
+        place: str,
+        seed: int,
+        steps: int,
+        measures: Sequence[str] = (),
+    ) -> dict[str, float]:
+        """Let a controller drive all robots for these steps, or until the task is done; return measures of the world.
+
+        These are those of the table by default, or some of those of `TaskWorld.play`.
+        """
+        task = replace(self.task, map=self.map_named(place), max_steps=steps)
+        driver = Controller(name="control", control=controller) if isinstance(controller, Arbiter) else controller
+        if driver.control is None:
+            found = TaskWorld(task=task, rng=APART + seed).play(driver.actor(task.actions))
+        else:
+            found = TaskWorld(task=task, rng=APART + seed, control=driver.control).play()
+        return {name: found[name] for name in measures or self.measures}
+
+
+# Required of controllers that avoid: few collisions, most of the greatest speed, and the coverage of the rule.
+FEW, FAST = 0.5, 0.6
+
+
+def is_target_met(collisions: float, ahead: float, seen: float, *, of_the_rule: float) -> bool:
+    """Return whether a controller that avoids is on target."""
+    return collisions <= FEW and ahead >= FAST and seen >= of_the_rule
+
+
+SMALL = {"size": (480, 360), "obstacles": 3}
+DRIVING = ("collisions", "worst robot", "speed ahead", "coverage")
+
+
+def benchmark_tasks() -> dict[str, BenchmarkTask]:
+    """Return the tasks of the benchmark by name."""
+    fires = {"fires": 5}
+    return {
+        "avoid": BenchmarkTask(task=CollisionAvoidance(), measures=DRIVING, rule="Avoid + Explore", judged=True),
+        "find fires": BenchmarkTask(
+            task=FindFires(),
+            measures=("fires found", "steps", "collisions"),
+            rule="Avoid + Explore",
+            maps=fires,
+        ),
+        "extinguish fires": BenchmarkTask(
+            task=ExtinguishFires(),
+            measures=("fires out", "largest fire out", "steps"),
+            rule="strategy B",
+            maps=fires,
+        ),
+        "foraging": BenchmarkTask(
+            task=Foraging(),
+            measures=("items per 1,000 robot-steps", "collisions"),
+            rule="hand-written rule",
+            maps=SMALL,
+        ),
+        "aggregation": BenchmarkTask(
+            task=Aggregation(),
+            measures=("largest cluster", "largest cluster, last quarter", "neighbour distance"),
+            rule="hand-written rule",
+            maps=SMALL,
+        ),
+    }

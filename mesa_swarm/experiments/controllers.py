@@ -1,0 +1,280 @@
+"""Controllers from outside: saved policies, ONNX graphs, Stable-Baselines3's learners, functions of observations."""
+
+import inspect
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.control import Subsumption
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.errors import (
+    BehaviourError,
+    InvalidValueError,
+    LearningError,
+    SwarmError,
+    check_name,
+    in_words,
+    shortened,
+    without_middle,
+)
+from mesa_swarm.files import shown_path
+from mesa_swarm.gallery import is_address, object_at
+from mesa_swarm.learning.actions import described
+from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
+from mesa_swarm.learning.policy import PolicyLayer
+from mesa_swarm.learning.policy_files import load_policy
+
+Act = Callable[[np.ndarray], np.ndarray]
+FORMS = "file.npz, file.onnx, sb3.zip, package.module:callable or ./file.py:callable"
+# The algorithm of Stable-Baselines3 by the module of its policies.
+ALGORITHMS = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Controller:
+    """A controller that a benchmark can drive robots by: an arbiter, or a function of observations.
+
+    Parameters
+    ----------
+    name : str
+        Of its row in tables.
+    control : Arbiter, optional
+        Drives all robots of a world, as in ``TaskWorld(task=task, control=controller.control)``.
+    make : callable, optional
+        Returns a new function of observations, for one world; see `actor`.
+    width : int, optional
+        How many observations of a robot it takes, None if that is not known.
+
+    Raises
+    ------
+    InvalidValueError
+        If it has neither or both of `control` and `make`.
+
+    Examples
+    --------
+    >>> ahead = Controller(name="ahead", make=lambda: lambda seen: np.ones((len(seen), 2)))
+    >>> ahead.actor("continuous")(np.zeros((1, 9), np.float32))
+    array([[1., 1.]])
+    """
+
+    name: str
+    control: Arbiter | None = None
+    make: Callable[[], Act] | None = None
+    width: int | None = None
+
+    def __post_init__(self) -> None:
+        check_name("name", self.name)
+        if (self.control is None) == (self.make is None):
+            raise InvalidValueError(f"controller {self.name}: expected either a control or a make")
+
+    def actor(self, actions: str | int) -> Act:
+        """Return a function of observations for one world.
+
+        Parameters
+        ----------
+        actions : "continuous", 4 or 8
+            Of the task, ``task.actions``.
+
+        Returns
+        -------
+        callable
+            Takes observations, float32 (n, width), and returns actions: numbers (n, k) from -1 to 1, larger ones cut
+            off, or, where they are numbered, whole numbers (n,). It raises `BehaviourError` if the controller fails or
+            returns anything else, and `InvalidValueError` if it takes another number of observations.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is driven by `control`.
+        """
+        if self.make is None:
+            raise InvalidValueError(f"{self.name} has no function of observations; drive robots by its control")
+        act, wants = (
+            self.make(),
+            "numbers (n, 2)" if isinstance(actions, str) else f"whole numbers (n,), {actions} kinds",
+        )
+
+        def checked(observations: np.ndarray) -> np.ndarray:
+            width = observations.shape[1]
+            if self.width not in (None, width):
+                raise InvalidValueError(
+                    f"{self.name} takes {self.width} observations of a robot and the task has {width}; use the task, "
+                    "encoding and design that it was trained with"
+                )
+            try:
+                returned = act(observations)
+            except SwarmError:
+                raise
+            except Exception as error:  # foreign code may raise anything
+                raise BehaviourError(without_middle(f"{self.name} failed: {in_words(error)}")) from error
+            found = _actions_of(returned, len(observations), isinstance(actions, str))
+            if found is None:
+                raise BehaviourError(
+                    without_middle(
+                        f"{self.name} returned {described(returned)} for {len(observations)} robots; expected finite "
+                        f"{wants}"
+                    )
+                )
+            return found
+
+        return checked
+
+
+def _actions_of(returned: object, robots: int, are_continuous: bool) -> np.ndarray | None:
+    """Return actions as an array for this number of robots, None if they are anything else."""
+    try:
+        array = np.asarray(returned)
+    except ValueError:  # rows of different lengths
+        return None
+    if array.dtype.kind not in "iuf" or len(array.shape) != 1 + are_continuous or len(array) != robots:
+        return None
+    if not np.isfinite(array).all() or (array.dtype.kind == "f" and not are_continuous):
+        return None
+    return np.clip(array.astype(np.float64), -1.0, 1.0) if are_continuous else array
+
+
+def load_controller(spec: str | os.PathLike[str], *, greedy: bool = False) -> Controller:
+    """Return the controller in a file, or of a module.
+
+    Parameters
+    ----------
+    spec : str or Path
+        - ``file.npz``, of `save_policy`, and ``file.onnx``, of `export_onnx`: drive robots by their readings.
+        - Any other ``file.onnx``: a graph whose first input is (n, width) and whose first output is (n, k), or (n,)
+          whole numbers, such as PyTorch's export of a policy.
+        - ``file.zip``, of Stable-Baselines3 (PPO, A2C, SAC, TD3, DQN): acts without random choices. Loading one can
+          run code that it contains: load only files that you trust.
+        - ``package.module:name`` or ``./file.py:name``: an arbiter, a function of observations (n, width), or a class
+          without arguments, which is made anew for each world, so that it can remember; it is called, or has a method
+          ``act``.
+    greedy : bool
+        Whether policies of `save_policy` and `export_onnx` always take their best action.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError, LearningError
+        If there is no such file, module or name, or it is not a controller.
+    SwarmError
+        If a package is missing; the error gives the command that installs it.
+
+    Examples
+    --------
+    >>> load_controller("math:hypot").name
+    'math:hypot'
+    """
+    if not isinstance(spec, str | os.PathLike):
+        raise InvalidValueError(f"the controller is {shortened(spec)}; expected {FORMS}")
+    text = os.fspath(spec)
+    load = LOADERS.get(Path(text).suffix) if isinstance(text, str) else None
+    if load is not None:
+        return load(Path(text), greedy)
+    if is_address(text):
+        return _of_address(text)
+    raise InvalidValueError(f"the controller is {shortened(text)}; expected {FORMS}")
+
+
+def _of_npz(file: Path, greedy: bool) -> Controller:
+    return Controller(name=file.name, control=Subsumption(PolicyLayer(policy=load_policy(file), greedy=greedy)))
+
+
+def _of_onnx(file: Path, greedy: bool) -> Controller:
+    session = onnx_session(file)
+    if is_own(session):
+        policy: Any = OnnxPolicy.of(session, shown_path(file))
+        return Controller(name=file.name, control=Subsumption(PolicyLayer(policy=policy, greedy=greedy)))
+    inputs = session.get_inputs()
+    shape = list(inputs[0].shape) if len(inputs) == 1 else []
+    if len(shape) != 2 or inputs[0].type != "tensor(float)" or isinstance(shape[0], int):
+        found = ", ".join(f"{value.name} {value.type} {value.shape}" for value in inputs)
+        raise LearningError(
+            without_middle(
+                f"{shown_path(file)} has the inputs {found}; expected one of float32 (n, width), with any n: export it "
+                "with a dynamic first axis"
+            )
+        )
+    name, output = inputs[0].name, session.get_outputs()[0].name
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        return np.asarray(session.run([output], {name: observations.astype(np.float32, copy=False)})[0])
+
+    return Controller(name=file.name, make=lambda: act, width=shape[1] if isinstance(shape[1], int) else None)
+
+
+def _of_sb3(file: Path, greedy: bool) -> Controller:
+    algorithm = algorithm_of(file)
+    if find_spec("stable_baselines3") is None:
+        raise SwarmError(f"{shown_path(file)} needs stable-baselines3; install it with: pip install 'mesa-swarm[sb3]'")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of other versions of packages
+            model = getattr(import_module("stable_baselines3"), algorithm).load(file, device="cpu")
+    except Exception as error:  # pickles raise anything
+        text = f"{shown_path(file)} cannot be loaded as {algorithm}: {in_words(error)}"
+        raise LearningError(without_middle(text)) from None
+    shape: Any = model.observation_space.shape
+    if shape is None or len(shape) != 1:
+        raise LearningError(f"{shown_path(file)} takes observations of shape {shape}; expected (width,)")
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        return np.asarray(model.predict(observations, deterministic=True)[0])
+
+    return Controller(name=file.name, make=lambda: act, width=shape[0])
+
+
+def algorithm_of(file: Path) -> str:
+    """Return which algorithm of Stable-Baselines3 saved a file, without running code that it contains.
+
+    Raises
+    ------
+    LearningError
+        If the file is missing or not one of its files.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive:
+            saved = json.loads(archive.read("data"))
+        module = str(saved["policy_class"]["__module__"])
+    except FileNotFoundError:
+        raise LearningError(f"there is no file {shown_path(file)}; expected one that Stable-Baselines3 saved") from None
+    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
+        why = f"({type(error).__name__})"
+        raise LearningError(f"{shown_path(file)} is not a file that Stable-Baselines3 saved {why}") from None
+    known = next((name for part, name in ALGORITHMS.items() if f".{part}." in module), None)
+    return known or ("PPO" if "clip_range" in saved else "A2C")
+
+
+def _of_address(address: str) -> Controller:
+    found = object_at(address)
+    if isinstance(found, Arbiter):
+        return Controller(name=address, control=found)
+    if not callable(found):
+        raise InvalidValueError(
+            without_middle(
+                f"{address} is {shortened(found)}; expected a function of observations, a class or an arbiter"
+            )
+        )
+    return Controller(name=address, make=partial(_made, address, found) if inspect.isclass(found) else lambda: found)
+
+
+def _made(address: str, kind: type) -> Act:
+    """Return the function of a new object of a class."""
+    try:
+        made: Any = kind()
+    except Exception as error:  # foreign code may raise anything
+        raise BehaviourError(without_middle(f"{address} cannot be made: {in_words(error)}")) from error
+    act = getattr(made, "act", made)
+    if not callable(act):
+        raise InvalidValueError(f"{address} has no method act and cannot be called; give the class one of them")
+    return act
+
+
+LOADERS: dict[str, Callable[[Path, bool], Controller]] = {".npz": _of_npz, ".onnx": _of_onnx, ".zip": _of_sb3}

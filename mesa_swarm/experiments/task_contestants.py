@@ -1,0 +1,133 @@
+"""The contestants of each task of the benchmark, and controllers evolved on a task's own rewards."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from mesa_swarm.control import Avoid, Explore, Follow, Layer, Subsumption
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.experiments.benchmark_tasks import TRAIN, benchmark_tasks
+from mesa_swarm.experiments.contestants import Trained, contestants
+from mesa_swarm.experiments.controllers import Controller
+from mesa_swarm.experiments.gating import VALIDATION
+from mesa_swarm.fire import FightFire
+from mesa_swarm.learning.evolution import Evolution
+from mesa_swarm.streams import Streams
+
+Train = Callable[[int, int], Trained]
+# Of the evolution of linear controllers; a shorter benchmark has fewer generations.
+GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 40, 16, 1500, 4
+
+
+def linear(weights: np.ndarray) -> Controller:
+    """Return a controller whose actions are weighted sums of the observations and a constant, clipped to [-1, 1].
+
+    Parameters
+    ----------
+    weights : ndarray, shape (width + 1, k)
+        The last row is the constant.
+
+    Examples
+    --------
+    >>> linear(np.array([[1.0, -1.0], [0.5, 0.5]])).actor("continuous")(np.array([[0.25], [1.0]]))
+    array([[ 0.75,  0.25],
+           [ 1.  , -0.5 ]])
+    """
+
+    def act(observations: np.ndarray) -> np.ndarray:
+        return observations @ weights[:-1] + weights[-1]
+
+    return Controller(name="linear", make=lambda: act, width=len(weights) - 1)
+
+
+def at_random(numbers: int, seed: int) -> Controller:
+    """Return a controller whose actions are drawn uniformly from [-1, 1]: in each world the same.
+
+    Examples
+    --------
+    >>> at_random(2, 1).actor("continuous")(np.zeros((3, 9))).shape
+    (3, 2)
+    """
+
+    def make() -> Callable[[np.ndarray], np.ndarray]:
+        rng = Streams(np.random.SeedSequence(seed))["random controller"]
+        return lambda observations: rng.uniform(-1.0, 1.0, (len(observations), numbers))
+
+    return Controller(name="random", make=make)
+
+
+def evolved_linear(task: str, seed: int, share: float = 1.0) -> tuple[Controller, int]:
+    """Return a linear controller evolved by CMA-ES on the rewards of a task, and the robot-steps that it took.
+
+    All candidates of a generation are tried in the same world; each generation has another of the maps to train on.
+    The means of the last generations are then tried on the validation maps, and the best is returned.
+
+    Parameters
+    ----------
+    task : str
+        Of `benchmark_tasks`.
+    seed : int
+    share : float
+        Of the generations and of the steps of a trial, 0 to 1: a shorter benchmark trains less.
+    """
+    setting = benchmark_tasks()[task]
+    width, numbers = setting.task.observer().width, setting.task.numbers
+    generations, steps = max(round(GENERATIONS * share), 1), max(round(TRIAL_STEPS * share), 1)
+    streams = Streams(np.random.SeedSequence(seed))
+    start = np.zeros((width + 1, numbers))
+    start[-1, :2] = 0.5  # straight ahead
+    search = Evolution(start.ravel(), sigma=0.5, population=POPULATION, seed=int(streams["search"].integers(2**31)))
+
+    def worth(weights: np.ndarray, number: int, rng: int) -> float:
+        return setting.drive(linear(weights.reshape(start.shape)), f"random {number}", rng, steps, ("reward",))[
+            "reward"
+        ]
+
+    for g in range(generations):
+        rng = int(streams["worlds"].integers(2**31))
+        search.tell([worth(weights, TRAIN[g % len(TRAIN)], rng) for weights in search.ask()])
+    finalists = search.means[-FINALISTS:]
+    validated = [np.mean([worth(weights, number, seed) for number in VALIDATION]) for weights in finalists]
+    trials = generations * POPULATION + len(finalists) * len(VALIDATION)
+    return linear(finalists[int(np.argmax(validated))].reshape(start.shape)), trials * steps * setting.task.n_robots
+
+
+def _evolved(task: str, seed: int, steps: int) -> Trained:
+    controller, robot_steps = evolved_linear(task, seed, min(steps / 33_000, 1.0))
+    return Trained(frozen=controller, robot_steps=robot_steps)
+
+
+def _random(task: str, seed: int, steps: int) -> Trained:
+    return Trained(frozen=at_random(benchmark_tasks()[task].task.numbers, seed))
+
+
+def _ruled(make: Callable[[], Arbiter], seed: int, steps: int) -> Trained:
+    return Trained(frozen=make())
+
+
+def _strategy_a(*more: Layer) -> Arbiter:
+    return Subsumption(Avoid(fires="when hot"), FightFire(strategy="A"), *more, Explore())
+
+
+def _strategy_b() -> Arbiter:
+    return Subsumption(Avoid(fires="never"), FightFire(strategy="B"), Explore())
+
+
+def _task_rule(task: str) -> Arbiter:
+    """Return the rule by which the task's robots are driven that are not commanded."""
+    return Subsumption(*benchmark_tasks()[task].task.others())
+
+
+def contestants_of(task: str) -> dict[str, Train]:
+    """Return by name the functions that train each contestant of a task, with a seed and a number of steps."""
+    if task == "avoid":
+        return contestants()
+    rules: dict[str, Callable[[], Arbiter]] = {benchmark_tasks()[task].rule: partial(_task_rule, task)}
+    if task == "extinguish fires":
+        rules = {"strategy A": _strategy_a, "A, followers": partial(_strategy_a, Follow()), "strategy B": _strategy_b}
+    return {
+        "random": partial(_random, task),
+        **{name: partial(_ruled, make) for name, make in rules.items()},
+        "evolved linear": partial(_evolved, task),
+    }

@@ -1,0 +1,277 @@
+"""Controllers from outside: of policies, graphs, Stable-Baselines3 and modules; each fault is one line."""
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+
+from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.environments import CollisionAvoidance, VectorSwarmEnv
+from mesa_swarm.errors import BehaviourError, InvalidValueError, SwarmError
+from mesa_swarm.experiments import controllers
+from mesa_swarm.experiments.controllers import Controller, algorithm_of, load_controller
+from mesa_swarm.learning import PolicyLayer, export_onnx, save_policy
+from mesa_swarm.learning.onnx_files import OnnxPolicy, onnx_session
+from support.c_code import drawn_inputs
+from support.exported_policies import NINE, POLICIES, q
+
+SEEN = np.linspace(0, 1, 45, dtype=np.float32).reshape(5, 9)
+MINE = '''
+"""Controllers of a user."""
+import numpy as np
+from mesa_swarm.control import Avoid, Explore, Subsumption
+
+rule = Subsumption(Avoid(), Explore())
+seven = 7
+
+def toward_space(seen):
+    return np.stack([seen[:, 1], 3 * seen[:, 2]], axis=1)
+
+def numbered(seen):
+    return np.full(len(seen), 3)
+
+class Counting:
+    def __init__(self):
+        self.steps = 0
+    def act(self, seen):
+        self.steps += 1
+        return np.full((len(seen), 2), 0.01 * self.steps)
+
+class Broken:
+    def __init__(self):
+        raise OSError("no licence")
+
+def too_few(seen):
+    return np.zeros((len(seen) - 1, 2))
+
+def undefined(seen):
+    return np.full((len(seen), 2), np.nan)
+
+def failing(seen):
+    return seen[:, 99]
+'''
+
+
+@pytest.fixture
+def mine(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(MINE)
+    return str(file)
+
+
+def driven(control, steps=60):
+    model = SwarmModel(map="original", rng=3)
+    model.add_robots(AGENT9, 6)
+    model.control = control
+    return model.run(steps)
+
+
+def test_a_saved_policy_drives_as_its_layer_does(tmp_path):
+    policy = q(4)
+    controller = load_controller(save_policy(policy, tmp_path / "mine.npz"))
+    assert controller.name == "mine.npz"
+    assert driven(controller.control).state_hash() == driven(Subsumption(PolicyLayer(policy=policy))).state_hash()
+
+
+def test_a_function_of_a_file_acts_on_observations_and_is_cut_off_at_full_speed(mine):
+    act = load_controller(f"{mine}:toward_space").actor("continuous")
+    expected = np.stack([SEEN[:, 1], np.minimum(3 * SEEN[:, 2], 1)], axis=1)
+    assert act(SEEN) == pytest.approx(expected)
+    assert expected.max() == 1
+
+
+def test_a_function_drives_all_robots_of_an_environment(mine):
+    env = VectorSwarmEnv(CollisionAvoidance(n_robots=5, map="openspace", max_steps=20), n_worlds=1)
+    act, seen = load_controller(f"{mine}:toward_space").actor("continuous"), env.reset(seed=1)
+    for _ in range(5):
+        seen, reward, *_ = env.step(act(seen[0])[None])
+    assert reward.shape == (1, 5)
+
+
+def test_numbered_actions_stay_whole_numbers(mine):
+    assert load_controller(f"{mine}:numbered").actor(4)(SEEN).tolist() == [3] * 5
+
+
+def test_an_object_of_a_class_is_made_anew_for_each_world(mine):
+    controller = load_controller(f"{mine}:Counting")
+    one, other = controller.actor("continuous"), controller.actor("continuous")
+    assert [one(SEEN)[0, 0] for _ in range(3)] == pytest.approx([0.01, 0.02, 0.03])
+    assert other(SEEN)[0, 0] == pytest.approx(0.01)
+
+
+def test_an_arbiter_of_a_file_drives_as_itself(mine):
+    control = load_controller(f"{mine}:rule").control
+    assert driven(control).state_hash() == driven(Subsumption(Avoid(), Explore())).state_hash()
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("too_few", r"returned an array of float64, shape \(4, 2\) for 5 robots; expected finite numbers \(n, 2\)"),
+        ("undefined", "for 5 robots; expected finite numbers"),
+        ("numbered", "expected finite numbers"),
+        ("failing", "failed: .*99"),
+        ("Broken", "cannot be made: .*no licence"),
+    ],
+)
+def test_what_a_controller_returns_is_checked(mine, name, line):
+    with pytest.raises(BehaviourError, match=line) as caught:
+        load_controller(f"{mine}:{name}").actor("continuous")(SEEN)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_numbers_with_a_fraction_are_not_actions_by_number(mine):
+    with pytest.raises(BehaviourError, match=r"expected finite whole numbers \(n,\), 8 kinds"):
+        load_controller(f"{mine}:toward_space").actor(8)(SEEN)
+
+
+def test_observations_of_another_width_are_refused():
+    controller = Controller(name="narrow", make=lambda: lambda seen: seen[:, :2], width=8)
+    with pytest.raises(InvalidValueError, match="takes 8 observations of a robot and the task has 9"):
+        controller.actor("continuous")(SEEN)
+
+
+@pytest.mark.parametrize(
+    ("spec", "line"),
+    [
+        ("missing.npz", "there is no policy"),
+        ("missing.onnx", "there is no file missing.onnx"),
+        ("missing.zip", "there is no file missing.zip"),
+        ("./missing.py:act", "no such file; expected the path of a Python file"),
+        ("no_such_module:act", "there is no module"),
+        ("math:no_such_function", "there is no 'no_such_function' in math"),
+        ("math:pi", "expected a function of observations"),
+        ("mine.txt", "expected file.npz, file.onnx"),
+        (5, "the controller is 5; expected file.npz"),
+    ],
+)
+def test_a_controller_that_is_not_there_is_one_line(spec, line):
+    with pytest.raises(SwarmError, match=line) as caught:
+        load_controller(spec)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_file_of_a_module_needs_a_name(mine):
+    with pytest.raises(InvalidValueError, match=r"expected package\.module:name"):
+        load_controller(mine)
+
+
+def test_a_controller_by_observations_has_no_control_and_the_other_way_round(tmp_path):
+    with pytest.raises(InvalidValueError, match="expected either a control or a make"):
+        Controller(name="both", control=Subsumption(Explore()), make=lambda: lambda seen: seen)
+    with pytest.raises(InvalidValueError, match="drive robots by its control"):
+        load_controller(save_policy(q(4), tmp_path / "mine.npz")).actor("continuous")
+
+
+@pytest.mark.parametrize(
+    ("module", "more", "algorithm"),
+    [
+        ("stable_baselines3.common.policies", {"clip_range": 0.2}, "PPO"),
+        ("stable_baselines3.common.policies", {}, "A2C"),
+        ("stable_baselines3.sac.policies", {}, "SAC"),
+        ("stable_baselines3.td3.policies", {}, "TD3"),
+        ("stable_baselines3.dqn.policies", {}, "DQN"),
+    ],
+)
+def test_the_algorithm_is_read_without_unpickling(tmp_path, module, more, algorithm):
+    file = tmp_path / "saved.zip"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("data", json.dumps({"policy_class": {"__module__": module}, **more}))
+    assert algorithm_of(file) == algorithm
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", None])
+def test_other_archives_are_refused(tmp_path, content):
+    file = tmp_path / "saved.zip"
+    if content is None:
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("other", "x")
+    else:
+        file.write_bytes(content)
+    with pytest.raises(SwarmError, match="is not a file that Stable-Baselines3 saved"):
+        load_controller(file)
+
+
+def test_a_missing_package_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):
+    file = tmp_path / "saved.zip"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("data", json.dumps({"policy_class": {"__module__": "stable_baselines3.common.policies"}}))
+    monkeypatch.setattr(controllers, "find_spec", lambda name: None)
+    with pytest.raises(SwarmError, match=r"pip install 'mesa-swarm\[sb3\]'"):
+        load_controller(file)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Q of 4 actions", "a recurrent network of 2 robots, typed"])
+def test_an_exported_graph_drives_as_its_policy(name, tmp_path):
+    pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    policy = POLICIES[name]
+    file = export_onnx(policy, tmp_path / "mine.onnx")
+    controller, expected = load_controller(file), driven(Subsumption(PolicyLayer(policy=policy)))
+    assert np.abs(driven(controller.control).swarm.position - expected.swarm.position).max() < 1e-6
+    again, inputs = OnnxPolicy.of(onnx_session(file), "mine.onnx"), drawn_inputs(NINE, 100, np.random.default_rng(1))
+    assert (again.sensors, again.steps) == (policy.sensors, policy.steps)
+    assert np.abs(again.act(*inputs) - policy.act(*inputs)).max() < 1e-6
+    assert np.abs(again.act(*inputs[:2]) - policy.act(*inputs[:2])).max() < 1e-6
+
+
+def foreign_graph(file, *, kind=1, batch="n", width=9):
+    """Write a graph whose actions are the first two observations; return its path."""
+    onnx = pytest.importorskip("onnx")
+    make = onnx.helper
+    graph = make.make_graph(
+        [make.make_node("Gather", ["seen", "first"], ["actions"], axis=1)],
+        "foreign",
+        [make.make_tensor_value_info("seen", kind, [batch, width])],
+        [make.make_tensor_value_info("actions", kind, [batch, 2])],
+        [onnx.numpy_helper.from_array(np.array([0, 1]), "first")],
+    )
+    model = make.make_model(graph, opset_imports=[make.make_opsetid("", 15)], ir_version=8)
+    onnx.save(model, file)
+    return file
+
+
+@pytest.mark.slow
+def test_a_foreign_graph_acts_on_observations(tmp_path):
+    pytest.importorskip("onnxruntime")
+    controller = load_controller(foreign_graph(tmp_path / "net.onnx"))
+    assert controller.width == 9
+    assert controller.actor("continuous")(SEEN) == pytest.approx(SEEN[:, :2])
+    with pytest.raises(InvalidValueError, match="takes 9 observations"):
+        controller.actor("continuous")(SEEN[:, :5])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [{"kind": 11}, {"batch": 1}])
+def test_foreign_graphs_of_other_inputs_are_refused(tmp_path, options):
+    pytest.importorskip("onnxruntime")
+    with pytest.raises(SwarmError, match=r"expected one of float32 \(n, width\)"):
+        load_controller(foreign_graph(tmp_path / "net.onnx", **options))
+
+
+@pytest.mark.slow
+def test_a_file_that_is_not_a_graph_is_one_line(tmp_path):
+    pytest.importorskip("onnxruntime")
+    file = tmp_path / "net.onnx"
+    file.write_bytes(b"not a graph")
+    with pytest.raises(SwarmError, match="is not a usable ONNX file") as caught:
+        load_controller(file)
+    assert len(str(caught.value)) <= 300
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["PPO", "A2C", "SAC", "TD3", "DQN"])
+def test_a_learner_of_stable_baselines_acts_as_it_predicts(tmp_path, algorithm):
+    sb3, gymnasium = pytest.importorskip("stable_baselines3"), pytest.importorskip("gymnasium")
+    actions = 4 if algorithm == "DQN" else "continuous"
+    options = {"buffer_size": 10} if algorithm in ("SAC", "TD3", "DQN") else {}
+    env = gymnasium.make("MesaSwarm/CollisionAvoidance-v0", map="openspace", actions=actions)
+    learner = getattr(sb3, algorithm)("MlpPolicy", env, device="cpu", seed=1, **options)
+    learner.save(tmp_path / "learner.zip")
+    controller = load_controller(tmp_path / "learner.zip")
+    assert controller.width == 9
+    expected = learner.predict(SEEN, deterministic=True)[0]
+    assert controller.actor(actions)(SEEN) == pytest.approx(expected)
