@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mesa_swarm.cli import check, compare, draw, learn, listing, page, run
+from mesa_swarm.cli import check, compare, draw, fires, learn, listing, page, run
 from mesa_swarm.errors import SwarmError, in_words
 
 INTERRUPTED = 130
@@ -22,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (listing, run, compare, draw, learn, check, page):
+for group in (listing, run, compare, draw, learn, fires, check, page):
     app.add_typer(group.commands)
 app.add_typer(draw.map_commands, name="map")
 
