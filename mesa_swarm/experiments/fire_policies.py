@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar, cast
 
 import numpy as np
 
@@ -24,6 +25,7 @@ ROBOTS, FIRES = 10, 5
 TRAINING, UNSEEN = range(12_000, 12_010), 80_000
 MEASURES = ("share found", "share out", "largest out", "steps", "collisions")
 SKILL_STEPS, WHEEL_STEPS = 60_000, 30_000
+Learning = TypeVar("Learning", LearnFires, LearnFireWheels)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,19 +62,25 @@ def contenders(trial: FireTrial) -> dict[str, Callable[[int], tuple[Layer, ...]]
 def trained_skills(seed: int, steps: int = SKILL_STEPS) -> SkillPolicy:
     """Return what ten robots of the model `learning_fires` learn with a seed, in one table for all."""
     model = find_model("learning_fires")(rng=seed).run(check_count("steps", steps, minimum=1))
-    return next(layer for layer in model.control.layers if isinstance(layer, LearnFires)).policy()
+    return _learner_of(model, LearnFires).policy()
 
 
 def trained_wheels(seed: int, steps: int = WHEEL_STEPS) -> FireWheelPolicy:
     """Return the Q-networks that ten robots share after they drove on ten generated maps, one after the other."""
-    policy = None
+    policy: FireWheelPolicy | None = None
     for number, world in enumerate(TRAINING):
-        layer = LearnFireWheels(start=policy)
-        model = fire_world((layer,), random_map(world, fires=FIRES), len(TRAINING) * seed + number)
+        model = fire_world(
+            (LearnFireWheels(start=policy),), random_map(world, fires=FIRES), len(TRAINING) * seed + number
+        )
         model.run(max(steps // len(TRAINING), 1))
-        learned = model.control.layers[0] if model.control else layer
-        policy = learned.policy()
-    return policy
+        policy = _learner_of(model, LearnFireWheels).policy()
+    return cast(FireWheelPolicy, policy)
+
+
+def _learner_of(model: SwarmModel, kind: type[Learning]) -> Learning:
+    """Return the layer of a model that learns."""
+    layers = model.control.layers if model.control else ()
+    return next(layer for layer in layers if isinstance(layer, kind))
 
 
 def fire_world(layers: Sequence[Layer], world: Map | str, seed: int) -> SwarmModel:
