@@ -8,7 +8,7 @@ PACKAGE = Path(__file__).parent.parent / "mesa_swarm"
 # Bound to a swarm, these remember things about its robots.
 MUTABLE = {
     *("Align", "Explore", "HeadOn", "Lead", "MatchVelocity", "Perimeter", "PolicyLayer", "VelocityMatching"),
-    *("HebbianLearning", "LearnFires", "Learner", "QLearning", "TableQLearning", "WireFittedQ"),
+    *("HebbianLearning", "LearnFireWheels", "LearnFires", "Learner", "QLearning", "TableQLearning", "WireFittedQ"),
     "Checkpoint",  # grows while it is written
     "_Motors",  # drives that users derive from it have attributes of their own
 }

@@ -5,6 +5,7 @@ from mesa_swarm.learning.c_source import export_c
 from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
+from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
 from mesa_swarm.learning.fitness import Fitness, floreano
 from mesa_swarm.learning.forgetting import fit_in_turn
 from mesa_swarm.learning.hebbian import HebbianLearning
@@ -21,8 +22,10 @@ from mesa_swarm.learning.wire_learning import WireFittedQ, WirePolicy, wire_valu
 __all__ = [
     "ApproachValues",
     "Evolution",
+    "FireWheelPolicy",
     "Fitness",
     "HebbianLearning",
+    "LearnFireWheels",
     "LearnFires",
     "Networks",
     "Policy",

@@ -14,6 +14,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened, without_middle
 from mesa_swarm.files import draft_of, shown_path
 from mesa_swarm.learning.fire_learning import SkillPolicy
+from mesa_swarm.learning.fire_wheels import FireWheelPolicy
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
 from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
@@ -23,8 +24,8 @@ from mesa_swarm.robots.design import MOST_SENSORS
 
 FORMAT = "mesa_swarm policy 1"
 HEADER = "header"
-# The families of policies that can be stored in files. Skills are of robots at fires, and act by more than readings.
-STORED: tuple[Any, ...] = (QPolicy, ReflexPolicy, WirePolicy, TablePolicy, SkillPolicy)
+# The families of policies that can be stored in files; those of robots at fires act by more than readings.
+STORED: tuple[Any, ...] = (QPolicy, ReflexPolicy, WirePolicy, TablePolicy, SkillPolicy, FireWheelPolicy)
 FAMILIES: dict[str, Any] = {family.family: family for family in STORED}
 # A policy of 1,000 robots takes 13 MB.
 LARGEST_BYTES = 1 << 27
