@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at the results.
-OWN = {"sweeps.md", "environments.md", "mesa.md", "own_package.md"}
+OWN = {"sweeps.md", "environments.md", "mesa.md", "own_package.md", "ppo.md"}
 # What these show takes minutes: once, with the commands beside it.
 LONG = {"learning.md", "fire_learning.md", "reward_lab.md"}
 # The same commands with figures so small that they take seconds; what is given last counts.

@@ -9,6 +9,7 @@ import pytest
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import CollisionAvoidance, VectorSwarmEnv
+from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import BehaviourError, InvalidValueError, SwarmError
 from mesa_swarm.experiments import controllers
 from mesa_swarm.experiments.controllers import Controller, algorithm_of, load_controller
@@ -88,6 +89,15 @@ def test_a_function_drives_all_robots_of_an_environment(mine):
     for _ in range(5):
         seen, reward, *_ = env.step(act(seen[0])[None])
     assert reward.shape == (1, 5)
+
+
+def test_all_kinds_drive_the_same_world_of_a_task(mine, tmp_path):
+    task = CollisionAvoidance(n_robots=4, map="openspace", max_steps=15)
+    policy, rule = load_controller(save_policy(q(4), tmp_path / "mine.npz")), load_controller(f"{mine}:rule")
+    found = [TaskWorld(task=task, control=one.control, rng=1).play() for one in (policy, rule)]
+    found.append(TaskWorld(task=task, rng=1).play(load_controller(f"{mine}:toward_space").actor(task.actions)))
+    assert [measures["steps"] for measures in found] == [15, 15, 15]
+    assert len({measures["speed ahead"] for measures in found}) == 3
 
 
 def test_numbered_actions_stay_whole_numbers(mine):
