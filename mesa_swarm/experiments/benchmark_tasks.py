@@ -88,7 +88,9 @@ def benchmark_tasks() -> dict[str, BenchmarkTask]:
     """Return the tasks of the benchmark by name."""
     fires = {"fires": 5}
     return {
-        "avoid": BenchmarkTask(task=CollisionAvoidance(), measures=DRIVING, rule="Avoid + Explore", judged=True),
+        "avoid": BenchmarkTask(
+            task=CollisionAvoidance(encoding="typed"), measures=DRIVING, rule="Avoid + Explore", judged=True
+        ),
         "find fires": BenchmarkTask(
             task=FindFires(),
             measures=("fires found", "steps", "collisions"),
@@ -97,7 +99,7 @@ def benchmark_tasks() -> dict[str, BenchmarkTask]:
         ),
         "extinguish fires": BenchmarkTask(
             task=ExtinguishFires(),
-            measures=("fires out", "largest fire out", "steps"),
+            measures=("fires out", "largest fire out", "steps", "collisions"),
             rule="strategy B",
             maps=fires,
         ),

@@ -18,7 +18,7 @@ from mesa_swarm.experiments.fingerprints import engine_hash, files_hash, fingerp
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, call, completed, is_plain
-from mesa_swarm.experiments.task_contestants import contestants_of
+from mesa_swarm.experiments.task_contestants import contestants_of, optional
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import is_address, object_at
 
@@ -26,7 +26,8 @@ LEDGER = "ledger.jsonl"
 # Results depend on these files and on the engine; after a change the runs are repeated.
 SOURCES = (
     *(f"experiments/{name}.py" for name in ("benchmark_tasks", "contestants", "driving", "evolution")),
-    *("experiments/task_contestants.py", "experiments/controllers.py", "experiments/gating.py", "environments"),
+    *(f"experiments/{name}.py" for name in ("task_contestants", "controllers", "gating", "fire_policies", "ppo")),
+    "environments",
 )
 MODES = ("frozen", "learning")
 OF_TRAINING = ("train wall seconds", "train processor seconds", "robot-steps", "trainings", "passed")
@@ -97,7 +98,8 @@ class Benchmark:
     def names(self, task: str) -> list[str]:
         """Return the contestants in a task, in the order of its table; controllers from outside by their address."""
         ours = contestants_of(task)
-        wanted = self.only or ((benchmark_tasks()[task].rule, *BESIDES) if self.policies else tuple(ours))
+        by_default = (benchmark_tasks()[task].rule, *BESIDES) if self.policies else [n for n in ours if not optional(n)]
+        wanted = self.only or by_default
         return [*(name for name in ours if name in wanted), *self.policies]
 
     def places(self, task: str) -> tuple[str, ...]:
@@ -109,7 +111,9 @@ class Benchmark:
         """Return the fingerprint of all that decides the outcome of a training and its evaluation."""
         content = files_hash([source_of(name)]) if name in self.policies else ""
         settings = self.steps, self.evaluation_steps, self.maps
-        return fingerprint(task, name, seed, settings, content, package_version("mesa-swarm"), engine_hash(*SOURCES))
+        return fingerprint(
+            task, name, seed, settings, content, package_version("mesa-swarm"), engine_hash(*SOURCES, models=True)
+        )
 
     def runs(self) -> Iterator[Run]:
         """Yield the trainings: seed by seed, so that an interrupted benchmark is a fair one."""

@@ -10,14 +10,19 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.benchmark_tasks import TRAIN, benchmark_tasks
 from mesa_swarm.experiments.contestants import Trained, contestants
 from mesa_swarm.experiments.controllers import Controller
+from mesa_swarm.experiments.fire_policies import SKILL_STEPS, WHEEL_STEPS, trained_skills, trained_wheels
 from mesa_swarm.experiments.gating import VALIDATION
+from mesa_swarm.experiments.ppo import is_installed, trained_by_ppo
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.evolution import Evolution
+from mesa_swarm.learning.fire_learning import LearnFires
+from mesa_swarm.learning.fire_wheels import LearnFireWheels
 from mesa_swarm.streams import Streams
 
 Train = Callable[[int, int], Trained]
 # Of the evolution of linear controllers; a shorter benchmark has fewer generations.
-GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 40, 16, 1500, 4
+GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 30, 16, 1500, 4
+PPO = "PPO, shared"
 
 
 def linear(weights: np.ndarray) -> Controller:
@@ -106,6 +111,23 @@ def _ruled(make: Callable[[], Arbiter], seed: int, steps: int) -> Trained:
     return Trained(frozen=make())
 
 
+def _by_ppo(seed: int, steps: int) -> Trained:
+    controller, robot_steps = trained_by_ppo(seed, min(steps / 33_000, 1.0))
+    return Trained(frozen=controller, robot_steps=robot_steps)
+
+
+def _skills(seed: int, steps: int) -> Trained:
+    policy = trained_skills(seed, max(round(SKILL_STEPS * min(steps / 33_000, 1.0)), 10))
+    return Trained(
+        frozen=Subsumption(Avoid(fires="never"), LearnFires(start=policy, frozen=True)), robot_steps=policy.steps
+    )
+
+
+def _wheels(seed: int, steps: int) -> Trained:
+    policy = trained_wheels(seed, max(round(WHEEL_STEPS * min(steps / 33_000, 1.0)), 10))
+    return Trained(frozen=Subsumption(LearnFireWheels(start=policy, frozen=True)), robot_steps=policy.steps)
+
+
 def _strategy_a(*more: Layer) -> Arbiter:
     return Subsumption(Avoid(fires="when hot"), FightFire(strategy="A"), *more, Explore())
 
@@ -122,12 +144,19 @@ def _task_rule(task: str) -> Arbiter:
 def contestants_of(task: str) -> dict[str, Train]:
     """Return by name the functions that train each contestant of a task, with a seed and a number of steps."""
     if task == "avoid":
-        return contestants()
+        return {**contestants(), PPO: _by_ppo}
     rules: dict[str, Callable[[], Arbiter]] = {benchmark_tasks()[task].rule: partial(_task_rule, task)}
     if task == "extinguish fires":
         rules = {"strategy A": _strategy_a, "A, followers": partial(_strategy_a, Follow()), "strategy B": _strategy_b}
+    fires = {"skills": _skills, "wheel actions": _wheels} if task == "extinguish fires" else {}
     return {
         "random": partial(_random, task),
         **{name: partial(_ruled, make) for name, make in rules.items()},
+        **fires,
         "evolved linear": partial(_evolved, task),
     }
+
+
+def optional(name: str) -> bool:
+    """Return whether a contestant needs a package that is not installed; it takes part when it is named."""
+    return name == PPO and not is_installed()
