@@ -18,9 +18,11 @@ from mesa_swarm.environments import (
     Foraging,
     Variation,
     VectorSwarmEnv,
+    collision_avoidance_v0,
 )
 from mesa_swarm.environments.task_world import Commanded, TaskWorld
 from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.world.random_map import random_map
 from support.task_worlds import rewarded, world_of
 
 BLANK = Map(name="blank", bounds=(0, 0, 400, 400))
@@ -207,3 +209,42 @@ def test_actions_with_messages_have_more_numbers_and_errors_name_them():
         InvalidValueError, match=r"robot 1 in world 0 .*; expected 4 numbers, two of them wheel speeds, fr"
     ):
         env.step(np.array([[(0, 0, 0, 0), (0, 0, 0, 2)]]))
+
+
+def test_agents_of_a_team_have_the_observation_spaces_of_their_designs():
+    env = collision_avoidance_v0.parallel_env(design=(AGENT9, AGENT3), n_robots=3, messages=1, max_cycles=3)
+    assert [env.observation_space(agent).shape for agent in env.possible_agents] == [(13,), (13,), (7,)]
+    observations, _ = env.reset(seed=1)
+    while env.agents:
+        assert all(env.observation_space(agent).contains(row) for agent, row in observations.items())
+        observations, *_ = env.step({agent: env.action_space(agent).sample() for agent in env.agents})
+    assert env.action_space("robot_2").shape == (3,)
+
+
+@pytest.mark.parametrize("task", [FindFires, ExtinguishFires])
+def test_fires_on_random_maps_are_found_and_fought(task):
+    world = TaskWorld(task=task(map=random_map(3, fires=4), n_robots=6, max_steps=600), commanded=0, rng=2)
+    measured = world.play()
+    assert len(world.fires) == 4
+    assert measured["fires found" if task is FindFires else "coverage"] > 0
+    assert world.swarm.fire.max() < 4
+
+
+def test_a_rule_sends_and_hears_the_task_s_messages():
+    class Beacon:
+        name = "Beacon"
+
+        def bind(self, swarm, prefix, rng):
+            pass
+
+        def decide(self, senses, command, layer, index):
+            senses.send["signal"][:] = np.arange(len(layer)) / 4
+            layer[:] = index
+
+    task = CollisionAvoidance(map=BLANK, n_robots=3, messages=1, message_range=1000)
+    world = TaskWorld(task=task, control=Subsumption(Beacon()), rng=1)
+    world.advance(None, np.empty(3))
+    out = np.empty((3, task.observer().width), np.float32)
+    world.observe(out)
+    nearest = [int(np.argsort(np.hypot(*(world.swarm.position - place).T))[1]) for place in world.swarm.position]
+    assert out[:, -1].tolist() == [0.5 + k / 8 for k in nearest]
