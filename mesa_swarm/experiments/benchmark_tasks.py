@@ -35,6 +35,10 @@ class BenchmarkTask:
         The contestant that the others are compared with.
     maps : mapping
         Options of `random_map`.
+    steps : int
+        At most, on each map.
+    tests : int
+        How many of the 50 test maps.
     judged : bool
         Whether there is a target, see `is_target_met`.
     """
@@ -43,6 +47,8 @@ class BenchmarkTask:
     measures: tuple[str, ...]
     rule: str
     maps: Mapping[str, Any] = field(default_factory=dict)
+    steps: int = 5000
+    tests: int = 20
     judged: bool = False
 
     def map_named(self, place: str) -> Map:
@@ -62,7 +68,7 @@ class BenchmarkTask:
 
         These are those of the table by default, or some of those of `TaskWorld.play`.
         """
-        task = replace(self.task, map=self.map_named(place), max_steps=steps)
+        task = replace(self.task, map=self.map_named(place), max_steps=min(steps, self.steps))
         driver = Controller(name="control", control=controller) if isinstance(controller, Arbiter) else controller
         if driver.control is None:
             found = TaskWorld(task=task, rng=APART + seed).play(driver.actor(task.actions))
@@ -89,7 +95,11 @@ def benchmark_tasks() -> dict[str, BenchmarkTask]:
     fires = {"fires": 5}
     return {
         "avoid": BenchmarkTask(
-            task=CollisionAvoidance(encoding="typed"), measures=DRIVING, rule="Avoid + Explore", judged=True
+            task=CollisionAvoidance(encoding="typed"),
+            measures=DRIVING,
+            rule="Avoid + Explore",
+            tests=len(TEST),
+            judged=True,
         ),
         "find fires": BenchmarkTask(
             task=FindFires(),
@@ -104,15 +114,17 @@ def benchmark_tasks() -> dict[str, BenchmarkTask]:
             maps=fires,
         ),
         "foraging": BenchmarkTask(
-            task=Foraging(),
+            task=Foraging(n_robots=6),
             measures=("items per 1,000 robot-steps", "collisions"),
             rule="hand-written rule",
             maps=SMALL,
+            steps=2000,
         ),
         "aggregation": BenchmarkTask(
             task=Aggregation(),
             measures=("largest cluster", "largest cluster, last quarter", "neighbour distance"),
             rule="hand-written rule",
             maps=SMALL,
+            steps=2000,
         ),
     }

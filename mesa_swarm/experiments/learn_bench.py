@@ -48,9 +48,9 @@ class Benchmark:
     steps : int
         Of each training, of 15 robots.
     evaluation_steps : int
-        At most, on each map: a task may be done earlier.
+        At most, on each map: a task may be done earlier, and some have fewer.
     maps : int
-        How many of the 50 test maps.
+        At most, of the 50 test maps; tasks but "avoid" have 20.
     tasks, only : sequence of str
         Names of tasks and of contestants; all by default. With `policies` all without training by default.
     policies : sequence of str
@@ -105,7 +105,8 @@ class Benchmark:
     def places(self, task: str) -> tuple[str, ...]:
         """Return the names of the maps on which a task is measured: in avoidance also that of the training."""
         home = (HOME,) if task == "avoid" else ()
-        return (*home, *(f"random {number}" for number in TEST[: self.maps]))
+        count = min(self.maps, benchmark_tasks()[task].tests)
+        return (*home, *(f"random {number}" for number in TEST[:count]))
 
     def key(self, task: str, name: str, seed: int) -> str:
         """Return the fingerprint of all that decides the outcome of a training and its evaluation."""
