@@ -19,6 +19,8 @@ RADIUS, GAP = 1.0, 0.06
 NAME_SIZE, TEXT_SIZE = 12.0, 8.0
 # How far an arrow bends to its left, as a part of its length.
 BEND = 0.2
+# Arrows this much longer than the shortest one cross others; their labels stand early on their way.
+ACROSS, EARLY = 1.4, 0.28
 # Room around the discs, in which labels are.
 MARGIN = np.array([2.0, 1.4])
 # Of one unit of length.
@@ -48,11 +50,13 @@ def machine_figure(machine: StateMachine) -> Figure:
     arrows: dict[tuple[str, str], list[str]] = {}
     for one in machine.transitions:
         arrows.setdefault((one.source, one.target), []).append(one.condition.label)
+    nearest = min((np.hypot(*(places[a] - places[b])) for a, b in arrows if a != b), default=1.0)
     for (source, target), labels in arrows.items():
         if source == target:
             _draw_loop(axes, places[source], centre, labels)
-        else:
-            _draw_arrow(axes, places[source], places[target], labels)
+            continue
+        crosses = np.hypot(*(places[source] - places[target])) > ACROSS * nearest
+        _draw_arrow(axes, places[source], places[target], labels, EARLY if crosses else 0.5)
     _fit(figure, axes, np.array(list(places.values())))
     return figure
 
@@ -86,14 +90,14 @@ def _shortened(text: str) -> str:
     return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
 
 
-def _draw_arrow(axes: Axes, start: np.ndarray, end: np.ndarray, labels: list[str]) -> None:
-    """Draw an arrow that bends to its left, so that those of both directions are apart."""
+def _draw_arrow(axes: Axes, start: np.ndarray, end: np.ndarray, labels: list[str], at: float) -> None:
+    """Draw an arrow that bends to its left, so that those of both directions are apart; its label is at this part."""
     way = end - start
     aside = np.array([-way[1], way[0]]) * BEND
     middle = 0.5 * (start + end) + 2.0 * aside
     ends = [place + (RADIUS + GAP) * (middle - place) / np.hypot(*(middle - place)) for place in (start, end)]
     _add_curve(axes, [ends[0], middle, ends[1]], [Outline.MOVETO, Outline.CURVE3, Outline.CURVE3])
-    _add_label(axes, 0.25 * ends[0] + 0.5 * middle + 0.25 * ends[1], labels)
+    _add_label(axes, (1 - at) ** 2 * ends[0] + 2 * at * (1 - at) * middle + at**2 * ends[1], labels)
 
 
 def _draw_loop(axes: Axes, place: np.ndarray, centre: np.ndarray, labels: list[str]) -> None:

@@ -31,6 +31,9 @@ SMALL = {
     "compare learning_fires": "--seeds 2 --steps 300 --jobs 1",
     "reality-gap": "--seeds 2 --steps 50 --jobs 1",
     "run learning_fires": "--steps 300",
+    "design ": "--generations 2 --population 4 --robots 4 --steps 40",
+    "design-gap": "--generations 1 --population 4 --robots 4 --steps 40 --designs 2 --seeds 2",
+    "diversity": "--generations 2 --robots 4 --steps 40",
 }
 # Commands that serve until they are stopped.
 SERVES = {"dashboard", "replay"}
@@ -68,6 +71,8 @@ def run_command(words: list[str], capsys) -> None:
     if words[0] in SERVES:
         assert_serves(words)
         return
+    if words[0] == "diversity":
+        pytest.importorskip("ribs")
     with pytest.raises(SystemExit) as end:
         cli.main(words)
     assert end.value.code == 0, f"mesa-swarm {' '.join(words)}: {capsys.readouterr().err}"
