@@ -16,9 +16,9 @@ MUTABLE = {
 # super(), which slots break.
 WITHOUT_SLOTS = MUTABLE | {
     *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "SeekHeat", "Separate"),
-    *("CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Task"),
-    "Scene",
-    *("NetworkPolicy", "Networks", "QPolicy", "ReflexPolicy", "TablePolicy", "WirePolicy"),
+    *("Aggregation", "CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Foraging", "Task"),
+    *("Scene", "TaskGate", "ValidationGate"),
+    *("NetworkPolicy", "Networks", "OnnxPolicy", "QPolicy", "ReflexPolicy", "TablePolicy", "WirePolicy"),
 }
 
 

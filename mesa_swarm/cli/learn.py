@@ -154,9 +154,9 @@ def learn_bench(
     seeds: Annotated[int | None, typer.Option(min=1, max=1000, help="Trainings of each contestant; 10.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, max=10_000_000, help="Of each training; 33,000.")] = None,
     evaluation_steps: Annotated[
-        int | None, typer.Option(min=1, max=MOST_STORED, help="At most, on each map; 5,000.")
+        int | None, typer.Option(min=1, max=MOST_STORED, help="At most, on each map; 8,000, most tasks have fewer.")
     ] = None,
-    maps: Annotated[int | None, typer.Option(min=1, max=50, help="Test maps; 50.")] = None,
+    maps: Annotated[int | None, typer.Option(min=1, max=50, help="Test maps; 50, most tasks have 20.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="In minutes: fewer seeds, steps and maps.")] = False,
     jobs: Jobs = -1,
     out: Folder = Path("results", "learn_bench"),

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -35,6 +35,28 @@ class Validation:
     coverage: float
     rule_coverage: float
     passed: bool
+
+
+class Passing(Protocol):
+    """The outcome of a validation."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it meets the criteria."""
+
+
+V = TypeVar("V", bound=Passing)
+
+
+@runtime_checkable
+class Gate(Protocol[V]):
+    """Criteria that what was trained has to meet before it is used, such as a `ValidationGate`."""
+
+    def validate(self, control: Any, *, jobs: int = 1) -> V:
+        """Return what was measured, and whether that passes."""
+
+    def rank(self, found: V) -> tuple[float, ...]:
+        """Return numbers by which validations are ordered, the best first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,9 +147,10 @@ class ValidationGate:
             passed=self._is_few(collisions) and self._is_fast(ahead) and self._is_wide(coverage),
         )
 
-    def criteria_met(self, found: Validation) -> int:
-        """Return how many of the three criteria a validation meets."""
-        return self._is_few(found.collisions) + self._is_fast(found.ahead) + self._is_wide(found.coverage)
+    def rank(self, found: Validation) -> tuple[float, ...]:
+        """Return numbers by which validations are ordered, the best first: by criteria that are met, by collisions."""
+        met = self._is_few(found.collisions) + self._is_fast(found.ahead) + self._is_wide(found.coverage)
+        return -met, found.collisions
 
     def _is_few(self, collisions: float) -> bool:
         return collisions <= self.most_collisions
@@ -144,7 +167,7 @@ def _driven(control: Arbiter, design: RobotDesign, robots: int, world: Map, rng:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Gated(Generic[T]):
+class Gated(Generic[T, V]):
     """The outcome of a gated training: all results in the order of their training, and the one that was chosen.
 
     `seeds` and `validations` belong to `results`. A single training missed where its validation did not pass, so that
@@ -153,12 +176,12 @@ class Gated(Generic[T]):
 
     results: tuple[T, ...]
     seeds: tuple[int, ...]
-    validations: tuple[Validation, ...]
+    validations: tuple[V, ...]
     chosen: int
 
     @property
     def result(self) -> T:
-        """The result that passed; where none did, the one that met most criteria, of these with fewest collisions."""
+        """The result that passed; where none did, the one that the gate ranks first."""
         return self.results[self.chosen]
 
     @property
@@ -179,13 +202,13 @@ def driven_by(result: Policy | Arbiter) -> Arbiter:
 
 def gated(
     train: Callable[[int], T],
-    gate: ValidationGate | None = None,
+    gate: Gate | None = None,
     *,
-    control: Callable[[Any], Arbiter] = driven_by,
+    control: Callable[[Any], Any] = driven_by,
     rng: int = 1,
     most: int = 5,
     jobs: int = 1,
-) -> Gated[T]:
+) -> Gated[T, Any]:
     """Train with one seed after the other until the outcome passes on validation maps.
 
     The first training has the seed `rng`, so that it is the training without a gate; those that follow have seeds
@@ -197,8 +220,8 @@ def gated(
     ----------
     train : callable
         Given a seed, returns what was learned: by default a policy, or a control.
-    gate : ValidationGate, optional
-        Maps and criteria.
+    gate : Gate, optional
+        Maps and criteria, a `ValidationGate` by default.
     control : callable, optional
         Given what `train` returns, returns the control that drives frozen.
     rng : int
@@ -226,21 +249,21 @@ def gated(
     (7,)
     """
     gate = ValidationGate() if gate is None else gate
-    if not isinstance(gate, ValidationGate) or not callable(train):
+    if isinstance(gate, type) or not isinstance(gate, Gate) or not callable(train):
         raise InvalidValueError(
             f"train is {shortened(train)} and gate {shortened(gate)}; expected a function and ValidationGate"
         )
     first, most = check_count("rng", rng, maximum=2**63 - 1), check_count("most", most, minimum=1, maximum=1000)
     workers = checked_jobs(jobs)
     results: list[T] = []
-    validations: list[Validation] = []
+    validations: list[Any] = []
     seeds = [first, *np.random.SeedSequence(first).generate_state(most - 1, np.uint32).tolist()]
     for seed in seeds:
         results.append(train(seed))
         validations.append(gate.validate(control(results[-1]), jobs=workers))
         if validations[-1].passed:
             break
-    chosen = min(range(len(results)), key=lambda k: (-gate.criteria_met(validations[k]), validations[k].collisions))
+    chosen = min(range(len(results)), key=lambda k: gate.rank(validations[k]))
     return Gated(
         results=tuple(results), seeds=tuple(seeds[: len(results)]), validations=tuple(validations), chosen=chosen
     )

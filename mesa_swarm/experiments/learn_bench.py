@@ -18,7 +18,7 @@ from mesa_swarm.experiments.fingerprints import engine_hash, files_hash, fingerp
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, call, completed, is_plain
-from mesa_swarm.experiments.task_contestants import contestants_of, optional
+from mesa_swarm.experiments.task_contestants import contestants_of, optional, validated
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import is_address, object_at
 
@@ -48,7 +48,7 @@ class Benchmark:
     steps : int
         Of each training, of 15 robots.
     evaluation_steps : int
-        At most, on each map: a task may be done earlier, and some have fewer.
+        At most, on each map: a task may be done earlier, and most have fewer.
     maps : int
         At most, of the 50 test maps; tasks but "avoid" have 20.
     tasks, only : sequence of str
@@ -69,7 +69,7 @@ class Benchmark:
 
     seeds: int = 10
     steps: int = 33_000
-    evaluation_steps: int = 5000
+    evaluation_steps: int = 8000
     maps: int = len(TEST)
     tasks: Sequence[str] = ()
     only: Sequence[str] = ()
@@ -192,6 +192,7 @@ def measured(benchmark: Benchmark, *, task: str, name: str, rng: int) -> dict[st
     begun, used = time.perf_counter(), time.process_time()
     trained = prepared(benchmark, task, name, rng)
     times = time.perf_counter() - begun, time.process_time() - used
+    trained = validated(task, trained, benchmark.steps)
     passed = None if trained.passed is None else float(trained.passed)
     figures = *times, float(trained.robot_steps), float(trained.trainings), passed
     results: dict[str, float | None] = dict(zip(OF_TRAINING, figures, strict=True))

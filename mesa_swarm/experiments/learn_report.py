@@ -29,7 +29,7 @@ PREFACE = (
 HOW = {"frozen": "frozen", "learning": "still learning"}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Line:
     """The results of a contestant in a task: on maps of a group ("test" or "home"), "frozen" or "learning".
 

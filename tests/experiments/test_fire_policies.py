@@ -1,77 +1,58 @@
-"""Policies at fires on unseen maps: what is measured, that seeds decide all, and that wheel actions are learned."""
+"""Policies that are learned at fires for the benchmark: that seeds decide all, and that wheel actions are learned."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mesa_swarm.cli import main
-from mesa_swarm.control import Avoid, Explore
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.fire_policies import (
-    FIRES,
-    MEASURES,
-    TRAINING,
-    UNSEEN,
-    FireTrial,
-    contenders,
-    fire_policies,
-    fire_table,
-    fought,
-    trained_wheels,
-)
-from mesa_swarm.fire import FightFire
+from mesa_swarm.control import Subsumption
+from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN, TaskGate, TaskValidation, benchmark_tasks
+from mesa_swarm.experiments.fire_policies import FIRES, TRAINING, trained_skills, trained_wheels
+from mesa_swarm.experiments.gating import VALIDATION
+from mesa_swarm.experiments.task_contestants import contestants_of
 from mesa_swarm.learning import LearnFireWheels
-from mesa_swarm.world.random_map import random_map
 
-BRIEF = FireTrial(skill_steps=60, wheel_steps=60, steps=30)
+SETTING = benchmark_tasks()["extinguish fires"]
 
 
-def test_a_run_ends_when_all_fires_are_out_and_shares_are_those_of_its_fires():
-    world = random_map(20_200, obstacles=2, size=(300, 300), fires=1)
-    layers = Avoid(fires="never"), FightFire(strategy="B"), Explore()
-    done = fought(layers, world, 1, 8000)
-    assert (done["share found"], done["share out"], done["largest out"]) == (1.0, 1.0, 1.0)
+def test_a_run_ends_when_all_fires_are_out():
+    small = replace(SETTING, maps={"obstacles": 2, "size": (300, 300), "fires": 1}, steps=8000)
+    rule = contestants_of("extinguish fires")["strategy B"](1, 0).frozen
+    done = small.drive(rule, "random 20200", 1, 8000)
+    assert (done["fires out"], done["largest fire out"]) == (1.0, 1.0)
     assert 10 < done["steps"] < 8000
-    cut = fought(layers, world, 1, 10)
-    assert (cut["share out"], cut["steps"]) == (0.0, 10.0)
+    cut = small.drive(rule, "random 20200", 1, 10)
+    assert (cut["fires out"], cut["steps"]) == (0.0, 10.0)
+
+
+def test_the_maps_of_training_are_not_those_of_validation_or_test():
+    assert not {*TRAINING, *TRAIN} & {*VALIDATION, *TEST}
+    assert len(SETTING.map_named(f"random {TEST[0]}").fires) == FIRES
 
 
 @pytest.mark.slow
-def test_seeds_decide_all_results_whatever_takes_part():
-    every = fire_policies(1, trial=BRIEF)
-    assert list(every) == list(contenders(BRIEF))
-    assert fire_policies(1, trial=BRIEF, only=["wheel actions"]) == {"wheel actions": every["wheel actions"]}
-    assert all(set(row) == set(MEASURES) for runs in every.values() for row in runs)
+def test_seeds_decide_what_is_learned():
+    skills, again, other = (trained_skills(seed, 60).arrays()["values"] for seed in (1, 1, 2))
+    assert (skills == again).all()
+    assert not (skills == other).all()
+    wheels, again, other = (trained_wheels(seed, 60).networks.inner for seed in (1, 1, 2))
+    assert (wheels == again).all()
+    assert not (wheels == other).all()
 
 
-def test_maps_of_training_are_not_among_those_of_the_comparison():
-    assert max(TRAINING) < UNSEEN
-    assert all(len(random_map(UNSEEN + k, fires=FIRES).fires) == FIRES for k in (1, 2))
-
-
-def test_the_table_has_a_line_for_each_contender():
-    lines = fire_table({"A": [dict.fromkeys(MEASURES, 1.0)] * 2}).splitlines()
-    assert [line.split("|")[1].strip() for line in lines] == ["contender", "----------------"[:9], "A"]
-
-
-def test_the_command_writes_what_it_prints(tmp_path, capsys):
-    brief = ["--skill-steps", "20", "--wheel-steps", "20", "--steps", "20", "--seeds", "2", "--jobs", "1"]
-    with pytest.raises(SystemExit) as end:
-        main(["fire-policies", *brief, "--only", "strategy B;skills at random", "--out", str(tmp_path / "f")])
-    assert end.value.code == 0
-    assert (tmp_path / "f" / "fire_policies.md").read_text() in capsys.readouterr().out
-    assert len((tmp_path / "f" / "fire_policies.csv").read_text().splitlines()) == 5
-
-
-def test_contenders_that_do_not_exist_are_refused():
-    with pytest.raises(SwarmError, match="unknown only 'C'"):
-        fire_policies(1, only=["C"])
+def test_the_rule_passes_the_gate_of_its_task_and_validations_are_ordered_by_passing_and_by_the_main_measure():
+    small = replace(benchmark_tasks()["aggregation"], maps={"size": (200, 200), "obstacles": 0})
+    gate = TaskGate(small, 20)
+    rule = gate.validate(Subsumption(*small.task.others()))
+    assert rule.passed
+    found = [TaskValidation({**rule.means, "largest cluster": size}, size > 0.5) for size in (0.3, 0.9, 0.4, 0.6)]
+    assert [each.means["largest cluster"] for each in sorted(found, key=gate.rank)] == [0.9, 0.6, 0.4, 0.3]
 
 
 @pytest.mark.slow
 def test_robots_that_share_what_they_learn_by_wheel_speeds_put_out_the_fires_of_maps_that_they_never_saw():
     shares = []
     for seed in (2001, 2002):
-        layer = LearnFireWheels(start=trained_wheels(seed), frozen=True)
-        runs = [fought([layer], random_map(20_300 + k, fires=FIRES), seed + k, 8000) for k in range(2)]
-        shares += [run["share out"] for run in runs]
+        control = Subsumption(LearnFireWheels(start=trained_wheels(seed), frozen=True))
+        shares += [SETTING.drive(control, f"random {20_300 + k}", seed, 8000)["fires out"] for k in range(2)]
     assert np.mean(shares) > 0.7

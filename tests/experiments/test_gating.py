@@ -60,7 +60,7 @@ def test_each_criterion_alone_decides(control, criterion, passed):
     gate = ValidationGate(**{**LOOSE, "steps": 500, **criterion})
     found = gate.validate(control)
     assert found.passed == passed
-    assert gate.criteria_met(found) == 2 + passed
+    assert gate.rank(found) == (-2 - passed, found.collisions)
 
 
 def test_the_rule_itself_passes_the_criterion_of_coverage():
