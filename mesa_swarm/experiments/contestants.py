@@ -41,6 +41,8 @@ TWICE, COOLING = 2, 4.0
 COOLED_Q = {**COOLED, "actions": 4, "reward": "b"}
 # Stored experiences, and how many of them a robot learns from again: its networks then learn as often as shared ones.
 REPLAY = {"replay": 1000, "replays": ROBOTS - 1}
+# As often, but from the last few steps only, which resemble each other.
+SHORT_REPLAY = {**REPLAY, "replay": ROBOTS}
 # Steps of validation on each map.
 VALIDATED = 5000
 
@@ -77,12 +79,12 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
         "Q (c), typed": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "c", "encoding": "typed"}),
         "own Q (b), cooled": partial(_cooled, QLearning, COOLED_Q),
         "own Q (b), cooled, with replay": partial(_cooled, QLearning, {**COOLED_Q, **REPLAY}),
+        "own Q (b), cooled, short replay": partial(_cooled, QLearning, {**COOLED_Q, **SHORT_REPLAY}),
         "shared Q (b), cooled, 1/15": partial(_cooled, QLearning, {**COOLED_Q, "shared": True}, share=1 / ROBOTS),
         "shared Q (b), cooled": SHARED,
         "shared Q (b), cooled, gated": partial(_gated, SHARED),
         "wire-fitted Q": partial(_taught, WireFittedQ, DISTANT),
-        "shared wire-fitted Q, cooled": SHARED_WIRES,
-        "shared wire-fitted Q, cooled, gated": partial(_gated, SHARED_WIRES),
+        "shared wire-fitted Q, cooled": partial(_cooled, WireFittedQ, {**COOLED, "reward": "b", "shared": True}),
         "Hebbian": partial(_taught, HebbianLearning, {"reward": "a"}),
     }
 
@@ -153,7 +155,6 @@ def _cooled(learner: type, options: dict[str, Any], seed: int, steps: int, *, sh
 
 
 SHARED = partial(_cooled, QLearning, {**COOLED_Q, "shared": True})
-SHARED_WIRES = partial(_cooled, WireFittedQ, {**COOLED, "reward": "b", "shared": True})
 
 
 def _gated(train: Callable[[int, int], Trained], seed: int, steps: int) -> Trained:

@@ -149,6 +149,8 @@ def test_cooled_contestants_end_cold_and_with_the_last_rate():
     assert policy.temperature == pytest.approx(0.1 + 0.9 * 0.96**100)
     assert (policy.training["last_eta"], policy.training["replays"], policy.copies) == (0.02, 14, 15)
     assert found.robot_steps == 100 * 15
+    short = contestants()["own Q (b), cooled, short replay"](1, 50).frozen.layers[0].policy.training
+    assert (short["replay"], short["replays"], policy.training["replay"]) == (15, 14, 1000)
     brief = contestants()["shared Q (b), cooled, 1/15"](1, 75)
     assert (brief.robot_steps, brief.frozen.layers[0].policy.copies) == (10 * 15, 1)
 

@@ -20,8 +20,12 @@ SEED = 1
 UNSEEN = TEST[:20]
 
 
+def drives_on(maps, trained):
+    return [benchmark_tasks()["avoid"].drive(trained.frozen, f"random {k}", SEED, 5000) for k in maps]
+
+
 def means_on(maps, trained):
-    rows = [benchmark_tasks()["avoid"].drive(trained.frozen, f"random {k}", SEED, 5000) for k in maps]
+    rows = drives_on(maps, trained)
     return {measure: mean(row[measure] for row in rows) for measure in rows[0]}
 
 
@@ -43,6 +47,22 @@ def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_
     assert reflex["speed ahead"] >= 0.6
     assert reflex["coverage"] >= mark["coverage"]
     assert used / mean(slow) <= 60, time_used
+
+
+@pytest.mark.slow
+def test_shared_q_learning_cools_in_ten_seconds_and_frozen_it_hardly_collides_on_nine_of_ten_unseen_maps():
+    train = contestants()["shared Q (b), cooled"]
+    train(SEED, 33)  # compiles, or reads a cache
+    learned = []
+    used = processor_seconds(lambda: learned.append(train(SEED, 33_000)))
+    slow = max(slowness() for _ in range(5))
+    drives = drives_on(UNSEEN, learned[0])
+    rule = mean(row["coverage"] for row in drives_on(UNSEEN, contestants()["Avoid + Explore"](SEED, 0)))
+    print(f"\n{used:.1f} s, {slow:.1f} times slower than usual; {drives}; coverage of the rule {rule}")
+    assert used <= 10 * slow
+    assert sum(row["collisions"] <= 0.5 for row in drives) >= 0.9 * len(UNSEEN)
+    assert min(row["speed ahead"] for row in drives) >= 0.6
+    assert mean(row["coverage"] for row in drives) >= rule
 
 
 @pytest.mark.slow
