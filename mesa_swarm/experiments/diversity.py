@@ -225,16 +225,22 @@ def behaviour_of(
 
 
 def behaviour_figure(found: BehaviourMap) -> Figure:
-    """Return the map of behaviours: a cell for each pair of measures, coloured by the best fitness found there."""
+    """Return the map of behaviours: a cell for each pair of measures, coloured by the best fitness found there.
+
+    A quarter of the cells at most, those of the lowest fitness, share the last colour: a few that collide without end
+    would else leave one colour to all others.
+    """
     figure = Figure(figsize=(7.2, 5.6), layout="constrained", facecolor=LIGHT.paper)
     axes = figure.add_subplot()
     axes.set_facecolor(LIGHT.outside)
     (low, high), (left, right) = (MEASURES[name] for name in found.measures)
     shown = np.ma.masked_invalid(found.fitness)
     colours = ListedColormap(LIGHT.values)
-    image = axes.imshow(shown, origin="lower", extent=(left, right, low, high), aspect="auto", cmap=colours)
+    least = float(np.quantile(shown.compressed(), 0.25)) if shown.count() else None
+    extent = (left, right, low, high)
+    image = axes.imshow(shown, origin="lower", extent=extent, aspect="auto", cmap=colours, vmin=least)
     axes.set(xlabel=found.measures[1], ylabel=found.measures[0])
     axes.set_title(f"{found.filled:.0%} of the cells filled by {found.tried:,} controllers", fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
-    figure.colorbar(image, ax=axes, label="best fitness in the cell")
+    figure.colorbar(image, ax=axes, extend="min", label="best fitness in the cell")
     return figure
