@@ -49,7 +49,7 @@ V = TypeVar("V", bound=Passing)
 
 
 @runtime_checkable
-class Gate(Protocol[V]):
+class TrainingGate(Protocol[V]):
     """Criteria that what was trained has to meet before it is used, such as a `ValidationGate`."""
 
     def validate(self, control: Any, *, jobs: int = 1) -> V:
@@ -202,7 +202,7 @@ def driven_by(result: Policy | Arbiter) -> Arbiter:
 
 def gated(
     train: Callable[[int], T],
-    gate: Gate | None = None,
+    gate: TrainingGate | None = None,
     *,
     control: Callable[[Any], Any] = driven_by,
     rng: int = 1,
@@ -220,7 +220,7 @@ def gated(
     ----------
     train : callable
         Given a seed, returns what was learned: by default a policy, or a control.
-    gate : Gate, optional
+    gate : TrainingGate, optional
         Maps and criteria, a `ValidationGate` by default.
     control : callable, optional
         Given what `train` returns, returns the control that drives frozen.
@@ -249,7 +249,7 @@ def gated(
     (7,)
     """
     gate = ValidationGate() if gate is None else gate
-    if isinstance(gate, type) or not isinstance(gate, Gate) or not callable(train):
+    if isinstance(gate, type) or not isinstance(gate, TrainingGate) or not callable(train):
         raise InvalidValueError(
             f"train is {shortened(train)} and gate {shortened(gate)}; expected a function and ValidationGate"
         )
