@@ -134,12 +134,17 @@ class DesignGap:
         return "\n".join([title, "", *aligned([head, *rows]), "", self.finding()])
 
     def finding(self) -> str:
-        """Return one sentence about the last place of the dial."""
-        last = self.more_lost(len(self.dial) - 1)
+        """Return a sentence about losses at the last place of the dial, and one about scores at both ends."""
+        end = len(self.dial) - 1
+        last = self.more_lost(end)
         verdict = "no difference in loss was detected"
         if last.excludes_zero:
             verdict = f"{NETWORK if last.estimate > 0 else MACHINE}s lose more"
-        return f"At dial {self.dial[-1]:g}, {verdict}: {with_limits(last, signed=True)}."
+        ends = " and ".join(f"{with_limits(self.advantage(k), signed=True)} at dial {self.dial[k]:g}" for k in (0, end))
+        return (
+            f"At dial {self.dial[-1]:g}, {verdict}: {with_limits(last, signed=True)}. "
+            f"Score of machines minus that of networks: {ends}."
+        )
 
     def csv(self) -> str:
         """Return one line a design and place of the dial."""
