@@ -27,6 +27,7 @@ LEDGER = "ledger.jsonl"
 SOURCES = (
     *(f"experiments/{name}.py" for name in ("benchmark_tasks", "contestants", "driving", "evolution")),
     *(f"experiments/{name}.py" for name in ("task_contestants", "controllers", "gating", "fire_policies", "ppo")),
+    *(f"experiments/{name}.py" for name in ("design", "design_gap")),
     "environments",
 )
 MODES = ("frozen", "learning")

@@ -1,9 +1,10 @@
 """The contestants of each task of the benchmark, and controllers evolved on a task's own rewards."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache, partial
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.benchmark_tasks import TRAIN, TaskGate, benchmark_tasks
 from mesa_swarm.experiments.contestants import Trained, contestants
 from mesa_swarm.experiments.controllers import Controller
+from mesa_swarm.experiments.design import Mission, design_machine, evolve_network
+from mesa_swarm.experiments.design_gap import Budget
 from mesa_swarm.experiments.fire_policies import SKILL_STEPS, WHEEL_STEPS, trained_skills, trained_wheels
-from mesa_swarm.experiments.gating import VALIDATION, gated
+from mesa_swarm.experiments.gating import VALIDATION, driven_by, gated
 from mesa_swarm.experiments.ppo import is_installed, trained_by_ppo
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.evolution import Evolution
@@ -25,6 +28,8 @@ Train = Callable[[int, int], Trained]
 # Of the evolution of linear controllers; a shorter benchmark has fewer generations.
 GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 30, 16, 1500, 4
 PPO = "PPO, shared"
+# Of a trial of a design.
+MISSION_STEPS = 600
 
 
 def linear(weights: np.ndarray) -> Controller:
@@ -155,6 +160,20 @@ def _wheels(seed: int, steps: int) -> Trained:
     return Trained(frozen=Subsumption(LearnFireWheels(start=policy, frozen=True)), robot_steps=policy.steps)
 
 
+def _designed(machines: bool, seed: int, steps: int) -> Trained:
+    """Design a state machine, or evolve a network, for aggregation by the same budget."""
+    share, setting = min(steps / 33_000, 1.0), benchmark_tasks()["aggregation"]
+    task = setting.task
+    mission = Mission(design=task.designs[0], robots=task.n_robots, steps=max(round(MISSION_STEPS * share), 1))
+    budget = replace(Budget(), generations=max(round(Budget().generations * share), 1))
+    maps = [setting.map_named(f"random {number}") for number in TRAIN[: budget.generations]]
+    found: Any = (design_machine if machines else evolve_network)(mission, maps=maps, rng=seed, **asdict(budget))
+    return Trained(
+        frozen=found.machine if machines else driven_by(found.policy),
+        robot_steps=budget.runs * mission.robots * mission.steps,
+    )
+
+
 def _strategy_a(*more: Layer) -> Arbiter:
     return Subsumption(Avoid(fires="when hot"), FightFire(strategy="A"), *more, Explore())
 
@@ -179,10 +198,14 @@ def contestants_of(task: str) -> dict[str, Train]:
     if task == "extinguish fires":
         fires = {"skills": _skills, "wheel actions": _wheels}
         fires |= {f"{name}, gated": partial(_gated_by_task, task, train) for name, train in fires.items()}
+    designs: dict[str, Train] = {}
+    if task == "aggregation":
+        designs = {"evolved network": partial(_designed, False), "state machine": partial(_designed, True)}
     return {
         "random": partial(_random, task),
         **{name: partial(_ruled, make) for name, make in rules.items()},
         **fires,
+        **designs,
         "evolved linear": partial(_evolved, task),
     }
 
