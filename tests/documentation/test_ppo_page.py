@@ -10,7 +10,7 @@ import pytest
 
 PAGE = Path(__file__).parents[2] / "docs" / "ppo.md"
 SMALL = {
-    "1_500_000": "3_000",
+    "1_500_000, range(11, 15)": "3_000, range(11, 12)",
     "range(50_101, 50_201)": "range(50_101, 50_103)",
     "n_worlds=16": "n_worlds=2",
     "range(60_001, 60_021), 5000": "range(60_001, 60_002), 30",
@@ -30,8 +30,8 @@ def test_the_page_trains_and_measures_a_policy(tmp_path, monkeypatch):
     with contextlib.redirect_stdout(printed):
         for block in code:
             exec(block, names)
-    assert [line.split()[0] for line in printed.getvalue().splitlines()] == ["rule", "PPO"]
-    one, other = (names["measured"](11, "ppo.zip") for _ in range(2))
+    assert [line.split()[:2] for line in printed.getvalue().splitlines()] == [["11", "PPO"], ["11", "rule"]]
+    one, other = (names["measured"](11, "ppo_11.zip") for _ in range(2))
     assert (one == other).all()
     assert np.isfinite(one).all()
     assert not (one == names["measured"](11)).all()
