@@ -234,15 +234,15 @@ class TaskWorld(SwarmModel):
             expected = "a policy for them" if self.commanded else "None: no robot is commanded"
             raise InvalidValueError(f"policy is {shortened(policy)}, {self.commanded} commanded; expected {expected}")
         seen = np.empty((self.commanded, self._observer.width), np.float32)
-        reward, total = np.empty(self.rewarded), 0.0
+        reward, total = np.empty(self.rewarded), np.zeros(self.rewarded)
         while not (self.finished or self.out_of_time):
             command = None
             if policy is not None:
                 self.observe(seen)
                 command = shares(self.task.actions, policy(seen), (self.commanded,), numbers=self.task.numbers)
             self.advance(command, reward)
-            total += float(reward.mean())
-        return {"reward": total / max(self._tally.steps, 1), **self.measures()}
+            total += reward
+        return {"reward": float(total.mean()) / max(self._tally.steps, 1), **self.measures()}
 
 
 def _checked_commanded(task: Task, commanded: int | None, control: Control | None) -> int:

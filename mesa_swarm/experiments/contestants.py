@@ -70,9 +70,8 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
     return {
         "random": _random,
         "Avoid + Explore": _rule,
-        "evolved reflex": partial(_evolved, 0),
         "evolved reflex, gated": partial(_gated, partial(_evolved, 0)),
-        "evolved network": partial(_evolved, 2),
+        "evolved network, gated": partial(_gated, partial(_evolved, 2)),
         "Q (a)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "a"}),
         "Q (b)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "b"}),
         "Q (c)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "c"}),

@@ -32,6 +32,8 @@ SOURCES = (
 )
 MODES = ("frozen", "learning")
 OF_TRAINING = ("train wall seconds", "train processor seconds", "robot-steps", "trainings", "passed")
+# On how many test maps robots are measured that are still learning.
+LEARNING_MAPS = 10
 # Of a benchmark of minutes.
 QUICK = {"seeds": 2, "steps": 3300, "evaluation_steps": 1000, "maps": 5}
 # Contestants that every foreign controller is compared with, which need no training.
@@ -198,10 +200,10 @@ def measured(benchmark: Benchmark, *, task: str, name: str, rng: int) -> dict[st
     figures = *times, float(trained.robot_steps), float(trained.trainings), passed
     results: dict[str, float | None] = dict(zip(OF_TRAINING, figures, strict=True))
     results |= {f"training|{k:02}": value for k, value in enumerate(trained.curve)}
-    for place in benchmark.places(task):
+    for number, place in enumerate(benchmark.places(task)):
         for mode in MODES:
             controller = getattr(trained, mode)
-            if controller is not None:
+            if controller is not None and (mode == "frozen" or number <= LEARNING_MAPS):
                 found = setting.drive(controller, place, rng, benchmark.evaluation_steps)
                 results |= {f"{place}|{mode}|{m}": None if math.isnan(v) else v for m, v in found.items()}
     return results

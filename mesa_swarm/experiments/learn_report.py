@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from mesa_swarm.experiments.benchmark_tasks import BenchmarkTask, benchmark_tasks, is_target_met
 from mesa_swarm.experiments.contestants import HOME
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.learn_bench import MODES, Benchmark, Training
+from mesa_swarm.experiments.learn_bench import LEARNING_MAPS, MODES, Benchmark, Training
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, known
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.viewing.palette import LIGHT
@@ -127,6 +127,7 @@ def _results(benchmark: Benchmark, task: BenchmarkTask, lines: Sequence[Line], e
     header = ("contestant", *(f"{measure} [95 %]" for measure in task.measures), *(("on target",) if judged else ()))
     rows = [(line.name, *map(_cell, line.values.values()), *(_judged(line, rule) if judged else ())) for line in lines]
     count = len(benchmark.places(first.task)) - (first.task == "avoid")
+    count = min(count, LEARNING_MAPS) if first.mode == "learning" else count
     title = f"{GROUPS[first.group]}{f', {count} of them' if first.group == 'test' else ''}, {HOW[first.mode]}"
     return "\n".join([f"**{title}**", "", *_table([header, *rows])])
 

@@ -26,7 +26,7 @@ from mesa_swarm.streams import Streams
 
 Train = Callable[[int, int], Trained]
 # Of the evolution of linear controllers; a shorter benchmark has fewer generations.
-GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 30, 16, 1500, 4
+GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 25, 16, 1000, 4
 PPO = "PPO, shared"
 # Of a trial of a design.
 MISSION_STEPS = 600

@@ -7,8 +7,9 @@ import pytest
 from mesa_swarm import AGENT9
 from mesa_swarm.control import Subsumption
 from mesa_swarm.experiments.benchmark_tasks import TEST, benchmark_tasks
-from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, contestants
+from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, Trained, bred, contestants
 from mesa_swarm.experiments.driving import driven_world
+from mesa_swarm.experiments.gating import driven_by
 from mesa_swarm.learning import QLearning
 from mesa_swarm.learning.evolution import Evolution
 from support.machine import slowness
@@ -31,12 +32,12 @@ def means_on(maps, trained):
 
 @pytest.mark.slow
 def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_rule_on_twenty_unseen_maps(monkeypatch):
-    contestants()["evolved reflex"](SEED, 33)  # compiles, or reads a cache
+    bred(0, SEED, 0.001)  # compiles, or reads a cache
     slow, usual = [], Evolution.tell
     monkeypatch.setattr(Evolution, "tell", lambda self, worth: slow.append(slowness()) or usual(self, worth))
-    bred = []
-    used = processor_seconds(lambda: bred.append(contestants()["evolved reflex"](SEED, 33_000)))
-    (trained,) = bred
+    found = []
+    used = processor_seconds(lambda: found.append(bred(0, SEED).policy))
+    trained = Trained(frozen=driven_by(found[0]), robot_steps=found[0].steps)
     rule = contestants()["Avoid + Explore"](SEED, 0)
     reflex, mark = (means_on(UNSEEN, each) for each in (trained, rule))
     time_used = f"{used:.0f} s on a processor {mean(slow):.2f} times slower than usual"
