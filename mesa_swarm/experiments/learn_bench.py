@@ -113,7 +113,7 @@ class Benchmark:
 
     def key(self, task: str, name: str, seed: int) -> str:
         """Return the fingerprint of all that decides the outcome of a training and its evaluation."""
-        content = files_hash([source_of(name)]) if name in self.policies else ""
+        content = content_of(name) if name in self.policies else ""
         settings = self.steps, self.evaluation_steps, self.maps
         return fingerprint(
             task, name, seed, settings, content, package_version("mesa-swarm"), engine_hash(*SOURCES, models=True)
@@ -226,10 +226,14 @@ def check_fits(controller: Controller, task: str) -> None:
         )
 
 
-def source_of(address: str) -> Path:
-    """Return the file of a controller from outside: its own, or that of the module where it is written."""
+def content_of(address: str) -> str:
+    """Return a fingerprint of a controller from outside: of its own file, or of the module where it is written.
+
+    Modules that are part of the interpreter have none; their fingerprint is empty.
+    """
     if not is_address(address):
-        return Path(address)
+        return files_hash([Path(address)])
     found = object_at(address)
-    written = found if inspect.isclass(found) or inspect.isroutine(found) else type(found)
-    return Path(inspect.getsourcefile(written) or "")
+    module = inspect.getmodule(found if hasattr(found, "__module__") else type(found))
+    file = getattr(module, "__file__", None)
+    return files_hash([Path(file)]) if file else ""

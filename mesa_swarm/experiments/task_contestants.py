@@ -16,7 +16,7 @@ from mesa_swarm.experiments.controllers import Controller
 from mesa_swarm.experiments.design import Mission, design_machine, evolve_network
 from mesa_swarm.experiments.design_gap import Budget
 from mesa_swarm.experiments.fire_policies import SKILL_STEPS, WHEEL_STEPS, trained_skills, trained_wheels
-from mesa_swarm.experiments.gating import VALIDATION, driven_by, gated
+from mesa_swarm.experiments.gating import driven_by, gated
 from mesa_swarm.experiments.ppo import is_installed, trained_by_ppo
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.evolution import Evolution
@@ -28,6 +28,8 @@ Train = Callable[[int, int], Trained]
 # Of the evolution of linear controllers; a shorter benchmark has fewer generations.
 GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 25, 16, 1000, 4
 PPO = "PPO, shared"
+# Maps on which the last generations are compared; no search has so many generations that it comes to them.
+CHOICE = TRAIN[-10:]
 # Of a trial of a design.
 MISSION_STEPS = 600
 
@@ -73,7 +75,7 @@ def evolved_linear(task: str, seed: int, share: float = 1.0) -> tuple[Controller
     """Return a linear controller evolved by CMA-ES on the rewards of a task, and the robot-steps that it took.
 
     All candidates of a generation are tried in the same world; each generation has another of the maps to train on.
-    The means of the last generations are then tried on the validation maps, and the best is returned.
+    The means of the last generations are then tried on ten more of these maps, and the best is returned.
 
     Parameters
     ----------
@@ -100,8 +102,8 @@ def evolved_linear(task: str, seed: int, share: float = 1.0) -> tuple[Controller
         rng = int(streams["worlds"].integers(2**31))
         search.tell([worth(weights, TRAIN[g % len(TRAIN)], rng) for weights in search.ask()])
     finalists = search.means[-FINALISTS:]
-    validated = [np.mean([worth(weights, number, seed) for number in VALIDATION]) for weights in finalists]
-    trials = generations * POPULATION + len(finalists) * len(VALIDATION)
+    validated = [np.mean([worth(weights, number, seed) for number in CHOICE]) for weights in finalists]
+    trials = generations * POPULATION + len(finalists) * len(CHOICE)
     return linear(finalists[int(np.argmax(validated))].reshape(start.shape)), trials * steps * setting.task.n_robots
 
 
