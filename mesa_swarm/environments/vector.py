@@ -134,12 +134,16 @@ class VectorSwarmEnv:
         commands = shares(self.task.actions, actions, (self.n_worlds, self.commanded), self._clip, self.task.numbers)
         reward = np.zeros((self.n_worlds, self.commanded))
         collided = np.zeros((self.n_worlds, self.commanded), bool)
-        for world, command, row, hit in zip(self.worlds, commands, reward, collided, strict=True):
+        observations = np.zeros((self.n_worlds, self.commanded, self.width), np.float32)
+        # All that is of one world at once, while its arrays are in the processor's cache.
+        for world, command, row, hit, seen in zip(self.worlds, commands, reward, collided, observations, strict=True):
             k = world.commanded
-            world.advance(command[:k], row[:k])
-            hit[:k] = world.swarm.columns["collided"][:k]
+            if k < self.commanded:
+                command, row, hit, seen = command[:k], row[:k], hit[:k], seen[:k]  # noqa: PLW2901 - of those present
+            world.advance(command, row)
+            hit[:] = world.swarm.columns["collided"][:k]
+            world.observe(seen)
         self._returns += reward
-        observations = self._observations()
         terminated = np.array([world.finished for world in self.worlds])
         truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated
         infos = {"collided": collided, "present": self.present}

@@ -1,3 +1,5 @@
+from time import process_time
+
 import gymnasium
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from mesa_swarm.environments import (
 from mesa_swarm.environments.parallel import ParallelSwarmEnv
 
 TASKS = [CollisionAvoidance, FindFires, ExtinguishFires, Foraging, Aggregation]
+# Processor time: other programs disturb it less than time on the clock.
+pytestmark = pytest.mark.benchmark(timer=process_time)
 ROBOTS, WORLDS = 50, 16
 ROUND = 30
 
@@ -39,8 +43,14 @@ def test_robot_steps_through_pettingzoo(benchmark, task):
     env = ParallelSwarmEnv(task(n_robots=ROBOTS, max_steps=10**9), name="timed_v0")
     env.reset(seed=1)
     commands = [dict(zip(env.agents, row, strict=True)) for row in actions(ROBOTS)]
-    steps = benchmark(lambda: [env.step(row) for row in commands])
-    assert all(rewards.keys() == set(env.agents) for _, rewards, *_ in steps)
+
+    def played() -> list:
+        if not env.agents:  # all fires were found
+            env.reset()
+        return [env.step(row) for row in commands if env.agents]
+
+    steps = benchmark(played)
+    assert all(rewards.keys() == set(env.possible_agents) for _, rewards, *_ in steps)
     if benchmark.stats is not None:  # None where benchmarks are off
         benchmark.extra_info["robot-steps/s"] = ROUND * ROBOTS / benchmark.stats["median"]
 
