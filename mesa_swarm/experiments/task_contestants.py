@@ -28,7 +28,7 @@ Train = Callable[[int, int], Trained]
 # Of the evolution of linear controllers; a shorter benchmark has fewer generations.
 GENERATIONS, POPULATION, TRIAL_STEPS, FINALISTS = 25, 16, 1000, 4
 PPO = "PPO, shared"
-# Maps on which the last generations are compared; no search has so many generations that it comes to them.
+# Maps on which the last generations are compared; searches have fewer generations than it takes to reach them.
 CHOICE = TRAIN[-10:]
 # Of a trial of a design.
 MISSION_STEPS = 600

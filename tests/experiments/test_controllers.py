@@ -57,7 +57,7 @@ def failing(seen):
 
 @pytest.fixture
 def mine(tmp_path):
-    file = tmp_path / "mine.py"
+    file = tmp_path / "foreign_acts.py"
     file.write_text(MINE)
     return str(file)
 

@@ -55,7 +55,7 @@ def runs(tmp_path_factory):
 @pytest.fixture
 def outside(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(OUTSIDE)
+    (tmp_path / "foreign_drivers.py").write_text(OUTSIDE)
 
 
 def test_the_five_tasks_have_contestants_by_chance_and_by_a_rule():
@@ -221,7 +221,7 @@ def test_the_command_writes_tables_pictures_and_a_page(tmp_path):
 def test_controllers_from_outside_are_measured_beside_the_rule_and_chance(tmp_path, outside):
     eyes = SensorLayout.of(AGENT9)
     save_policy(ReflexPolicy.reflex(eyes, [*[[0, 0]] * 9, [1, 1]]), "ahead.npz")
-    benchmark = brief((), seeds=1, maps=1, policies=("./mine.py:ahead", "./mine.py:Turning", "ahead.npz"))
+    benchmark = brief((), seeds=1, maps=1, policies=("./foreign_drivers.py:ahead", "./foreign_drivers.py:Turning", "ahead.npz"))
     found = {run.name: dict(run.numbers) for run in learn_bench(benchmark, out=tmp_path)}
     assert list(found) == ["random", "Avoid + Explore", *benchmark.policies]
     ahead, turning, saved = (found[name] for name in benchmark.policies)
@@ -230,10 +230,10 @@ def test_controllers_from_outside_are_measured_beside_the_rule_and_chance(tmp_pa
 
 
 def test_a_controller_from_outside_is_measured_anew_when_its_file_changes(tmp_path, outside):
-    benchmark = brief((), policies=("./mine.py:ahead",))
-    before = benchmark.key("avoid", "./mine.py:ahead", 1)
-    (tmp_path / "mine.py").write_text(OUTSIDE + "# changed")
-    assert benchmark.key("avoid", "./mine.py:ahead", 1) != before
+    benchmark = brief((), policies=("./foreign_drivers.py:ahead",))
+    before = benchmark.key("avoid", "./foreign_drivers.py:ahead", 1)
+    (tmp_path / "foreign_drivers.py").write_text(OUTSIDE + "# changed")
+    assert benchmark.key("avoid", "./foreign_drivers.py:ahead", 1) != before
 
 
 @pytest.mark.parametrize(
@@ -279,6 +279,7 @@ def test_a_stored_training_with_other_numbers_than_those_of_a_training_counts_as
         assert results_of(again) == {name: value for name, value in real.items() if "seconds" not in name}
 
 
+@pytest.mark.slow
 def test_a_benchmark_of_two_processes_has_the_results_of_one(tmp_path):
     alone, both = (learn_bench(brief(maps=1), out=tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
     assert [results_of(run) for run in alone] == [results_of(run) for run in both]
