@@ -157,13 +157,13 @@ def benchmark_tasks() -> dict[str, BenchmarkTask]:
             tests=len(TEST),
             judged=True,
         ),
-        "find fires": BenchmarkTask(
+        "find_fires": BenchmarkTask(
             task=FindFires(),
             measures=("fires found", "steps", "collisions"),
             rule="Avoid + Explore",
             maps=fires,
         ),
-        "extinguish fires": BenchmarkTask(
+        "extinguish_fires": BenchmarkTask(
             task=ExtinguishFires(),
             measures=("fires out", "largest fire out", "steps", "collisions"),
             rule="strategy B",

@@ -84,12 +84,15 @@ def markdown(benchmark: Benchmark, runs: Sequence[Training]) -> str:
     lines = lines_of(runs)
     parts = []
     for task in benchmark.task_names:
-        parts += [f"### {task.capitalize()}", _trainings(benchmark, [run for run in runs if run.task == task])]
+        parts += [
+            f"### {task.replace('_', ' ').capitalize()}",
+            _trainings(benchmark, [run for run in runs if run.task == task]),
+        ]
         for group in GROUPS:
             for mode in MODES:
-                mine = [line for line in lines if (line.task, line.group, line.mode) == (task, group, mode)]
-                if mine:
-                    parts.append(_results(benchmark, benchmark_tasks()[task], mine, lines))
+                chosen = [line for line in lines if (line.task, line.group, line.mode) == (task, group, mode)]
+                if chosen:
+                    parts.append(_results(benchmark, benchmark_tasks()[task], chosen, lines))
     return "\n\n".join(parts) + "\n"
 
 
@@ -185,7 +188,7 @@ def learning_pictures(runs: Sequence[Training]) -> dict[str, bytes]:
     """Return the PNGs of a benchmark by file name: the results of each task, and the course of the trainings."""
     lines = lines_of(runs)
     tasks = dict.fromkeys(run.task for run in runs)
-    pictures = {f"learn_bench_{task.replace(' ', '_')}.png": png(task_figure(task, lines)) for task in tasks}
+    pictures = {f"learn_bench_{task}.png": png(task_figure(task, lines)) for task in tasks}
     if any(run.curve() for run in runs):
         pictures["learn_curves.png"] = png(curve_figure(runs))
     return pictures

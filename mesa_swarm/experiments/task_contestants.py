@@ -194,10 +194,10 @@ def contestants_of(task: str) -> dict[str, Train]:
     if task == "avoid":
         return {**contestants(), PPO: _by_ppo}
     rules: dict[str, Callable[[], Arbiter]] = {benchmark_tasks()[task].rule: partial(_task_rule, task)}
-    if task == "extinguish fires":
+    if task == "extinguish_fires":
         rules = {"strategy A": _strategy_a, "A, followers": partial(_strategy_a, Follow()), "strategy B": _strategy_b}
     fires: dict[str, Train] = {}
-    if task == "extinguish fires":
+    if task == "extinguish_fires":
         fires = {"skills": _skills, "wheel actions": _wheels}
         fires |= {f"{name}, gated": partial(_gated_by_task, task, train) for name, train in fires.items()}
     designs: dict[str, Train] = {}

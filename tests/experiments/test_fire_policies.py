@@ -12,12 +12,12 @@ from mesa_swarm.experiments.gating import VALIDATION
 from mesa_swarm.experiments.task_contestants import contestants_of
 from mesa_swarm.learning import LearnFireWheels
 
-SETTING = benchmark_tasks()["extinguish fires"]
+SETTING = benchmark_tasks()["extinguish_fires"]
 
 
 def test_a_run_ends_when_all_fires_are_out():
     small = replace(SETTING, maps={"obstacles": 2, "size": (300, 300), "fires": 1}, steps=8000)
-    rule = contestants_of("extinguish fires")["strategy B"](1, 0).frozen
+    rule = contestants_of("extinguish_fires")["strategy B"](1, 0).frozen
     done = small.drive(rule, "random 20200", 1, 8000)
     assert (done["fires out"], done["largest fire out"]) == (1.0, 1.0)
     assert 10 < done["steps"] < 8000

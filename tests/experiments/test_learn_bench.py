@@ -59,7 +59,7 @@ def outside(tmp_path, monkeypatch):
 
 
 def test_the_five_tasks_have_contestants_by_chance_and_by_a_rule():
-    assert list(benchmark_tasks()) == ["avoid", "find fires", "extinguish fires", "foraging", "aggregation"]
+    assert list(benchmark_tasks()) == ["avoid", "find_fires", "extinguish_fires", "foraging", "aggregation"]
     for name, task in benchmark_tasks().items():
         assert {"random", task.rule} < set(contestants_of(name))
 
@@ -221,7 +221,9 @@ def test_the_command_writes_tables_pictures_and_a_page(tmp_path):
 def test_controllers_from_outside_are_measured_beside_the_rule_and_chance(tmp_path, outside):
     eyes = SensorLayout.of(AGENT9)
     save_policy(ReflexPolicy.reflex(eyes, [*[[0, 0]] * 9, [1, 1]]), "ahead.npz")
-    benchmark = brief((), seeds=1, maps=1, policies=("./foreign_drivers.py:ahead", "./foreign_drivers.py:Turning", "ahead.npz"))
+    benchmark = brief(
+        (), seeds=1, maps=1, policies=("./foreign_drivers.py:ahead", "./foreign_drivers.py:Turning", "ahead.npz")
+    )
     found = {run.name: dict(run.numbers) for run in learn_bench(benchmark, out=tmp_path)}
     assert list(found) == ["random", "Avoid + Explore", *benchmark.policies]
     ahead, turning, saved = (found[name] for name in benchmark.policies)

@@ -17,8 +17,8 @@ from support.pace import processor_seconds
 
 # Not chosen: the first of the benchmark's ten.
 SEED = 1
-# Twenty test maps.
-UNSEEN = TEST[:20]
+# Twenty test maps of the benchmark, and twenty more that nothing is trained or chosen on.
+TWENTY, UNSEEN = TEST[:20], range(40_001, 40_021)
 
 
 def drives_on(maps, trained):
@@ -57,11 +57,11 @@ def test_shared_q_learning_cools_in_ten_seconds_and_frozen_it_hardly_collides_on
     learned = []
     used = processor_seconds(lambda: learned.append(train(SEED, 33_000)))
     slow = max(slowness() for _ in range(5))
-    drives = drives_on(UNSEEN, learned[0])
-    rule = mean(row["coverage"] for row in drives_on(UNSEEN, contestants()["Avoid + Explore"](SEED, 0)))
+    drives = drives_on(TWENTY, learned[0])
+    rule = mean(row["coverage"] for row in drives_on(TWENTY, contestants()["Avoid + Explore"](SEED, 0)))
     print(f"\n{used:.1f} s, {slow:.1f} times slower than usual; {drives}; coverage of the rule {rule}")
     assert used <= 10 * slow
-    assert sum(row["collisions"] <= 0.5 for row in drives) >= 0.9 * len(UNSEEN)
+    assert sum(row["collisions"] <= 0.5 for row in drives) >= 0.9 * len(TWENTY)
     assert min(row["speed ahead"] for row in drives) >= 0.6
     assert mean(row["coverage"] for row in drives) >= rule
 
