@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.experiments.benchmark_tasks import TEST, benchmark_tasks
 from mesa_swarm.experiments.contestants import HOME, PARTS, Trained
 from mesa_swarm.experiments.controllers import Controller, load_controller
@@ -84,6 +84,8 @@ class Benchmark:
         check_count("steps", self.steps, minimum=1, maximum=10_000_000)
         check_count("evaluation_steps", self.evaluation_steps, minimum=1, maximum=1_000_000)
         check_count("maps", self.maps, minimum=1, maximum=len(TEST))
+        for field in ("tasks", "only", "policies"):
+            object.__setattr__(self, field, _checked_texts(field, getattr(self, field)))
         for name in self.tasks:
             check_choice("task", name, benchmark_tasks())
         known = {name for task in self.task_names for name in contestants_of(task)}
@@ -214,6 +216,12 @@ def prepared(benchmark: Benchmark, task: str, name: str, seed: int) -> Trained:
     if name in benchmark.policies:
         return Trained(frozen=load_controller(name))
     return contestants_of(task)[name](seed, benchmark.steps)
+
+
+def _checked_texts(name: str, texts: object) -> tuple[str, ...]:
+    if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
+        raise InvalidValueError(f"{name} is {shortened(texts)}; expected a list of texts")
+    return tuple(texts)
 
 
 def check_fits(controller: Controller, task: str) -> None:

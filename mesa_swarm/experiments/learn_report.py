@@ -99,8 +99,8 @@ def markdown(benchmark: Benchmark, runs: Sequence[Training]) -> str:
 def report_page(benchmark: Benchmark, table: str) -> str:
     """Return a page with the tables of a benchmark, below its settings."""
     settings = (
-        f"{benchmark.seeds} seeds, trainings of {benchmark.steps:,} steps of 15 robots, {benchmark.maps} test maps, "
-        f"at most {benchmark.evaluation_steps:,} steps on each"
+        f"trainings of {benchmark.steps:,} steps of 15 robots; seeds: {benchmark.seeds}; test maps: {benchmark.maps}; "
+        f"steps on each: at most {benchmark.evaluation_steps:,}"
     )
     return "\n\n".join(["# Results of the benchmark of learning", PREFACE, f"Settings: {settings}.", table])
 

@@ -242,6 +242,7 @@ def test_a_controller_from_outside_is_measured_anew_when_its_file_changes(tmp_pa
     "wrong",
     [
         *({"seeds": 0}, {"steps": 0}, {"evaluation_steps": 0}, {"only": ("Q (z)",)}, {"seeds": np.nan}, {"maps": 51}),
+        *({"tasks": "avoid"}, {"policies": -1}, {"only": [1]}),
         *({"tasks": ("flying",)}, {"policies": ("nothing.npz",)}, {"policies": ("mine",)}),
     ],
 )
