@@ -130,7 +130,7 @@ def diversity(
         measures=[name.strip() for name in measures.split(",")],
         cells=cells,
         generations=generations,
-        maps=search_maps()[:1],
+        world=search_maps()[0],
         rng=rng,
         jobs=jobs,
         progress=not quiet,

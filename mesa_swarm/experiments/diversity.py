@@ -18,7 +18,7 @@ from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError, check_choice, check_count, check_number
 from mesa_swarm.experiments.design import LINK
 from mesa_swarm.experiments.driving import driven_world, tallied
-from mesa_swarm.experiments.evolution import Maps, Trial, checked_maps, checked_trial
+from mesa_swarm.experiments.evolution import Trial, checked_maps, checked_trial
 from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.files import write_whole
@@ -116,7 +116,7 @@ def diversify(
     emitters: int = 3,
     batch: int = 12,
     sigma: float = 0.5,
-    maps: Maps = ("openspace",),
+    world: Map | str | os.PathLike[str] = "openspace",
     rng: int = 1,
     jobs: int = 1,
     progress: bool = False,
@@ -139,8 +139,7 @@ def diversify(
         Controllers a generation: `batch` of each emitter.
     sigma : float
         Standard deviation of the first weights.
-    maps : map, name or path
-        Of several the first.
+    world : map, name or path
     rng, jobs : int
     progress : bool
 
@@ -169,7 +168,7 @@ def diversify(
     check_count("cells", cells, minimum=2, maximum=200)
     check_number("sigma", sigma, above=0, maximum=1000)
     count = check_count("generations", generations, minimum=1, maximum=1_000_000)
-    world, workers = checked_maps("maps", maps)[0], checked_jobs(jobs)
+    place, workers = checked_maps("world", world)[0], checked_jobs(jobs)
     streams = Streams(np.random.SeedSequence(check_count("rng", rng, maximum=2**63 - 1)))
     seeds = streams["search"].integers(2**31, size=check_count("emitters", emitters, minimum=1, maximum=1000) + 1)
     archive = GridArchive(
@@ -184,18 +183,22 @@ def diversify(
     of_emitter: dict[str, Any] = {"x0": np.zeros(task.genes), "sigma0": float(sigma), "batch_size": size}
     search = Scheduler(archive, [EvolutionStrategyEmitter(archive, **of_emitter, seed=int(seed)) for seed in seeds[1:]])
     seed = int(streams["world"].integers(2**63))
-    work = partial(behaviour_of, task, names, world, seed)
+    work = partial(behaviour_of, task, names, place, seed)
     with progress_bar(count, "generations", progress) as bar:
         for _ in range(count):
             found = np.array(in_order(workers, work, [(genome,) for genome in search.ask()]))
             search.tell(found[:, 0], found[:, 1:])
             bar.update()
-    fitness, genomes = np.full((cells, cells), np.nan), np.full((cells, cells, task.genes), np.nan)
-    stored: Any = archive.data()
+    fitness, genomes = best_of_cells(archive.data(), cells, task.genes)
+    return BehaviourMap(measures=names, fitness=fitness, genomes=genomes, trial=task, tried=count * size * emitters)
+
+
+def best_of_cells(stored: Any, cells: int, genes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return fitness (cells, cells) and genome (cells, cells, genes) of the best of each cell, NaN in empty ones."""
+    fitness, genomes = np.full((cells, cells), np.nan), np.full((cells, cells, genes), np.nan)
     rows, columns = np.unravel_index(stored["index"], (cells, cells))
     fitness[rows, columns], genomes[rows, columns] = stored["objective"], stored["solution"]
-    tried = count * size * emitters
-    return BehaviourMap(measures=names, fitness=fitness, genomes=genomes, trial=task, tried=tried)
+    return fitness, genomes
 
 
 def checked_measures(measures: Sequence[str]) -> tuple[str, str]:
