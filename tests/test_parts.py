@@ -17,7 +17,7 @@ MUTABLE = {
 WITHOUT_SLOTS = MUTABLE | {
     *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "SeekHeat", "Separate"),
     *("Aggregation", "CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Foraging", "Task"),
-    *("Scene", "TaskGate", "ValidationGate"),
+    *("Scene", "ValidationGate"),
     *("NetworkPolicy", "Networks", "OnnxPolicy", "QPolicy", "ReflexPolicy", "TablePolicy", "WirePolicy"),
 }
 

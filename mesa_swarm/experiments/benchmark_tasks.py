@@ -2,20 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.environments.aggregation import Aggregation
 from mesa_swarm.environments.foraging import Foraging
 from mesa_swarm.environments.task import Task
-from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import CollisionAvoidance, ExtinguishFires, FindFires
-from mesa_swarm.experiments.controllers import Controller
-from mesa_swarm.experiments.gating import VALIDATION, WORLDS
+from mesa_swarm.experiments.controllers import Controller, played
+from mesa_swarm.experiments.gating import AVOIDING, VALIDATION, Criteria, ValidationGate
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.random_map import random_map
 
@@ -24,6 +19,8 @@ from mesa_swarm.world.random_map import random_map
 TRAIN, TEST = range(50_101, 50_201), range(60_001, 60_051)
 # Worlds of the evaluation have other seeds than those of training.
 APART = 1_000_000
+# In tasks without a target, the share of the rule's main measure that a training has to reach on the validation maps.
+SHARE_OF_RULE = 0.8
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,8 +41,8 @@ class BenchmarkTask:
         At most, on each map.
     tests : int
         How many of the 50 test maps.
-    judged : bool
-        Whether there is a target, see `is_target_met`.
+    target : Criteria, optional
+        What controllers are to reach.
     """
 
     task: Task
@@ -54,7 +51,7 @@ class BenchmarkTask:
     maps: Mapping[str, Any] = field(default_factory=dict)
     steps: int = 5000
     tests: int = 20
-    judged: bool = False
+    target: Criteria | None = None
 
     def map_named(self, place: str) -> Map:
         """Return a map by the name that results have: "random 60001", or that of a built-in map."""
@@ -74,75 +71,22 @@ class BenchmarkTask:
         These are those of the table by default, or some of those of `TaskWorld.play`.
         """
         task = replace(self.task, map=self.map_named(place), max_steps=min(steps, self.steps))
-        driver = Controller(name="control", control=controller) if isinstance(controller, Arbiter) else controller
-        if driver.control is None:
-            found = TaskWorld(task=task, rng=APART + seed).play(driver.actor(task.actions))
-        else:
-            found = TaskWorld(task=task, rng=APART + seed, control=driver.control).play()
+        found = played(controller, task, APART + seed)
         return {name: found[name] for name in measures or self.measures}
 
+    def gate(self, steps: int) -> ValidationGate:
+        """Return what a training has to reach on the validation maps, with these steps at most on each.
 
-@dataclass(frozen=True, slots=True)
-class TaskValidation:
-    """The means of a task's measures over the validation maps, and whether they pass."""
-
-    means: dict[str, float]
-    passed: bool
-
-
-@dataclass(frozen=True, eq=False)
-class TaskGate:
-    """The gate of a task of the benchmark, see `gating.gated`: what a training has to reach on the validation maps.
-
-    In the task with a target that is the target, otherwise 80 % of the main measure of the rule.
-
-    Parameters
-    ----------
-    setting : BenchmarkTask
-    steps : int
-        At most, on each map.
-    """
-
-    setting: BenchmarkTask
-    steps: int
-
-    @cached_property
-    def _of_the_rule(self) -> dict[str, float]:
-        return self._means(Subsumption(*self.setting.task.others()))
-
-    def _means(self, controller: Arbiter | Controller) -> dict[str, float]:
-        rows = [self.setting.drive(controller, f"random {number}", WORLDS, self.steps) for number in VALIDATION]
-        return {name: float(np.mean([row[name] for row in rows])) for name in self.setting.measures}
-
-    def validate(self, control: Arbiter | Controller, *, jobs: int = 1) -> TaskValidation:
-        """Return the means of a controller, and whether they pass; `jobs` is not used."""
-        found, rule, main = self._means(control), self._of_the_rule, self.setting.measures[0]
-        if self.setting.judged:
-            passed = is_target_met(
-                found["collisions"], found["speed ahead"], found["coverage"], of_the_rule=rule["coverage"]
-            )
-        else:
-            passed = found[main] >= SHARE_OF_RULE * rule[main]
-        return TaskValidation(found, passed)
-
-    def rank(self, found: TaskValidation) -> tuple[float, ...]:
-        """Return numbers by which validations are ordered, the best first: by passing, then by the main measure."""
-        value = found.means[self.setting.measures[0]]
-        return -found.passed, value if self.setting.judged else -value
-
-
-# Required of controllers that avoid: few collisions, most of the greatest speed, and the coverage of the rule.
-FEW, FAST = 0.5, 0.6
-
-
-def is_target_met(collisions: float, ahead: float, seen: float, *, of_the_rule: float) -> bool:
-    """Return whether a controller that avoids is on target."""
-    return collisions <= FEW and ahead >= FAST and seen >= of_the_rule
+        That is the target; in a task without one, 80 % of the main measure of the rule.
+        """
+        return ValidationGate(
+            task=replace(self.task, max_steps=min(steps, self.steps)),
+            maps=[self.map_named(f"random {number}") for number in VALIDATION],
+            criteria=self.target or Criteria(of_rule={self.measures[0]: SHARE_OF_RULE}),
+        )
 
 
 SMALL = {"size": (480, 360), "obstacles": 3}
-# In the other tasks, the share of the rule's main measure that a training has to reach on the validation maps.
-SHARE_OF_RULE = 0.8
 DRIVING = ("collisions", "worst robot", "speed ahead", "coverage")
 
 
@@ -155,7 +99,7 @@ def benchmark_tasks() -> dict[str, BenchmarkTask]:
             measures=DRIVING,
             rule="Avoid + Explore",
             tests=len(TEST),
-            judged=True,
+            target=AVOIDING,
         ),
         "find_fires": BenchmarkTask(
             task=FindFires(),

@@ -10,6 +10,7 @@ import numpy as np
 
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.experiments.benchmark_tasks import benchmark_tasks
 from mesa_swarm.experiments.controllers import Controller
 from mesa_swarm.experiments.driving import driven_world, tallied
 from mesa_swarm.experiments.evolution import Evolved, Trial, evolve
@@ -43,8 +44,6 @@ COOLED_Q = {**COOLED, "actions": 4, "reward": "b"}
 REPLAY = {"replay": 1000, "replays": ROBOTS - 1}
 # As often, but from the last few steps only, which resemble each other.
 SHORT_REPLAY = {**REPLAY, "replay": ROBOTS}
-# Steps of validation on each map.
-VALIDATED = 5000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,8 +69,8 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
     return {
         "random": _random,
         "Avoid + Explore": _rule,
-        "evolved reflex, gated": partial(_gated, partial(_evolved, 0)),
-        "evolved network, gated": partial(_gated, partial(_evolved, 2)),
+        "evolved reflex, gated": partial(gated_in, "avoid", partial(_evolved, 0)),
+        "evolved network, gated": partial(gated_in, "avoid", partial(_evolved, 2)),
         "Q (a)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "a"}),
         "Q (b)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "b"}),
         "Q (c)": partial(_taught, QLearning, {**DISTANT, "actions": 4, "reward": "c"}),
@@ -81,7 +80,7 @@ def contestants() -> dict[str, Callable[[int, int], Trained]]:
         "own Q (b), cooled, short replay": partial(_cooled, QLearning, {**COOLED_Q, **SHORT_REPLAY}),
         "shared Q (b), cooled, 1/15": partial(_cooled, QLearning, {**COOLED_Q, "shared": True}, share=1 / ROBOTS),
         "shared Q (b), cooled": SHARED,
-        "shared Q (b), cooled, gated": partial(_gated, SHARED),
+        "shared Q (b), cooled, gated": partial(gated_in, "avoid", SHARED),
         "wire-fitted Q": partial(_taught, WireFittedQ, DISTANT),
         "shared wire-fitted Q, cooled": partial(_cooled, WireFittedQ, {**COOLED, "reward": "b", "shared": True}),
         "Hebbian": partial(_taught, HebbianLearning, {"reward": "a"}),
@@ -156,15 +155,23 @@ def _cooled(learner: type, options: dict[str, Any], seed: int, steps: int, *, sh
 SHARED = partial(_cooled, QLearning, {**COOLED_Q, "shared": True})
 
 
-def _gated(train: Callable[[int, int], Trained], seed: int, steps: int) -> Trained:
-    """Train until the outcome passes on validation maps; a shorter benchmark validates less."""
-    gate = _gate(max(round(VALIDATED * min(steps / 33_000, 1.0)), 1))
+def gated_in(task: str, train: Callable[[int, int], Trained], seed: int, steps: int) -> Trained:
+    """Train until the outcome passes on validation maps."""
+    gate = gate_of(task, steps)
     found = gated(lambda each: train(each, steps), gate, control=attrgetter("frozen"), rng=seed)
-    robot_steps = sum(each.robot_steps for each in found.results) + found.trainings * gate.robot_steps
+    robot_steps = sum(each.robot_steps for each in found.results) + sum(v.robot_steps for v in found.validations)
     return replace(found.result, robot_steps=robot_steps, trainings=found.trainings, passed=found.passed)
 
 
+def validated(task: str, trained: Trained, steps: int) -> Trained:
+    """Return a single training with whether its outcome passes on the validation maps; a rule as it is."""
+    if trained.passed is not None or not trained.robot_steps:
+        return trained
+    return replace(trained, passed=gate_of(task, steps).validate(trained.frozen).passed)
+
+
 @cache
-def _gate(steps: int) -> ValidationGate:
-    """Return the gate of all contestants, which measures the rule once."""
-    return ValidationGate(design=DESIGN, robots=ROBOTS, steps=steps)
+def gate_of(task: str, steps: int) -> ValidationGate:
+    """Return the gate of a task for trainings of these steps, measuring the rule once; short ones validate less."""
+    setting = benchmark_tasks()[task]
+    return setting.gate(max(round(setting.steps * min(steps / 33_000, 1.0)), 1))

@@ -17,6 +17,8 @@ import numpy as np
 
 from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.environments.task import Task
+from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -33,6 +35,7 @@ from mesa_swarm.learning.actions import described
 from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.learning.policy_files import load_policy
+from mesa_swarm.streams import Seed
 
 Act = Callable[[np.ndarray], np.ndarray]
 FORMS = "file.npz, file.onnx, sb3.zip, package.module:callable or ./file.py:callable"
@@ -128,6 +131,14 @@ class Controller:
             return found
 
         return checked
+
+
+def played(controller: Controller | Arbiter, task: Task, rng: Seed) -> dict[str, float]:
+    """Drive all robots of a task's world by a controller for an episode; return what `TaskWorld.play` returns."""
+    driver = Controller(name="control", control=controller) if isinstance(controller, Arbiter) else controller
+    if driver.control is None:
+        return TaskWorld(task=task, rng=rng).play(driver.actor(task.actions))
+    return TaskWorld(task=task, rng=rng, control=driver.control).play()
 
 
 def _actions_of(returned: object, robots: int, are_continuous: bool) -> np.ndarray | None:

@@ -1,83 +1,114 @@
 """Training that is repeated with other seeds until its outcome passes on validation maps."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.experiments.driving import MEASURES, drive_measured, driven_world
+from mesa_swarm.environments.task import Task
+from mesa_swarm.environments.task_world import TaskWorld
+from mesa_swarm.environments.tasks import CollisionAvoidance
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.experiments.controllers import Controller, played
 from mesa_swarm.experiments.evolution import Maps, checked_maps
 from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.learning.policy import Policy, PolicyLayer
-from mesa_swarm.robots.design import AGENT9, RobotDesign
-from mesa_swarm.world.map import Map
 from mesa_swarm.world.random_map import random_map
 
 # Generated maps that are used for validation only, and the seed of the worlds on them.
-VALIDATION, WORLDS = range(30_000, 30_010), 2_000_000
+VALIDATION, WORLDS = range(30_000, 30_010), 3_000_000
+LARGEST = 1e9
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Validation:
-    """Means over validation maps: collisions per robot and 1,000 steps, speed ahead, coverage, and that of the rule.
+class Criteria:
+    """What measures of a task have to reach; a measure that is NaN does not.
 
-    `passed` is whether these meet the criteria of the gate.
+    Parameters
+    ----------
+    most, least : mapping of measure and number
+    of_rule : mapping of measure and share
+        At least this share, 0 to 10, of what the task's rule reaches in the same worlds.
+
+    Examples
+    --------
+    >>> Criteria(most={"collisions": 0.5}, of_rule={"coverage": 0.9}).met(
+    ...     {"collisions": 0.2, "coverage": 0.7}, {"coverage": 0.8}
+    ... )
+    (True, False)
     """
 
-    collisions: float
-    ahead: float
-    coverage: float
-    rule_coverage: float
-    passed: bool
+    most: Mapping[str, float] = field(default_factory=dict)
+    least: Mapping[str, float] = field(default_factory=dict)
+    of_rule: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        for name, lowest, highest in (("most", -LARGEST, LARGEST), ("least", -LARGEST, LARGEST), ("of_rule", 0, 10)):
+            limits = getattr(self, name)
+            if not isinstance(limits, Mapping):
+                raise InvalidValueError(f"{name} is {shortened(limits)}; expected a dict such as {{'collisions': 0.5}}")
+            for measure, value in limits.items():
+                check_number(f"{name}[{measure!r}]", value, minimum=lowest, maximum=highest)
+        if not self.measures:
+            raise InvalidValueError("there are no criteria; expected at least one of most, least and of_rule")
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """The measures, in the order of `met`."""
+        return (*self.most, *self.least, *self.of_rule)
+
+    def met(self, found: Mapping[str, float], rule: Mapping[str, float]) -> tuple[bool, ...]:
+        """Return which criteria are met by measures, given those of the rule."""
+        return (
+            *(found[name] <= limit for name, limit in self.most.items()),
+            *(found[name] >= limit for name, limit in self.least.items()),
+            *(found[name] >= share * rule[name] for name, share in self.of_rule.items()),
+        )
+
+    def better(self, found: Mapping[str, float]) -> tuple[float, ...]:
+        """Return numbers that are the smaller, the better measures are."""
+        return (*(found[name] for name in self.most), *(-found[name] for name in (*self.least, *self.of_rule)))
 
 
-class Passing(Protocol):
-    """The outcome of a validation."""
+# Required of controllers that avoid: few collisions, most of the greatest speed, and the coverage of the rule.
+AVOIDING = Criteria(most={"collisions": 0.5}, least={"speed ahead": 0.6}, of_rule={"coverage": 1.0})
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Validation:
+    """Means over validation maps of the measures with criteria, those of the rule, and which criteria are met."""
+
+    measures: dict[str, float]
+    rule: dict[str, float]
+    met: tuple[bool, ...]
+    robot_steps: int
 
     @property
     def passed(self) -> bool:
-        """Whether it meets the criteria."""
-
-
-V = TypeVar("V", bound=Passing)
-
-
-@runtime_checkable
-class TrainingGate(Protocol[V]):
-    """Criteria that what was trained has to meet before it is used, such as a `ValidationGate`."""
-
-    def validate(self, control: Any, *, jobs: int = 1) -> V:
-        """Return what was measured, and whether that passes."""
-
-    def rank(self, found: V) -> tuple[float, ...]:
-        """Return numbers by which validations are ordered, the best first."""
+        """Whether all criteria are met."""
+        return all(self.met)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValidationGate:
     """The criteria that a controller has to meet on validation maps, on which nothing is trained or chosen otherwise.
 
-    The default criteria are those of the benchmark of learning.
+    By default those of the benchmark of learning in avoidance.
 
     Parameters
     ----------
+    task : Task
+        What robots do, without a variation; its map is replaced. Its `others` are the rule.
     maps : sequence of map, name or path, or a single one
         Ten generated ones by default, `VALIDATION`.
-    design : RobotDesign
-    robots, steps : int
-        Of each drive, at least 1.
-    most_collisions : float
-        Per robot and 1,000 steps, at least 0; mean over maps, as are the others.
-    least_ahead : float
-        Forward speed, a share of max_speed, -1 to 1: robots that drive backwards do not pass.
-    least_coverage : float
-        A share, 0 to 10, of the coverage of `Avoid` and `Explore` in the same worlds.
+    criteria : Criteria
+        Of measures of `TaskWorld.measures`.
     rng : int
         Seed of the worlds.
 
@@ -88,86 +119,62 @@ class ValidationGate:
     Examples
     --------
     >>> from mesa_swarm.control import Subsumption, Explore
-    >>> gate = ValidationGate(maps="openspace", robots=3, steps=50)
-    >>> round(gate.validate(Subsumption(Explore())).ahead, 1)
-    1.0
+    >>> task = CollisionAvoidance(n_robots=3, max_steps=50)
+    >>> gate = ValidationGate(task=task, maps="openspace", criteria=Criteria(least={"speed ahead": 0.6}))
+    >>> gate.validate(Subsumption(Explore())).measures
+    {'speed ahead': 1.0}
     """
 
+    task: Task = field(default_factory=lambda: CollisionAvoidance(encoding="typed", max_steps=5000))
     maps: Maps = field(default_factory=lambda: [random_map(number) for number in VALIDATION])
-    design: RobotDesign = AGENT9
-    robots: int = 15
-    steps: int = 5000
-    most_collisions: float = 0.5
-    least_ahead: float = 0.6
-    least_coverage: float = 1.0
+    criteria: Criteria = AVOIDING
     rng: int = WORLDS
 
     def __post_init__(self) -> None:
         """Check the parameters."""
+        if not isinstance(self.task, Task) or not isinstance(self.criteria, Criteria):
+            raise InvalidValueError(
+                f"task is {shortened(self.task)}, criteria {shortened(self.criteria)}; expected a task of environments "
+                "and Criteria(...)"
+            )
+        if self.task.variation is not None:
+            raise InvalidValueError("the task has a variation; validation has fixed maps and robots: leave it out")
         object.__setattr__(self, "maps", tuple(checked_maps("maps", self.maps)))
-        if not isinstance(self.design, RobotDesign):
-            raise InvalidValueError(f"design is {shortened(self.design)}; expected RobotDesign(...)")
-        for name in ("robots", "steps"):
-            object.__setattr__(self, name, check_count(name, getattr(self, name), minimum=1))
-        check_number("most_collisions", self.most_collisions, minimum=0, maximum=1000)
-        check_number("least_ahead", self.least_ahead, minimum=-1, maximum=1)
-        check_number("least_coverage", self.least_coverage, minimum=0, maximum=10)
         object.__setattr__(self, "rng", check_count("rng", self.rng, maximum=2**63 - 1))
-
-    @property
-    def robot_steps(self) -> int:
-        """The robot-steps of one validation."""
-        return len(self._worlds) * self.robots * self.steps
-
-    @property
-    def _worlds(self) -> list[Map]:
-        return checked_maps("maps", self.maps)
+        known = TaskWorld(task=self._tasks[0], rng=self.rng).measures()
+        for name in self.criteria.measures:
+            check_choice("measure", name, known)
 
     @cached_property
-    def _rule_coverage(self) -> float:
-        return float(self._means(Subsumption(Avoid(), Explore()), 1)["coverage"])
+    def _tasks(self) -> list[Task]:
+        return [replace(self.task, map=world) for world in checked_maps("maps", self.maps)]
 
-    def _means(self, control: Arbiter, jobs: int) -> dict[str, float]:
-        tasks = [(control, self.design, self.robots, world, self.rng, self.steps) for world in self._worlds]
-        rows = in_order(jobs, _driven, tasks)
-        return {measure: float(np.mean([row[measure] for row in rows])) for measure in MEASURES}
+    @cached_property
+    def _rule(self) -> dict[str, float]:
+        return self._means(Subsumption(*self.task.others()), 1)[0]
 
-    def validate(self, control: Arbiter, *, jobs: int = 1) -> Validation:
-        """Return the measures of a controller on all maps, and whether they meet the criteria.
+    def _means(self, control: Arbiter | Controller, jobs: int) -> tuple[dict[str, float], int]:
+        """Return means over the maps, and the robot-steps of all drives."""
+        rows = in_order(jobs, played, [(control, task, self.rng) for task in self._tasks])
+        means = {name: float(np.mean([row[name] for row in rows])) for name in self.criteria.measures}
+        return means, round(sum(row["steps"] for row in rows)) * self.task.n_robots
+
+    def validate(self, control: Arbiter | Controller, *, jobs: int = 1) -> Validation:
+        """Return the measures of a controller on all maps, and which criteria they meet.
 
         The result does not depend on `jobs`, the number of processes, -1 for one on each core.
         """
-        means = self._means(control, checked_jobs(jobs))
-        collisions, _, ahead, coverage = (means[measure] for measure in MEASURES)
-        return Validation(
-            collisions=collisions,
-            ahead=ahead,
-            coverage=coverage,
-            rule_coverage=self._rule_coverage,
-            passed=self._is_few(collisions) and self._is_fast(ahead) and self._is_wide(coverage),
-        )
+        means, robot_steps = self._means(control, checked_jobs(jobs))
+        met = self.criteria.met(means, self._rule)
+        return Validation(measures=means, rule=self._rule, met=met, robot_steps=robot_steps)
 
     def rank(self, found: Validation) -> tuple[float, ...]:
-        """Return numbers by which validations are ordered, the best first: by criteria that are met, by collisions."""
-        met = self._is_few(found.collisions) + self._is_fast(found.ahead) + self._is_wide(found.coverage)
-        return -met, found.collisions
-
-    def _is_few(self, collisions: float) -> bool:
-        return collisions <= self.most_collisions
-
-    def _is_fast(self, ahead: float) -> bool:
-        return ahead >= self.least_ahead
-
-    def _is_wide(self, coverage: float) -> bool:
-        return coverage >= self.least_coverage * self._rule_coverage
-
-
-def _driven(control: Arbiter, design: RobotDesign, robots: int, world: Map, rng: int, steps: int) -> dict[str, float]:
-    return drive_measured(driven_world(control, design, robots, world, rng), steps)
+        """Return numbers by which validations are ordered, the best first: by criteria that are met, by measures."""
+        return -sum(found.met), *self.criteria.better(found.measures)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Gated(Generic[T, V]):
+class Gated(Generic[T]):
     """The outcome of a gated training: all results in the order of their training, and the one that was chosen.
 
     `seeds` and `validations` belong to `results`. A single training missed where its validation did not pass, so that
@@ -176,7 +183,7 @@ class Gated(Generic[T, V]):
 
     results: tuple[T, ...]
     seeds: tuple[int, ...]
-    validations: tuple[V, ...]
+    validations: tuple[Validation, ...]
     chosen: int
 
     @property
@@ -202,13 +209,13 @@ def driven_by(result: Policy | Arbiter) -> Arbiter:
 
 def gated(
     train: Callable[[int], T],
-    gate: TrainingGate | None = None,
+    gate: ValidationGate | None = None,
     *,
     control: Callable[[Any], Any] = driven_by,
     rng: int = 1,
     most: int = 5,
     jobs: int = 1,
-) -> Gated[T, Any]:
+) -> Gated[T]:
     """Train with one seed after the other until the outcome passes on validation maps.
 
     The first training has the seed `rng`, so that it is the training without a gate; those that follow have seeds
@@ -220,8 +227,8 @@ def gated(
     ----------
     train : callable
         Given a seed, returns what was learned: by default a policy, or a control.
-    gate : TrainingGate, optional
-        Maps and criteria, a `ValidationGate` by default.
+    gate : ValidationGate, optional
+        Maps and criteria; by default those of avoidance.
     control : callable, optional
         Given what `train` returns, returns the control that drives frozen.
     rng : int
@@ -244,19 +251,20 @@ def gated(
     Examples
     --------
     >>> from mesa_swarm.control import Explore
-    >>> gate = ValidationGate(maps="openspace", robots=3, steps=20, least_coverage=0, most_collisions=1000)
+    >>> task = CollisionAvoidance(n_robots=3, max_steps=20)
+    >>> gate = ValidationGate(task=task, maps="openspace", criteria=Criteria(least={"speed ahead": 0.6}))
     >>> gated(lambda seed: Subsumption(Explore()), gate, rng=7).seeds
     (7,)
     """
     gate = ValidationGate() if gate is None else gate
-    if isinstance(gate, type) or not isinstance(gate, TrainingGate) or not callable(train):
+    if not isinstance(gate, ValidationGate) or not callable(train):
         raise InvalidValueError(
-            f"train is {shortened(train)} and gate {shortened(gate)}; expected a function and ValidationGate"
+            f"train is {shortened(train)} and gate {shortened(gate)}; expected a function and ValidationGate(...)"
         )
     first, most = check_count("rng", rng, maximum=2**63 - 1), check_count("most", most, minimum=1, maximum=1000)
     workers = checked_jobs(jobs)
     results: list[T] = []
-    validations: list[Any] = []
+    validations: list[Validation] = []
     seeds = [first, *np.random.SeedSequence(first).generate_state(most - 1, np.uint32).tolist()]
     for seed in seeds:
         results.append(train(seed))

@@ -11,14 +11,14 @@ from pathlib import Path
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.experiments.benchmark_tasks import TEST, benchmark_tasks
-from mesa_swarm.experiments.contestants import HOME, PARTS, Trained
+from mesa_swarm.experiments.contestants import HOME, PARTS, Trained, validated
 from mesa_swarm.experiments.controllers import Controller, load_controller
 from mesa_swarm.experiments.experiment import package_version
 from mesa_swarm.experiments.fingerprints import engine_hash, files_hash, fingerprint
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, call, completed, is_plain
-from mesa_swarm.experiments.task_contestants import contestants_of, optional, validated
+from mesa_swarm.experiments.task_contestants import contestants_of, optional
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import is_address, object_at
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from mesa_swarm.experiments.benchmark_tasks import BenchmarkTask, benchmark_tasks, is_target_met
+from mesa_swarm.experiments.benchmark_tasks import BenchmarkTask, benchmark_tasks
 from mesa_swarm.experiments.contestants import HOME
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.learn_bench import LEARNING_MAPS, MODES, Benchmark, Training
@@ -126,21 +126,23 @@ def _missed(trainings: Sequence[dict[str, float]]) -> str:
 def _results(benchmark: Benchmark, task: BenchmarkTask, lines: Sequence[Line], every: Sequence[Line]) -> str:
     first = lines[0]
     rule = next((line for line in every if (line.name, line.group) == (task.rule, first.group)), None)
-    judged = task.judged and rule is not None
+    judged = task.target is not None and rule is not None
     header = ("contestant", *(f"{measure} [95 %]" for measure in task.measures), *(("on target",) if judged else ()))
-    rows = [(line.name, *map(_cell, line.values.values()), *(_judged(line, rule) if judged else ())) for line in lines]
+    rows = [
+        (line.name, *map(_cell, line.values.values()), *(_judged(task, line, rule) if judged else ())) for line in lines
+    ]
     count = len(benchmark.places(first.task)) - (first.task == "avoid")
     count = min(count, LEARNING_MAPS) if first.mode == "learning" else count
     title = f"{GROUPS[first.group]}{f', {count} of them' if first.group == 'test' else ''}, {HOW[first.mode]}"
     return "\n".join([f"**{title}**", "", *_table([header, *rows])])
 
 
-def _judged(line: Line, rule: Line | None) -> tuple[str]:
+def _judged(task: BenchmarkTask, line: Line, rule: Line | None) -> tuple[str]:
     """Return with how many seeds the means over maps are on target."""
-    if rule is None or len(rule.seeds) < len(line.seeds):
+    if task.target is None or rule is None or len(rule.seeds) < len(line.seeds):
         return ("",)
-    pairs = zip(line.seeds, rule.seeds, strict=False)
-    met = [is_target_met(c, ahead, seen, of_the_rule=own[-1]) for (c, _, ahead, seen), own in pairs]
+    named = [[dict(zip(task.measures, seed, strict=True)) for seed in of.seeds] for of in (line, rule)]
+    met = [all(task.target.met(found, own)) for found, own in zip(*named, strict=False)]
     return (f"{sum(met)} of {len(met)}",)
 
 

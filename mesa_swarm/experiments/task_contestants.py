@@ -2,21 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from functools import cache, partial
-from operator import attrgetter
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from mesa_swarm.control import Avoid, Explore, Follow, Layer, Subsumption
 from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.experiments.benchmark_tasks import TRAIN, TaskGate, benchmark_tasks
-from mesa_swarm.experiments.contestants import Trained, contestants
+from mesa_swarm.experiments.benchmark_tasks import TRAIN, benchmark_tasks
+from mesa_swarm.experiments.contestants import Trained, contestants, gated_in
 from mesa_swarm.experiments.controllers import Controller
 from mesa_swarm.experiments.design import Mission, design_machine, evolve_network
 from mesa_swarm.experiments.design_gap import Budget
 from mesa_swarm.experiments.fire_policies import SKILL_STEPS, WHEEL_STEPS, trained_skills, trained_wheels
-from mesa_swarm.experiments.gating import driven_by, gated
+from mesa_swarm.experiments.gating import driven_by
 from mesa_swarm.experiments.ppo import is_installed, trained_by_ppo
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.evolution import Evolution
@@ -125,31 +124,6 @@ def _by_ppo(seed: int, steps: int) -> Trained:
     return Trained(frozen=controller, robot_steps=robot_steps)
 
 
-def _gated_by_task(task: str, train: Train, seed: int, steps: int) -> Trained:
-    """Train until the outcome passes on validation maps; a shorter benchmark validates less."""
-    gate = _gate_of(task, max(round(benchmark_tasks()[task].steps * min(steps / 33_000, 1.0)), 1))
-    found = gated(lambda each: train(each, steps), gate, control=attrgetter("frozen"), rng=seed)
-    robot_steps = sum(each.robot_steps for each in found.results)
-    return replace(found.result, robot_steps=robot_steps, trainings=found.trainings, passed=found.passed)
-
-
-@cache
-def _gate_of(task: str, steps: int) -> TaskGate:
-    """Return the gate of a task, which measures the rule once."""
-    return TaskGate(benchmark_tasks()[task], steps)
-
-
-def validated(task: str, trained: Trained, steps: int) -> Trained:
-    """Return the outcome of a single training with whether it passes on the validation maps; of no training as it is.
-
-    `steps` are those of the training: a shorter benchmark validates less.
-    """
-    if trained.passed is not None or not trained.robot_steps:
-        return trained
-    gate = _gate_of(task, max(round(benchmark_tasks()[task].steps * min(steps / 33_000, 1.0)), 1))
-    return replace(trained, passed=gate.validate(trained.frozen).passed)
-
-
 def _skills(seed: int, steps: int) -> Trained:
     policy = trained_skills(seed, max(round(SKILL_STEPS * min(steps / 33_000, 1.0)), 10))
     return Trained(
@@ -199,7 +173,7 @@ def contestants_of(task: str) -> dict[str, Train]:
     fires: dict[str, Train] = {}
     if task == "extinguish_fires":
         fires = {"skills": _skills, "wheel actions": _wheels}
-        fires |= {f"{name}, gated": partial(_gated_by_task, task, train) for name, train in fires.items()}
+        fires |= {f"{name}, gated": partial(gated_in, task, train) for name, train in fires.items()}
     designs: dict[str, Train] = {}
     if task == "aggregation":
         designs = {"evolved network": partial(_designed, False), "state machine": partial(_designed, True)}

@@ -17,12 +17,12 @@ from support.waiting import threads, wait_until
 
 @pytest.fixture
 def charting():
-    """A board that a session's numbers are sent to, and what was sent."""
+    """A board that a session's numbers are sent to, and what was sent; no time passes, however slow the machine."""
     board = ChartBoard()
     board.sent = []
     board.send = lambda content, buffers=(): board.sent.append((content, buffers))
     session = Session("fire_fighting")
-    charting = Charting(board, session)
+    charting = Charting(board, session, clock=Clock(100.0))
     yield charting
     charting.close()
     session.close()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.control import Subsumption
-from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN, TaskGate, TaskValidation, benchmark_tasks
+from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN, benchmark_tasks
 from mesa_swarm.experiments.fire_policies import FIRES, TRAINING, trained_skills, trained_wheels
 from mesa_swarm.experiments.gating import VALIDATION
 from mesa_swarm.experiments.task_contestants import contestants_of
@@ -42,11 +42,11 @@ def test_seeds_decide_what_is_learned():
 
 def test_the_rule_passes_the_gate_of_its_task_and_validations_are_ordered_by_passing_and_by_the_main_measure():
     small = replace(benchmark_tasks()["aggregation"], maps={"size": (200, 200), "obstacles": 0})
-    gate = TaskGate(small, 20)
+    gate = small.gate(20)
     rule = gate.validate(Subsumption(*small.task.others()))
     assert rule.passed
-    found = [TaskValidation({**rule.means, "largest cluster": size}, size > 0.5) for size in (0.3, 0.9, 0.4, 0.6)]
-    assert [each.means["largest cluster"] for each in sorted(found, key=gate.rank)] == [0.9, 0.6, 0.4, 0.3]
+    found = [replace(rule, measures={"largest cluster": size}, met=(size > 0.5,)) for size in (0.3, 0.9, 0.4, 0.6)]
+    assert [each.measures["largest cluster"] for each in sorted(found, key=gate.rank)] == [0.9, 0.6, 0.4, 0.3]
 
 
 @pytest.mark.slow

@@ -4,16 +4,25 @@ import pytest
 
 from mesa_swarm import AGENT9
 from mesa_swarm.control import Avoid, Explore, Subsumption, behaviour
+from mesa_swarm.environments import CollisionAvoidance, Variation
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import contestants as all_contestants
 from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, Trained, contestants
 from mesa_swarm.experiments.driving import drive_measured, driven_world
-from mesa_swarm.experiments.gating import VALIDATION, ValidationGate, gated
+from mesa_swarm.experiments.gating import VALIDATION, Criteria, ValidationGate, gated
 from support.q_learners import learned, trained
 
-BRIEF = {"maps": ["openspace", "sparse"], "robots": 3, "steps": 40}
-LOOSE = {**BRIEF, "most_collisions": 1000, "least_ahead": -1, "least_coverage": 0}
+MAPS = ["openspace", "sparse"]
+
+
+def gate_of(most_collisions=1000, least_ahead=-1, least_coverage=0, *, steps=40, **more):
+    """Return a gate of three robots on two maps, by default one that all pass."""
+    criteria = Criteria(
+        most={"collisions": most_collisions}, least={"speed ahead": least_ahead}, of_rule={"coverage": least_coverage}
+    )
+    task = CollisionAvoidance(n_robots=3, max_steps=steps)
+    return ValidationGate(**{"task": task, "maps": MAPS, "criteria": criteria, **more})
 
 
 @behaviour
@@ -30,19 +39,18 @@ RULE, AHEAD, BACK, REST = (Subsumption(*layers) for layers in ((Avoid(), Explore
 
 
 def test_validation_is_the_mean_of_drives_on_all_maps():
-    gate = ValidationGate(**BRIEF, rng=5)
-    found = gate.validate(AHEAD)
-    rows = [drive_measured(driven_world(AHEAD, AGENT9, 3, name, 5), 40) for name in BRIEF["maps"]]
-    assert found.collisions == pytest.approx(sum(row["collisions"] for row in rows) / 2)
-    assert found.ahead == pytest.approx(sum(row["speed ahead"] for row in rows) / 2)
-    assert found.coverage == pytest.approx(sum(row["coverage"] for row in rows) / 2)
-    assert gate.validate(RULE).coverage == found.rule_coverage
-    assert gate.robot_steps == 2 * 3 * 40
+    found = gate_of(rng=5).validate(AHEAD)
+    rows = [drive_measured(driven_world(AHEAD, AGENT9, 3, name, 5), 40) for name in MAPS]
+    assert set(found.measures) == {"collisions", "speed ahead", "coverage"}
+    for measure, value in found.measures.items():
+        assert value == pytest.approx(sum(row[measure] for row in rows) / 2)
+    assert gate_of(rng=5).validate(RULE).measures == found.rule
+    assert found.robot_steps == 2 * 3 * 40
 
 
 @pytest.mark.slow
 def test_validation_does_not_depend_on_the_number_of_processes():
-    assert ValidationGate(**BRIEF).validate(AHEAD, jobs=2) == ValidationGate(**BRIEF).validate(AHEAD)
+    assert gate_of().validate(AHEAD, jobs=2) == gate_of().validate(AHEAD)
 
 
 @pytest.mark.parametrize(
@@ -57,15 +65,16 @@ def test_validation_does_not_depend_on_the_number_of_processes():
     ],
 )
 def test_each_criterion_alone_decides(control, criterion, passed):
-    gate = ValidationGate(**{**LOOSE, "steps": 500, **criterion})
+    gate = gate_of(steps=500, **criterion)
     found = gate.validate(control)
     assert found.passed == passed
-    assert gate.rank(found) == (-2 - passed, found.collisions)
+    collisions, ahead, coverage = found.measures.values()
+    assert gate.rank(found) == (-2 - passed, collisions, -ahead, -coverage)
 
 
 def test_the_rule_itself_passes_the_criterion_of_coverage():
-    assert ValidationGate(**LOOSE | {"least_coverage": 1.0}).validate(RULE).passed
-    assert not ValidationGate(**LOOSE | {"least_coverage": 1.001}).validate(RULE).passed
+    assert gate_of(least_coverage=1.0).validate(RULE).passed
+    assert not gate_of(least_coverage=1.001).validate(RULE).passed
 
 
 def test_training_is_repeated_with_derived_seeds_until_one_passes():
@@ -75,57 +84,53 @@ def test_training_is_repeated_with_derived_seeds_until_one_passes():
         seeds.append(seed)
         return AHEAD if len(seeds) == 3 else BACK
 
-    found = gated(train, ValidationGate(**LOOSE | {"least_ahead": 0.6}), rng=9)
+    found = gated(train, gate_of(least_ahead=0.6), rng=9)
     assert (found.passed, found.trainings, found.chosen, found.result) == (True, 3, 2, AHEAD)
     assert found.seeds == tuple(seeds)
     assert seeds[0] == 9
     assert len(set(seeds)) == 3
     assert [each.passed for each in found.validations] == [False, False, True]
-    again = gated(
-        lambda seed: AHEAD if seed == seeds[1] else BACK, ValidationGate(**LOOSE | {"least_ahead": 0.6}), rng=9, most=2
-    )
+    again = gated(lambda seed: AHEAD if seed == seeds[1] else BACK, gate_of(least_ahead=0.6), rng=9, most=2)
     assert again.seeds == tuple(seeds[:2])
 
 
 @pytest.mark.parametrize("least_ahead", [0.98, 0.6, -1.0])
 def test_where_none_passes_the_one_is_chosen_that_meets_most_criteria_and_then_collides_least(least_ahead):
-    gate = ValidationGate(
-        **LOOSE | {"most_collisions": 1, "steps": 300, "least_ahead": least_ahead, "least_coverage": 1.5}
-    )
+    gate = gate_of(1, least_ahead, 1.5, steps=300)
     controls = [BACK, AHEAD, RULE, REST]
     remaining = iter(controls)
     found = gated(lambda seed: next(remaining), gate, most=4)
     assert (found.passed, found.trainings) == (False, 4)
-    met = [(each.collisions <= 1) + (each.ahead >= least_ahead) for each in found.validations]
+    measured = [each.measures for each in found.validations]
+    met = [(each["collisions"] <= 1) + (each["speed ahead"] >= least_ahead) for each in measured]
     best = [k for k in range(4) if met[k] == max(met)]
-    fewest = min(found.validations[k].collisions for k in best)
+    fewest = min(measured[k]["collisions"] for k in best)
     assert found.chosen in best
-    assert found.validations[found.chosen].collisions == fewest
+    assert measured[found.chosen]["collisions"] == fewest
     assert found.result is controls[found.chosen]
 
 
 def test_a_policy_is_validated_as_it_drives_alone():
     policy = learned(trained())
-    found = gated(lambda seed: policy, ValidationGate(**LOOSE))
+    found = gated(lambda seed: policy, gate_of())
     assert found.result is policy
     assert found.passed
 
 
 def test_a_gated_contestant_counts_all_trainings_and_their_steps(monkeypatch):
-    gate = ValidationGate(**LOOSE | {"least_ahead": 0.6})
-    monkeypatch.setattr(all_contestants, "_gate", lambda steps: gate)
+    monkeypatch.setattr(all_contestants, "gate_of", lambda task, steps: gate_of(least_ahead=0.6))
     controls = iter([BACK, AHEAD])
 
     def train(seed, steps):
         return Trained(frozen=next(controls), robot_steps=steps * 15)
 
-    found = all_contestants._gated(train, 1, 100)
+    found = all_contestants.gated_in("avoid", train, 1, 100)
     assert (found.frozen, found.trainings, found.passed) == (AHEAD, 2, True)
-    assert found.robot_steps == 2 * 1500 + 2 * gate.robot_steps
+    assert found.robot_steps == 2 * 1500 + 2 * 2 * 3 * 40
 
 
 def test_a_contestant_that_passes_at_once_is_the_one_without_a_gate(monkeypatch):
-    monkeypatch.setattr(all_contestants, "_gate", lambda steps: ValidationGate(**LOOSE))
+    monkeypatch.setattr(all_contestants, "gate_of", lambda task, steps: gate_of())
     alone, passed = (contestants()[name](3, 20) for name in ("shared Q (b), cooled", "shared Q (b), cooled, gated"))
     assert (alone.trainings, alone.passed, passed.trainings, passed.passed) == (1, None, 1, True)
     one, other = (each.frozen.layers[0].policy.networks for each in (alone, passed))
@@ -160,19 +165,27 @@ def test_cooled_contestants_end_cold_and_with_the_last_rate():
     [
         {"maps": []},
         {"maps": 3},
-        {"design": "AGENT9"},
-        {"robots": 0},
-        {"steps": 0.5},
-        {"most_collisions": -1},
-        {"least_ahead": 2},
-        {"least_coverage": float("nan")},
+        {"task": "avoid"},
+        {"task": CollisionAvoidance(variation=Variation(speed=(0.5, 1.0)))},
+        {"criteria": {"collisions": 0.5}},
+        {"criteria": Criteria(most={"fires out": 0.5})},
         {"rng": -1},
     ],
 )
 def test_what_is_no_gate_is_refused_in_one_line(wrong):
     with pytest.raises(SwarmError) as caught:
-        ValidationGate(**{**BRIEF, **wrong})
+        gate_of(**wrong)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{}, {"most": 0.5}, {"most": {"collisions": "few"}}, {"least": {"coverage": float("nan")}}, {"of_rule": {"x": -1}}],
+    ids=str,
+)
+def test_what_are_no_criteria_is_refused(wrong):
+    with pytest.raises(SwarmError):
+        Criteria(**wrong)
 
 
 @pytest.mark.parametrize(
@@ -185,4 +198,4 @@ def test_what_is_no_gated_training_is_refused_before_the_first_training(wrong):
         raise AssertionError
 
     with pytest.raises(SwarmError):
-        gated(**{"train": train, "gate": ValidationGate(**LOOSE), **wrong})
+        gated(**{"train": train, "gate": gate_of(), **wrong})

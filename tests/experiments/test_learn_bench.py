@@ -12,7 +12,7 @@ from mesa_swarm.cli import app
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
-from mesa_swarm.experiments.benchmark_tasks import APART, TEST, TRAIN, benchmark_tasks, is_target_met
+from mesa_swarm.experiments.benchmark_tasks import APART, TEST, TRAIN, benchmark_tasks
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING
 from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
 from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
@@ -92,7 +92,8 @@ def test_a_drive_is_what_is_measured_step_by_step_without_the_environment():
     [((0.5, 0.6, 0.8), True), ((0.51, 0.9, 0.9), False), ((0.0, 0.59, 0.9), False), ((0.0, 0.9, 0.79), False)],
 )
 def test_the_target_is_few_collisions_a_speed_and_the_coverage_of_the_rule(measured, is_met):
-    assert is_target_met(*measured, of_the_rule=0.8) is is_met
+    found = dict(zip(("collisions", "speed ahead", "coverage"), measured, strict=True))
+    assert all(benchmark_tasks()["avoid"].target.met(found, {"coverage": 0.8})) is is_met
 
 
 def test_a_linear_controller_is_evolved_to_the_same_weights_each_time():
