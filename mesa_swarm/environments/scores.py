@@ -6,7 +6,9 @@ from operator import itemgetter
 from typing import Protocol
 
 import numpy as np
+import shapely
 
+from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.errors import InvalidValueError, check_choice
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
@@ -26,6 +28,13 @@ LARGEST_REWARD = 1e6
 # Of the grid on which coverage is counted, and the columns of which a tally is made.
 CELLS = (40, 40)
 TALLIED = itemgetter("command", "max_speed", "collided", "position")
+
+
+def within_reach(model: SwarmModel, places: np.ndarray) -> np.ndarray:
+    """Return which cells (40, 40) robots of a model can reach from these places (n, 2), as if each were alone."""
+    solids = [(body.shape.geometry, body.shape.radius) for body in model.obstacle_list if body.contact]
+    solids += [(shapely.Point(x, y), radius) for x, y, radius in model.fires.discs.tolist()]
+    return cells_from_places(model.map.bounds, solids, float(model.swarm.radius.min()), places, CELLS)
 
 
 class ObservationEncoder:

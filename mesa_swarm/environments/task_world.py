@@ -5,16 +5,14 @@ from typing import Any
 
 import mesa
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike
 
-from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key
 from mesa_swarm.environments.actions import shares
-from mesa_swarm.environments.scores import CELLS, MESSAGE, EpisodeTally
+from mesa_swarm.environments.scores import MESSAGE, EpisodeTally, within_reach
 from mesa_swarm.environments.task import Task
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -213,10 +211,7 @@ class TaskWorld(SwarmModel):
             that robots can reach from where they begin; then the task's own. NaN stands for what is not known yet.
         """
         begun_at = self._begun_at if self._tally.steps else self.swarm.position
-        solids = [(body.shape.geometry, body.shape.radius) for body in self.obstacle_list if body.contact]
-        solids += [(shapely.Point(x, y), radius) for x, y, radius in self.fires.discs.tolist()]
-        radius = float(self.swarm.radius.min())
-        reachable = cells_from_places(self.map.bounds, solids, radius, begun_at[: self.rewarded], CELLS)
+        reachable = within_reach(self, begun_at[: self.rewarded])
         own = getattr(self._score, "measures", dict)
         return {**self._tally.measures(reachable), **own()}
 

@@ -95,17 +95,13 @@ class Mission:
         """Return the score of robots that a control drives on a map, with a seed; of ideal robots by default."""
         model = driven_world(control, self.design, self.robots, world, rng)
         model.imperfections = imperfections
-        shares = []
-
-        def count(step: int) -> None:
-            if 2 * step >= self.steps and step % COUNTED_EVERY == 0:
-                shares.append(clusters(model.swarm.position, LINK).largest_fraction)
-
         if self.name == "avoidance":
             return self.fitness.of(**tallied(model, self.steps, square=self.fitness.square).means())
+        shares = []
         for step in range(self.steps):
             model.step()
-            count(step)
+            if 2 * step >= self.steps and step % COUNTED_EVERY == 0:
+                shares.append(clusters(model.swarm.position, LINK).largest_fraction)
         return float(np.mean(shares)) if shares else clusters(model.swarm.position, LINK).largest_fraction
 
 

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import mesa
 import numpy as np
-import shapely
 
-from mesa_swarm.analysis.coverage import cells_from_places, coverage
+from mesa_swarm.analysis.coverage import coverage
 from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.environments.scores import within_reach
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.fitness import SQUARE, Tally
 from mesa_swarm.robots.design import RobotDesign
@@ -15,8 +15,6 @@ from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.map import Map
 
 MEASURES = ("collisions", "worst robot", "speed ahead", "coverage")
-# Of the grid on which coverage is counted.
-CELLS = (40, 40)
 
 
 def driven_world(control: Arbiter, design: RobotDesign, robots: int, world: Map | str, rng: int) -> SwarmModel:
@@ -50,7 +48,7 @@ def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
     Collisions are per 1,000 steps, of the mean robot and of the worst; the mean speed ahead is a share of max_speed;
     the coverage is the share visited of the cells, of 40 x 40, that robots can reach from where they start.
     """
-    reachable = within_reach(model)
+    reachable = within_reach(model, model.swarm.position)
     positions = np.empty((steps, len(model.swarm), 2))
 
     def store(step: int) -> None:
@@ -60,10 +58,3 @@ def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
     bumps = 1000.0 * tally.sums[:, 2] / steps
     seen = coverage(positions, reachable, model.map.bounds)
     return dict(zip(MEASURES, (float(bumps.mean()), float(bumps.max()), tally.means()["ahead"], seen), strict=True))
-
-
-def within_reach(model: SwarmModel) -> np.ndarray:
-    """Return which cells (40, 40) any robot of a model can reach from its position, as if it were alone."""
-    solids = [(body.shape.geometry, body.shape.radius) for body in model.obstacle_list if body.contact]
-    solids += [(shapely.Point(x, y), radius) for x, y, radius in model.fires.discs.tolist()]
-    return cells_from_places(model.map.bounds, solids, float(model.swarm.radius[0]), model.swarm.position, CELLS)

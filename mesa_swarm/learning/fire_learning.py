@@ -1,7 +1,7 @@
 """Learning to fight fires by choosing among skills."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
 from mesa_swarm.learning.learner import LearningLayer
 from mesa_swarm.learning.policy import SensorLayout, sensors_of
+from mesa_swarm.learning.value_tables import ValueTables
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -64,7 +65,7 @@ TRAINING_PARAMETERS = ("arrival", "put_out", "step_cost", "alpha", "gamma", "bet
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
-class SkillPolicy:
+class SkillPolicy(ValueTables):
     """Values of skills in each situation, which robots learned by `LearnFires`.
 
     ``LearnFires(start=policy, frozen=True)`` drives robots by it, on any map and of any design with proximity sensors;
@@ -101,34 +102,12 @@ class SkillPolicy:
     """
 
     family: ClassVar[str] = "skills"
-    sensors: SensorLayout
-    values: np.ndarray
     temperature: float = 0.1
     hold: int = 50
-    steps: int = 0
-    training: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        values, expected = np.asarray(self.values), (len(SITUATIONS), len(SKILLS))
-        if values.ndim != 3 or not len(values) or values.shape[1:] != expected:
-            raise InvalidValueError(
-                f"values have shape {values.shape}; expected (copies, {expected[0]}, {expected[1]})"
-            )
-        if not np.isfinite(values).all():
-            raise InvalidValueError("values hold numbers that are not finite; train the policy anew")
-        check_number("temperature", self.temperature, above=0, maximum=LARGEST_REWARD)
+        self._check(len(SITUATIONS), len(SKILLS))
         check_count("hold", self.hold, minimum=1)
-        check_count("steps", self.steps, maximum=2**62)
-
-    @property
-    def copies(self) -> int:
-        """The number of robots' tables."""
-        return len(self.values)
-
-    def of_robot(self, index: int) -> "SkillPolicy":
-        """Return the policy of one robot, 0 to ``copies - 1``, to share it with others."""
-        k = check_count("index", index, maximum=self.copies - 1)
-        return replace(self, values=self.values[k : k + 1].copy())
 
     def best(self, copy: int = 0) -> dict[str, str]:
         """Return the skill of the largest value in every situation, by their names, of one robot's table."""

@@ -1,7 +1,7 @@
 """Q-learning in a look-up table of discrete states (thesis 7.3.2), beside the networks of `QLearning`."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -24,6 +24,7 @@ from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, checked_
 from mesa_swarm.learning.learner import TRAINING_PARAMETERS, LearningLayer
 from mesa_swarm.learning.policy import SensorLayout, checked_chances, checked_numbers, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE, rewarded
+from mesa_swarm.learning.value_tables import ValueTables
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -34,7 +35,7 @@ OF_TABLES = tuple(name for name in TRAINING_PARAMETERS if name not in ("eta", "s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TablePolicy:
+class TablePolicy(ValueTables):
     """Choose an action by Boltzmann's probabilities of values in a table, which `TableQLearning` learned.
 
     Parameters
@@ -68,34 +69,12 @@ class TablePolicy:
     """
 
     family: ClassVar[str] = "table"
-    sensors: SensorLayout
-    values: np.ndarray
     edges: tuple[float, ...]
     sectors: int
-    temperature: float = 0.2
-    steps: int = 0
-    training: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        states = states_of(self.edges, self.sectors)
-        values = np.asarray(self.values)
-        if values.ndim != 3 or not len(values) or values.shape[1] != states:
-            raise InvalidValueError(f"values have shape {values.shape}; expected (copies, {states}, actions)")
-        checked_actions(values.shape[2])
-        if not np.isfinite(values).all():
-            raise InvalidValueError("values hold numbers that are not finite; train the policy anew")
-        check_number("temperature", self.temperature, above=0, maximum=1e6)
-        check_count("steps", self.steps, maximum=2**62)
-
-    @property
-    def copies(self) -> int:
-        """The number of robots' tables."""
-        return len(self.values)
-
-    def of_robot(self, index: int) -> "TablePolicy":
-        """Return the policy of one robot; see `QPolicy.of_robot`."""
-        k = check_count("index", index, maximum=self.copies - 1)
-        return replace(self, values=self.values[k : k + 1].copy())
+        shape = np.shape(self.values)
+        self._check(states_of(self.edges, self.sectors), checked_actions(shape[2]) if len(shape) == 3 else 8)
 
     def act(
         self,

@@ -10,11 +10,12 @@ from typer.testing import CliRunner
 from mesa_swarm import AGENT9, Map, disc
 from mesa_swarm.cli import app
 from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.environments.scores import within_reach
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import learn_bench as bench
 from mesa_swarm.experiments.benchmark_tasks import APART, TEST, TRAIN, benchmark_tasks
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING
-from mesa_swarm.experiments.driving import drive_measured, driven_world, within_reach
+from mesa_swarm.experiments.driving import drive_measured, driven_world
 from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
 from mesa_swarm.experiments.gating import VALIDATION
 from mesa_swarm.experiments.learn_bench import Benchmark, Training, learn_bench
@@ -128,15 +129,15 @@ def test_what_robots_can_reach_is_what_any_of_them_can():
     )
     model = driven_world(Subsumption(Explore()), AGENT9, 0, walls, 1)
     model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
-    assert within_reach(model)[:, 21:].sum() == 0
+    assert within_reach(model, model.swarm.position)[:, 21:].sum() == 0
     model.add_robots(AGENT9, poses=[(300, 100, 0.0)])
-    assert within_reach(model)[:, 22:].all()
+    assert within_reach(model, model.swarm.position)[:, 22:].all()
 
 
 def test_within_reach_leaves_out_what_stands_there():
     pillar = Map(name="pillar", bounds=(0, 0, 400, 400), obstacles=[disc((200, 200), 60)])
     model = driven_world(Subsumption(Avoid(), Explore()), AGENT9, 3, pillar, 1)
-    cells = within_reach(model)
+    cells = within_reach(model, model.swarm.position)
     assert not cells[19:21, 19:21].any()
     assert cells[2:8, 2:8].all()
 
