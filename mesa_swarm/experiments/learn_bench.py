@@ -36,6 +36,8 @@ OF_TRAINING = ("train wall seconds", "train processor seconds", "robot-steps", "
 LEARNING_MAPS = 10
 # Of a benchmark of minutes.
 QUICK = {"seeds": 2, "steps": 3300, "evaluation_steps": 1000, "maps": 5}
+# Of an experiment about networks of robots' own, which takes as long as half of avoidance: they take part when named.
+NAMED_ONLY = ("own Q (b), cooled, with replay", "own Q (b), cooled, short replay", "shared Q (b), cooled, 1/15")
 # Contestants that every foreign controller is compared with, which need no training.
 BESIDES = ("random",)
 
@@ -55,7 +57,8 @@ class Benchmark:
     maps : int
         At most, of the 50 test maps; tasks but "avoid" have 20.
     tasks, only : sequence of str
-        Names of tasks and of contestants; all by default. With `policies` all without training by default.
+        Names of tasks and of contestants; all by default but those of `NAMED_ONLY`. With `policies` those without
+        training by default.
     policies : sequence of str
         Controllers from outside, see `controllers.load_controller`; they take part in each of the tasks.
 
@@ -103,8 +106,8 @@ class Benchmark:
     def names(self, task: str) -> list[str]:
         """Return the contestants in a task, in the order of its table; controllers from outside by their address."""
         ours = contestants_of(task)
-        by_default = (benchmark_tasks()[task].rule, *BESIDES) if self.policies else [n for n in ours if not optional(n)]
-        wanted = self.only or by_default
+        every = [name for name in ours if not optional(name) and name not in NAMED_ONLY]
+        wanted = self.only or ((benchmark_tasks()[task].rule, *BESIDES) if self.policies else every)
         return [*(name for name in ours if name in wanted), *self.policies]
 
     def places(self, task: str) -> tuple[str, ...]:

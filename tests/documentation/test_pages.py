@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import re
+import shlex
 import signal
 import socket
 import subprocess
@@ -52,7 +53,7 @@ def commands(block: str) -> list[list[str]]:
     """Return the commands of a block in their order, without the name of the program."""
     typed = [line.removeprefix("mesa-swarm ") for line in block.splitlines() if line.startswith("mesa-swarm ")]
     smaller = [next((small for start, small in SMALL.items() if line.startswith(start)), "") for line in typed]
-    return [f"{line} {small}".split() for line, small in zip(typed, smaller, strict=True)]
+    return [shlex.split(f"{line} {small}") for line, small in zip(typed, smaller, strict=True)]
 
 
 def of(pages: list[Path], language: str) -> list:

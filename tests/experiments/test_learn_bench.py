@@ -260,6 +260,13 @@ def test_the_order_in_which_contestants_are_named_does_not_matter():
     assert brief().key("avoid", "random", 1) != brief().key("avoid", "random", 2)
 
 
+def test_contestants_of_the_experiment_about_own_networks_take_part_when_they_are_named():
+    everyone = Benchmark(tasks=("avoid",)).names("avoid")
+    assert not set(bench.NAMED_ONLY) & set(everyone)
+    assert set(bench.NAMED_ONLY) < set(contestants_of("avoid"))
+    assert Benchmark(tasks=("avoid",), only=bench.NAMED_ONLY).names("avoid") == list(bench.NAMED_ONLY)
+
+
 def test_trainings_are_done_again_when_code_changes_that_trains_drives_or_measures():
     hashed = {name.split("/")[0] for name in (*ENGINE, *bench.SOURCES)}
     files = [PACKAGE / name for name in bench.SOURCES if name.endswith(".py")]
