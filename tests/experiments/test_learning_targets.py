@@ -51,16 +51,13 @@ def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_
 
 
 @pytest.mark.slow
-def test_shared_q_learning_cools_in_ten_seconds_and_frozen_it_hardly_collides_on_nine_of_ten_unseen_maps():
-    train = contestants()["shared Q (b), cooled"]
-    train(SEED, 33)  # compiles, or reads a cache
-    learned = []
-    used = processor_seconds(lambda: learned.append(train(SEED, 33_000)))
-    slow = max(slowness() for _ in range(5))
-    drives = drives_on(TWENTY, learned[0])
+def test_shared_q_learning_cools_within_a_million_robot_steps_and_frozen_it_hardly_collides_on_nine_of_ten_unseen_maps():
+    # Its processor time is in the benchmark's table of trainings.
+    learned = contestants()["shared Q (b), cooled"](SEED, 33_000)
+    drives = drives_on(TWENTY, learned)
     rule = mean(row["coverage"] for row in drives_on(TWENTY, contestants()["Avoid + Explore"](SEED, 0)))
-    print(f"\n{used:.1f} s, {slow:.1f} times slower than usual; {drives}; coverage of the rule {rule}")
-    assert used <= 10 * slow
+    print(f"\n{learned.robot_steps:,} robot-steps; {drives}; coverage of the rule {rule}")
+    assert learned.robot_steps <= 1_000_000
     assert sum(row["collisions"] <= 0.5 for row in drives) >= 0.9 * len(TWENTY)
     assert min(row["speed ahead"] for row in drives) >= 0.6
     assert mean(row["coverage"] for row in drives) >= rule
