@@ -51,7 +51,7 @@ def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_
 
 
 @pytest.mark.slow
-def test_shared_q_learning_cools_within_a_million_robot_steps_and_frozen_it_hardly_collides_on_nine_of_ten_unseen_maps():
+def test_shared_q_learning_cools_in_a_million_robot_steps_and_frozen_it_hardly_collides_on_nine_of_ten_unseen_maps():
     # Its processor time is in the benchmark's table of trainings.
     learned = contestants()["shared Q (b), cooled"](SEED, 33_000)
     drives = drives_on(TWENTY, learned)
