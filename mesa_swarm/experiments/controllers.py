@@ -6,16 +6,16 @@ import os
 import warnings
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from mesa_swarm.control import Subsumption
+from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
@@ -32,12 +32,17 @@ from mesa_swarm.errors import (
 from mesa_swarm.files import shown_path
 from mesa_swarm.gallery import is_address, object_at
 from mesa_swarm.learning.actions import described
+from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
+from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
 from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
-from mesa_swarm.learning.policy import PolicyLayer
+from mesa_swarm.learning.policy import Policy, PolicyLayer
 from mesa_swarm.learning.policy_files import load_policy
 from mesa_swarm.streams import Seed
 
 Act = Callable[[np.ndarray], np.ndarray]
+OfFires = TypeVar("OfFires", SkillPolicy, FireWheelPolicy)
+# A temperature at which the best of two values is always chosen.
+COLDEST = 1e-12
 FORMS = "file.npz, file.onnx, sb3.zip, package.module:callable or ./file.py:callable"
 # The algorithm of Stable-Baselines3 by the module of its policies.
 ALGORITHMS = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
@@ -194,8 +199,34 @@ def load_controller(spec: str | os.PathLike[str], *, greedy: bool = False) -> Co
     raise InvalidValueError(f"the controller is {shortened(text)}; expected {FORMS}")
 
 
+def control_of(policy: Policy | SkillPolicy | FireWheelPolicy, *, greedy: bool = False) -> Arbiter:
+    """Return a control by which a policy drives robots frozen: skills below `Avoid`, all others alone.
+
+    Parameters
+    ----------
+    policy : Policy, SkillPolicy or FireWheelPolicy
+    greedy : bool
+        Whether it always takes its best action.
+
+    Raises
+    ------
+    InvalidValueError, LearningError
+        If it is not a policy, or untrained.
+    """
+    if isinstance(policy, SkillPolicy):
+        return Subsumption(Avoid(fires="never"), LearnFires(start=_cold(policy, greedy), frozen=True))
+    if isinstance(policy, FireWheelPolicy):
+        return Subsumption(LearnFireWheels(start=_cold(policy, greedy), frozen=True))
+    return Subsumption(PolicyLayer(policy=policy, greedy=greedy))
+
+
+def _cold(policy: OfFires, greedy: bool) -> OfFires:
+    return replace(policy, temperature=COLDEST) if greedy else policy
+
+
 def _of_npz(file: Path, greedy: bool) -> Controller:
-    return Controller(name=file.name, control=Subsumption(PolicyLayer(policy=load_policy(file), greedy=greedy)))
+    policy: Any = load_policy(file)
+    return Controller(name=file.name, control=control_of(policy, greedy=greedy))
 
 
 def _of_onnx(file: Path, greedy: bool) -> Controller:

@@ -28,12 +28,12 @@ def trained_skills(seed: int, steps: int = SKILL_STEPS) -> SkillPolicy:
 
 def trained_wheels(seed: int, steps: int = WHEEL_STEPS) -> FireWheelPolicy:
     """Return the Q-networks that ten robots share after they drove on ten generated maps, one after the other."""
+    first, parts = len(TRAINING) * check_count("seed", seed), len(TRAINING)
+    count = max(check_count("steps", steps, minimum=1) // parts, 1)
     policy: FireWheelPolicy | None = None
     for number, world in enumerate(TRAINING):
-        model = fire_world(
-            (LearnFireWheels(start=policy),), random_map(world, fires=FIRES), len(TRAINING) * seed + number
-        )
-        model.run(max(steps // len(TRAINING), 1))
+        model = fire_world((LearnFireWheels(start=policy),), random_map(world, fires=FIRES), first + number)
+        model.run(count)
         policy = _learner_of(model, LearnFireWheels).policy()
     return cast(FireWheelPolicy, policy)
 

@@ -1,5 +1,6 @@
 """Training that is repeated with other seeds until its outcome passes on validation maps."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,10 +14,12 @@ from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import CollisionAvoidance
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.experiments.controllers import Controller, played
+from mesa_swarm.experiments.controllers import Controller, control_of, played
 from mesa_swarm.experiments.evolution import Maps, checked_maps
 from mesa_swarm.experiments.pool import checked_jobs, in_order
-from mesa_swarm.learning.policy import Policy, PolicyLayer
+from mesa_swarm.learning.fire_learning import SkillPolicy
+from mesa_swarm.learning.fire_wheels import FireWheelPolicy
+from mesa_swarm.learning.policy import Policy
 from mesa_swarm.world.random_map import random_map
 
 # Generated maps that are used for validation only, and the seed of the worlds on them.
@@ -72,8 +75,9 @@ class Criteria:
         )
 
     def better(self, found: Mapping[str, float]) -> tuple[float, ...]:
-        """Return numbers that are the smaller, the better measures are."""
-        return (*(found[name] for name in self.most), *(-found[name] for name in (*self.least, *self.of_rule)))
+        """Return numbers that are the smaller, the better measures are; infinity for NaN."""
+        numbers = (*(found[name] for name in self.most), *(-found[name] for name in (*self.least, *self.of_rule)))
+        return tuple(math.inf if math.isnan(number) else number for number in numbers)
 
 
 # Required of controllers that avoid: few collisions, most of the greatest speed, and the coverage of the rule.
@@ -163,7 +167,17 @@ class ValidationGate:
         """Return the measures of a controller on all maps, and which criteria they meet.
 
         The result does not depend on `jobs`, the number of processes, -1 for one on each core.
+
+        Raises
+        ------
+        InvalidValueError
+            If `control` is neither an arbiter nor a `Controller`.
         """
+        if not isinstance(control, Arbiter | Controller):
+            raise InvalidValueError(
+                f"control is {shortened(control)}; expected a control such as Subsumption(PolicyLayer(policy=policy)), "
+                "or a Controller"
+            )
         means, robot_steps = self._means(control, checked_jobs(jobs))
         met = self.criteria.met(means, self._rule)
         return Validation(measures=means, rule=self._rule, met=met, robot_steps=robot_steps)
@@ -202,9 +216,9 @@ class Gated(Generic[T]):
         return len(self.results)
 
 
-def driven_by(result: Policy | Arbiter) -> Arbiter:
-    """Return a control of a policy alone; a control is returned as it is."""
-    return result if isinstance(result, Arbiter) else Subsumption(PolicyLayer(policy=result))
+def driven_by(result: Policy | SkillPolicy | FireWheelPolicy | Arbiter | Controller) -> Arbiter | Controller:
+    """Return a control of a policy, see `control_of`; a control or controller is returned as it is."""
+    return result if isinstance(result, Arbiter | Controller) else control_of(result)
 
 
 def gated(
@@ -226,7 +240,7 @@ def gated(
     Parameters
     ----------
     train : callable
-        Given a seed, returns what was learned: by default a policy, or a control.
+        Given a seed, returns what was learned: by default a policy of any learner, or a control.
     gate : ValidationGate, optional
         Maps and criteria; by default those of avoidance.
     control : callable, optional
@@ -257,10 +271,11 @@ def gated(
     (7,)
     """
     gate = ValidationGate() if gate is None else gate
-    if not isinstance(gate, ValidationGate) or not callable(train):
-        raise InvalidValueError(
-            f"train is {shortened(train)} and gate {shortened(gate)}; expected a function and ValidationGate(...)"
-        )
+    for name, value in (("train", train), ("control", control)):
+        if not callable(value):
+            raise InvalidValueError(f"{name} is {shortened(value)}; expected a function of one argument")
+    if not isinstance(gate, ValidationGate):
+        raise InvalidValueError(f"gate is {shortened(gate)}; expected ValidationGate(...)")
     first, most = check_count("rng", rng, maximum=2**63 - 1), check_count("most", most, minimum=1, maximum=1000)
     workers = checked_jobs(jobs)
     results: list[T] = []

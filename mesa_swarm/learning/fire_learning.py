@@ -102,6 +102,7 @@ class SkillPolicy(ValueTables):
     """
 
     family: ClassVar[str] = "skills"
+    own_layer: ClassVar[str] = "LearnFires"
     temperature: float = 0.1
     hold: int = 50
 

@@ -12,7 +12,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, chosen, ranges_of
 from mesa_swarm.learning.learner import LARGEST, LearningLayer
 from mesa_swarm.learning.networks import PARTS, Networks
-from mesa_swarm.learning.policy import SensorLayout, check_designs
+from mesa_swarm.learning.policy import SensorLayout, check_designs, check_layout
 from mesa_swarm.learning.q_learning import action_values, learn_one
 from mesa_swarm.robots.design import AGENT_FIRE
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -65,6 +65,7 @@ class FireWheelPolicy:
     """
 
     family: ClassVar[str] = "fire wheels"
+    own_layer: ClassVar[str] = "LearnFireWheels"
     sensors: SensorLayout
     networks: Networks
     temperature: float = 0.02
@@ -73,6 +74,7 @@ class FireWheelPolicy:
     training: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_layout(self.sensors)
         if not isinstance(self.networks, Networks):
             raise InvalidValueError(f"networks is {shortened(self.networks)}; expected Networks(...)")
         expected = (COUNT, OF_SENSOR * len(self.sensors) + OF_BODY, UNITS)

@@ -147,6 +147,12 @@ def check_designs(sensors: SensorLayout, swarm: Swarm, driven: tuple[RobotDesign
         sensors.check(design)
 
 
+def check_layout(sensors: object) -> None:
+    """Check that these are the sensors of a policy."""
+    if not isinstance(sensors, SensorLayout):
+        raise InvalidValueError(f"sensors is {shortened(sensors)}; expected SensorLayout.of(design)")
+
+
 def check_policy(policy: object, *methods: str) -> None:
     """Check that a policy has these methods."""
     if isinstance(policy, type) or not all(callable(asked(policy, method)) for method in methods):
@@ -252,6 +258,12 @@ class PolicyLayer:
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
+        own = asked(self.policy, "own_layer")
+        if isinstance(own, str):
+            raise InvalidValueError(
+                f"policy is a {type(self.policy).__name__}, which acts by more than readings; expected a policy with "
+                f"act(): drive robots by {own}(start=policy, frozen=True)"
+            )
         check_policy(self.policy, "act")
         for flag in ("greedy", "explore"):
             check_flag(flag, getattr(self, flag))

@@ -20,7 +20,16 @@ from mesa_swarm.errors import (
     shortened,
 )
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, checked_actions, choose_all, chosen, ranges_of
+from mesa_swarm.learning.actions import (
+    ACTION_NAMES,
+    ACTIONS,
+    as_floats,
+    best_of,
+    checked_actions,
+    choose_all,
+    chosen,
+    ranges_of,
+)
 from mesa_swarm.learning.learner import TRAINING_PARAMETERS, LearningLayer
 from mesa_swarm.learning.policy import SensorLayout, checked_chances, checked_numbers, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE, rewarded
@@ -73,7 +82,7 @@ class TablePolicy(ValueTables):
     sectors: int
 
     def __post_init__(self) -> None:
-        shape = np.shape(self.values)
+        shape = as_floats(self.values).shape
         self._check(states_of(self.edges, self.sectors), checked_actions(shape[2]) if len(shape) == 3 else 8)
 
     def act(

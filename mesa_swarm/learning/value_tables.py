@@ -6,7 +6,8 @@ from typing import Self
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number
-from mesa_swarm.learning.policy import SensorLayout
+from mesa_swarm.learning.actions import as_floats
+from mesa_swarm.learning.policy import SensorLayout, check_layout
 
 HOTTEST = 1e6
 
@@ -37,11 +38,13 @@ class ValueTables:
 
     def _check(self, states: int, actions: int) -> None:
         """Refuse tables of another shape, and what is out of its range."""
-        values = np.asarray(self.values)
+        check_layout(self.sensors)
+        values = as_floats(self.values)
         if values.ndim != 3 or not len(values) or values.shape[1:] != (states, actions):
             raise InvalidValueError(f"values have shape {values.shape}; expected (copies, {states}, {actions})")
         if not np.isfinite(values).all():
             raise InvalidValueError("values hold numbers that are not finite; train the policy anew")
+        object.__setattr__(self, "values", values)
         check_number("temperature", self.temperature, above=0, maximum=HOTTEST)
         check_count("steps", self.steps, maximum=2**62)
 

@@ -6,14 +6,14 @@ import zipfile
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.environments import CollisionAvoidance, VectorSwarmEnv
+from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, VectorSwarmEnv
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import BehaviourError, InvalidValueError, SwarmError
 from mesa_swarm.experiments import controllers
-from mesa_swarm.experiments.controllers import Controller, algorithm_of, load_controller
-from mesa_swarm.learning import PolicyLayer, export_onnx, save_policy
+from mesa_swarm.experiments.controllers import COLDEST, Controller, algorithm_of, load_controller, played
+from mesa_swarm.learning import LearnFires, LearnFireWheels, PolicyLayer, export_onnx, save_policy
 from mesa_swarm.learning.onnx_files import OnnxPolicy, onnx_session
 from support.c_code import drawn_inputs
 from support.exported_policies import NINE, POLICIES, q
@@ -98,6 +98,21 @@ def test_all_kinds_drive_the_same_world_of_a_task(mine, tmp_path):
     found.append(TaskWorld(task=task, rng=1).play(load_controller(f"{mine}:toward_space").actor(task.actions)))
     assert [measures["steps"] for measures in found] == [15, 15, 15]
     assert len({measures["speed ahead"] for measures in found}) == 3
+
+
+@pytest.mark.parametrize("learner", [LearnFires, LearnFireWheels])
+@pytest.mark.parametrize("greedy", [False, True])
+def test_a_file_of_a_policy_of_fires_drives_by_its_own_layer(learner, greedy, tmp_path):
+    model = SwarmModel(map="openspace_fire", rng=1)
+    model.add_robots(AGENT_FIRE, 3)
+    model.control = Subsumption(learner())
+    policy = model.run(60).control.layers[0].policy()
+    controller = load_controller(save_policy(policy, tmp_path / "fires.npz"), greedy=greedy)
+    *above, layer = controller.control.layers
+    assert [type(each) for each in above] == ([Avoid] if learner is LearnFires else [])
+    assert (type(layer), layer.frozen) == (learner, True)
+    assert layer.start.temperature == (COLDEST if greedy else policy.temperature)
+    assert played(controller, ExtinguishFires(n_robots=3, max_steps=30), 1)["steps"] == 30
 
 
 def test_numbered_actions_stay_whole_numbers(mine):

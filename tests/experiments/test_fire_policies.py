@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.control import Subsumption
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN, benchmark_tasks
 from mesa_swarm.experiments.fire_policies import FIRES, TRAINING, trained_skills, trained_wheels
 from mesa_swarm.experiments.gating import VALIDATION
@@ -28,6 +29,13 @@ def test_a_run_ends_when_all_fires_are_out():
 def test_the_maps_of_training_are_not_those_of_validation_or_test():
     assert not {*TRAINING, *TRAIN} & {*VALIDATION, *TEST}
     assert len(SETTING.map_named(f"random {TEST[0]}").fires) == FIRES
+
+
+@pytest.mark.parametrize("train", [trained_skills, trained_wheels])
+@pytest.mark.parametrize("wrong", [{"seed": "one"}, {"seed": -1}, {"steps": 0}, {"steps": "many"}], ids=str)
+def test_a_wrong_seed_or_number_of_steps_is_refused_before_training(train, wrong):
+    with pytest.raises(InvalidValueError, match=f"^({next(iter(wrong))}|rng) is "):
+        train(**{"seed": 1, "steps": 10, **wrong})
 
 
 @pytest.mark.slow

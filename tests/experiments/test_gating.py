@@ -1,16 +1,21 @@
 """Training that is repeated until its outcome passes on validation maps."""
 
+import math
+
+import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9
+from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption, behaviour
-from mesa_swarm.environments import CollisionAvoidance, Variation
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, Variation
+from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments import contestants as all_contestants
 from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN
 from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, Trained, contestants
+from mesa_swarm.experiments.controllers import Controller
 from mesa_swarm.experiments.driving import drive_measured, driven_world
 from mesa_swarm.experiments.gating import VALIDATION, Criteria, ValidationGate, gated
+from mesa_swarm.learning import LearnFires, LearnFireWheels, QLearning
 from support.q_learners import learned, trained
 
 MAPS = ["openspace", "sparse"]
@@ -117,6 +122,38 @@ def test_a_policy_is_validated_as_it_drives_alone():
     assert found.passed
 
 
+@pytest.mark.parametrize("learner", [LearnFires, LearnFireWheels])
+def test_policies_of_fires_are_validated_by_their_own_layer(learner):
+    def train(seed):
+        model = SwarmModel(map="openspace_fire", rng=seed)
+        model.add_robots(AGENT_FIRE, 3)
+        model.control = Subsumption(learner())
+        return model.run(30).control.layers[0].policy()
+
+    task = ExtinguishFires(n_robots=3, max_steps=20)
+    gate = ValidationGate(task=task, maps="openspace_fire", criteria=Criteria(least={"fires out": 0.0}))
+    assert gated(train, gate, most=1).passed
+
+
+def test_a_controller_that_training_returns_is_validated_as_it_is():
+    ahead = Controller(name="ahead", make=lambda: lambda seen: np.ones((len(seen), 2)))
+    found = gated(lambda seed: ahead, gate_of(least_ahead=0.6), most=1)
+    assert found.passed
+    assert found.validations[0] == gate_of(least_ahead=0.6).validate(ahead)
+
+
+@pytest.mark.parametrize("wrong", [3, None, QLearning(), lambda seen: seen], ids=lambda wrong: type(wrong).__name__)
+def test_what_does_not_drive_is_not_validated(wrong):
+    with pytest.raises(InvalidValueError, match=r"^control is .*; expected a control such as Subsumption\("):
+        gate_of().validate(wrong)
+
+
+def test_a_measure_that_is_not_known_ranks_behind_all_numbers():
+    criteria = Criteria(most={"steps": 5}, least={"coverage": 0.5})
+    assert criteria.better({"steps": math.nan, "coverage": 0.4}) == (math.inf, -0.4)
+    assert criteria.better({"steps": 6.0, "coverage": math.nan}) == (6.0, math.inf)
+
+
 def test_a_gated_contestant_counts_all_trainings_and_their_steps(monkeypatch):
     monkeypatch.setattr(all_contestants, "gate_of", lambda task, steps: gate_of(least_ahead=0.6))
     controls = iter([BACK, AHEAD])
@@ -190,7 +227,7 @@ def test_what_are_no_criteria_is_refused(wrong):
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"train": 3}, {"gate": "gate"}, {"rng": -1}, {"most": 0}, {"jobs": 0}],
+    [{"train": 3}, {"control": 3}, {"gate": "gate"}, {"rng": -1}, {"most": 0}, {"jobs": 0}],
     ids=lambda wrong: next(iter(wrong)),
 )
 def test_what_is_no_gated_training_is_refused_before_the_first_training(wrong):

@@ -7,7 +7,7 @@ from mesa_swarm import AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire import FireConstants
-from mesa_swarm.learning import SensorLayout, SkillPolicy, load_policy, save_policy
+from mesa_swarm.learning import PolicyLayer, SensorLayout, SkillPolicy, load_policy, save_policy
 from mesa_swarm.learning.fire_learning import (
     APPROACH,
     BACK_OFF,
@@ -203,6 +203,9 @@ def test_in_another_model_robots_begin_with_the_skills_that_were_learned():
     [
         {"values": np.zeros((16, 5))},
         {"values": np.full((1, 16, 5), np.nan)},
+        {"values": np.full((1, 16, 5), "a")},
+        {"values": [[1.0], [1.0, 2.0]]},
+        {"sensors": 3},
         {"temperature": 0},
         {"hold": 0},
         {"steps": -1},
@@ -213,6 +216,13 @@ def test_policies_of_skills_that_could_not_act_are_refused(wrong):
     given = {"sensors": SensorLayout.of(AGENT_FIRE), "values": np.zeros((1, 16, 5)), **wrong}
     with pytest.raises(InvalidValueError, match=rf"^{next(iter(wrong))} "):
         SkillPolicy(**given)
+
+
+def test_a_policy_of_skills_names_the_layer_that_drives_by_it():
+    policy = SkillPolicy(sensors=SensorLayout.of(AGENT_FIRE), values=np.zeros((1, 16, 5)).tolist(), steps=1)
+    assert policy.of_robot(0).values.shape == (1, 16, 5)
+    with pytest.raises(InvalidValueError, match=r"drive robots by LearnFires\(start=policy, frozen=True\)$"):
+        PolicyLayer(policy=policy)
 
 
 def test_a_start_that_is_no_policy_of_skills_is_refused():

@@ -149,5 +149,7 @@ def test_what_is_no_policy_of_wheel_actions_is_refused():
         FireWheelPolicy(sensors=eyes, networks=networks)
     with pytest.raises(InvalidValueError, match="networks is 3"):
         FireWheelPolicy(sensors=eyes, networks=3)
+    with pytest.raises(InvalidValueError, match="sensors is 3; expected SensorLayout"):
+        FireWheelPolicy(sensors=3, networks=Networks.random(8, inputs=32, hidden=16, rng=np.random.default_rng(1)))
     with pytest.raises(InvalidValueError, match="start is 'mine'"):
         LearnFireWheels(start="mine")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.learning import PolicyLayer, TableQLearning, load_policy, reward, save_policy
+from mesa_swarm.learning import PolicyLayer, SensorLayout, TablePolicy, TableQLearning, load_policy, reward, save_policy
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS
 from mesa_swarm.learning.table_learning import state_of
 from mesa_swarm.models.q_learning import QLearning
@@ -163,6 +163,19 @@ def test_a_saved_table_drives_frozen_elsewhere_as_its_policy_does(options, tmp_p
     assert (commands[0] == commands[1]).all()
     assert len(np.unique(commands[0])) > 1
     assert policy.copies == (1 if options else len(learning().robots))
+
+
+def test_a_table_of_plain_numbers_drives_and_one_of_texts_or_without_sensors_is_refused():
+    given = {
+        "sensors": SensorLayout.of(AGENT3),
+        "values": [[[0, 0, 0, 1], [1, 0, 0, 0]]],
+        "edges": (0.2,),
+        "sectors": 1,
+    }
+    assert TablePolicy(**given).act([[5.0, -1.0, -1.0]]).tolist() == [[1.0, 1.0]]
+    for name, wrong in (("values", [[["a"] * 4] * 2]), ("values", [[1], [1, 2]]), ("sensors", None)):
+        with pytest.raises(InvalidValueError, match=f"^{name} "):
+            TablePolicy(**{**given, name: wrong})
 
 
 def test_a_start_with_other_states_is_refused():
