@@ -7,9 +7,12 @@ import typer
 
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
 from mesa_swarm.errors import check_choice, check_number
-from mesa_swarm.files import check_writable, write_all, write_whole
+from mesa_swarm.files import check_writable, checked_file, write_all
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mesa_swarm.experiments.learn_bench import Benchmark, Training
     from mesa_swarm.learning.reward_lab import Profile
 
 commands = typer.Typer()
@@ -160,14 +163,18 @@ def learn_bench(
     quick: Annotated[bool, typer.Option("--quick", help="In minutes: fewer seeds, steps and maps.")] = False,
     jobs: Jobs = -1,
     out: Folder = Path("results", "learn_bench"),
-    report: Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the tables to this page.")] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write this page, .md, and its pictures.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume/--afresh", help="Continue an interrupted call.")] = True,
     quiet: Quiet = False,
 ) -> None:
     """Train all learners, then measure them, and controllers from outside, on maps that were not used for training."""
     from mesa_swarm.experiments import learn_bench as benchmarks
-    from mesa_swarm.experiments.learn_report import learning_pictures, markdown, report_page, runs_csv, summary_json
+    from mesa_swarm.experiments.learn_report import learning_pictures, markdown, runs_csv, summary_json
 
+    if report is not None:
+        check_writable(checked_file(report, ".md", "report").parent / "pictures")
     given = {"seeds": seeds, "steps": steps, "evaluation_steps": evaluation_steps, "maps": maps}
     benchmark = benchmarks.Benchmark(
         tasks=_names(task, ","),
@@ -186,8 +193,16 @@ def learn_bench(
     }
     print("\n".join([table, *map(str, write_all(out, files))]))
     if report is not None:
-        write_whole(report, report_page(benchmark, table))
+        write_all(report.parent, _page(benchmark, runs, report))
         print(report)
+
+
+def _page(benchmark: "Benchmark", runs: "Sequence[Training]", page: Path) -> dict[str, str | bytes]:
+    """Return a page of a benchmark and the pictures that it shows, in a folder beside it, by file name."""
+    from mesa_swarm.experiments.learn_report import ON_PAGES, learning_pictures, report_page
+
+    shown = learning_pictures(runs, page.stem, ON_PAGES)
+    return {page.name: report_page(benchmark, runs, page.stem), **{f"pictures/{name}": shown[name] for name in shown}}
 
 
 def _names(text: str | None, separator: str) -> tuple[str, ...]:

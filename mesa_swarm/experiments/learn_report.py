@@ -2,8 +2,9 @@
 
 import json
 import math
+import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -18,14 +19,12 @@ from mesa_swarm.experiments.learn_bench import LEARNING_MAPS, MODES, Benchmark, 
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, known
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal, png
+from mesa_swarm.viewing.pictures import DOTS_PER_INCH, literal, png
 
+NUMBERS = ("seeds", "steps", "evaluation_steps", "maps")
 GROUPS = {"test": "On the test maps", "home": "On the map of the training (`original`)"}
-PREFACE = (
-    "This page is written by the command `mesa-swarm learn-bench --report docs/learning_results.md`; "
-    "[Benchmark](learning.md) describes tasks, contestants and protocol. Values are means over seeds of means over "
-    "maps, with 95 % bootstrap intervals over the seeds."
-)
+# Of the pictures on a page, which are narrower than those that are stored.
+ON_PAGES = 120
 HOW = {"frozen": "frozen", "learning": "still learning"}
 
 
@@ -79,15 +78,21 @@ def _line(task: str, name: str, group: str, mode: str, found: Sequence[dict[str,
     return Line(task, name, group, mode, values, seeds)
 
 
-def markdown(benchmark: Benchmark, runs: Sequence[Training]) -> str:
-    """Return all tables as Markdown: for each task the trainings, then one table for each group of maps and mode."""
+def markdown(benchmark: Benchmark, runs: Sequence[Training], pictures: str = "") -> str:
+    """Return all tables as Markdown: for each task the trainings, then one table for each group of maps and mode.
+
+    `pictures` is the beginning of the names of pictures, such as "pictures/results", if they are to be shown.
+    """
     lines = lines_of(runs)
     parts = []
     for task in benchmark.task_names:
-        parts += [
-            f"### {task.replace('_', ' ').capitalize()}",
-            _trainings(benchmark, [run for run in runs if run.task == task]),
-        ]
+        mine = [run for run in runs if run.task == task]
+        parts.append(f"### {_title(task)}")
+        if pictures:
+            parts.append(f"![{_title(task)}: results on the test maps, with 95 % intervals]({pictures}_{task}.png)")
+        parts.append(_trainings(benchmark, mine))
+        if pictures and any(run.curve() for run in mine):
+            parts.append(f"![Collisions in the course of the trainings]({pictures}_curves.png)")
         for group in GROUPS:
             for mode in MODES:
                 chosen = [line for line in lines if (line.task, line.group, line.mode) == (task, group, mode)]
@@ -96,13 +101,45 @@ def markdown(benchmark: Benchmark, runs: Sequence[Training]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def report_page(benchmark: Benchmark, table: str) -> str:
-    """Return a page with the tables of a benchmark, below its settings."""
-    settings = (
-        f"trainings of {benchmark.steps:,} steps of 15 robots; seeds: {benchmark.seeds}; test maps: {benchmark.maps}; "
-        f"steps on each: at most {benchmark.evaluation_steps:,}"
+def _title(task: str) -> str:
+    return task.replace("_", " ").capitalize()
+
+
+def report_page(benchmark: Benchmark, runs: Sequence[Training], stem: str) -> str:
+    """Return the page `stem`.md: the command that makes it, its settings, and all tables, with their pictures."""
+    preface = (
+        f"This page is written by\n\n```sh\n{command_of(benchmark)} --report {stem}.md\n```\n\n"
+        "[Benchmark](learning.md) describes tasks, contestants and protocol. Values are means over seeds of means over "
+        "maps, with 95 % bootstrap intervals over the seeds. In the pictures, full markers are frozen, hollow ones "
+        "still learning."
     )
-    return "\n\n".join(["# Results of the benchmark of learning", PREFACE, f"Settings: {settings}.", table])
+    settings = (
+        f"Settings: trainings of {benchmark.steps:,} steps of 15 robots; seeds: {benchmark.seeds}; test maps: "
+        f"{benchmark.maps}; steps on each: at most {benchmark.evaluation_steps:,}."
+    )
+    tables = markdown(benchmark, runs, f"pictures/{stem}")
+    return "\n\n".join(["# Results of the benchmark of learning", preface, settings, tables])
+
+
+def command_of(benchmark: Benchmark) -> str:
+    """Return the command line of a benchmark, without its folder.
+
+    Examples
+    --------
+    >>> command_of(Benchmark(seeds=30, tasks=("avoid",), only=("random", "Q (b)")))
+    "mesa-swarm learn-bench --task avoid --only 'random;Q (b)' --seeds 30"
+    """
+    words = ["mesa-swarm", "learn-bench"]
+    for option, separator in (("task", ","), ("only", ";")):
+        given = getattr(benchmark, "tasks" if option == "task" else option)
+        words += [f"--{option}", separator.join(given)] if given else []
+    for address in benchmark.policies:
+        words += ["--policy", address]
+    for field in fields(Benchmark):
+        value = getattr(benchmark, field.name)
+        if field.name in NUMBERS and value != field.default:
+            words += [f"--{field.name.replace('_', '-')}", str(value)]
+    return shlex.join(words)
 
 
 def _trainings(benchmark: Benchmark, runs: Sequence[Training]) -> str:
@@ -176,7 +213,7 @@ def summary_json(benchmark: Benchmark, runs: Sequence[Training]) -> str:
         }
         for line in lines_of(runs)
     ]
-    settings = {name: getattr(benchmark, name) for name in ("seeds", "steps", "evaluation_steps", "maps")}
+    settings = {name: getattr(benchmark, name) for name in NUMBERS}
     return json.dumps({**settings, "lines": lines}, indent=1, allow_nan=False) + "\n"
 
 
@@ -186,14 +223,15 @@ PER_THOUSAND = ("collisions", "worst robot")
 MARKS = "osD^vP*Xhp"
 
 
-def learning_pictures(runs: Sequence[Training]) -> dict[str, bytes]:
+def learning_pictures(
+    runs: Sequence[Training], stem: str = "learn_bench", dots_per_inch: float = DOTS_PER_INCH
+) -> dict[str, bytes]:
     """Return the PNGs of a benchmark by file name: the results of each task, and the course of the trainings."""
     lines = lines_of(runs)
-    tasks = dict.fromkeys(run.task for run in runs)
-    pictures = {f"learn_bench_{task}.png": png(task_figure(task, lines)) for task in tasks}
+    figures = {task: task_figure(task, lines) for task in dict.fromkeys(run.task for run in runs)}
     if any(run.curve() for run in runs):
-        pictures["learn_curves.png"] = png(curve_figure(runs))
-    return pictures
+        figures["curves"] = curve_figure(runs)
+    return {f"{stem}_{name}.png": png(figure, dots_per_inch) for name, figure in figures.items()}
 
 
 def task_figure(task: str, lines: Sequence[Line]) -> Figure:

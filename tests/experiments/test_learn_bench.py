@@ -2,6 +2,8 @@
 
 import ast
 import json
+import re
+import shlex
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from mesa_swarm.experiments.driving import drive_measured, driven_world
 from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
 from mesa_swarm.experiments.gating import VALIDATION
 from mesa_swarm.experiments.learn_bench import Benchmark, Training, learn_bench
-from mesa_swarm.experiments.learn_report import lines_of, markdown, report_page, runs_csv, summary_json
+from mesa_swarm.experiments.learn_report import command_of, lines_of, markdown, report_page, runs_csv, summary_json
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.task_contestants import at_random, contestants_of, evolved_linear
 from mesa_swarm.learning import ReflexPolicy, SensorLayout, save_policy
@@ -202,7 +204,9 @@ def test_tables_hold_all_contestants_and_are_read_back(runs):
     text = markdown(brief(), runs)
     assert all(name in text for name in TWO)
     assert "On the test maps, 2 of them, still learning" in text
-    assert text in report_page(brief(), text)
+    page = report_page(brief(), runs, "page")
+    assert all(line in page for line in text.splitlines())
+    assert "mesa-swarm learn-bench --task avoid --only 'random;Q (b)' --seeds 2 --steps 40" in page
     rows = runs_csv(runs).splitlines()
     assert rows[0] == "task,contestant,seed,map,mode,measure,value"
     assert len(rows) == 1 + 2 * 3 * 4 * (1 + 2)
@@ -216,8 +220,29 @@ def test_the_command_writes_tables_pictures_and_a_page(tmp_path):
     assert done.exit_code == 0, done.output
     names = {path.name for path in tmp_path.iterdir()}
     tables = {"learn_bench.md", "learn_bench.csv", "learn_bench.json"}
-    assert names == tables | {"learn_bench_avoid.png", "learn_curves.png", "ledger.jsonl", "page.md"}
-    assert (tmp_path / "learn_bench.md").read_text() in (tmp_path / "page.md").read_text()
+    assert names == tables | {"learn_bench_avoid.png", "learn_bench_curves.png", "ledger.jsonl", "page.md", "pictures"}
+    page = (tmp_path / "page.md").read_text()
+    shown = re.findall(r"\]\((pictures/.*?)\)", page)
+    assert len(shown) == 2
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in shown)
+
+
+@pytest.mark.parametrize("name", ["page.txt", "folder.md"])
+def test_a_page_that_cannot_be_written_is_refused_before_the_first_training(tmp_path, monkeypatch, name):
+    (tmp_path / "folder.md").mkdir()
+    monkeypatch.setattr(bench, "learn_bench", None)
+    line = "learn-bench --task avoid --only random --seeds 1 --quiet --out"
+    done = CliRunner().invoke(app, [*line.split(), tmp_path / "out", "--report", tmp_path / name])
+    assert "report is" in str(done.exception)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_on_a_page_makes_the_same_benchmark(monkeypatch, tmp_path):
+    benchmark = brief((), seeds=30, tasks=("avoid", "foraging"), evaluation_steps=10)
+    made = []
+    monkeypatch.setattr(bench, "learn_bench", lambda benchmark, **more: made.append(benchmark) or [])
+    CliRunner().invoke(app, [*shlex.split(command_of(benchmark))[1:], "--out", tmp_path, "--quiet"])
+    assert made == [benchmark]
 
 
 def test_controllers_from_outside_are_measured_beside_the_rule_and_chance(tmp_path, outside):

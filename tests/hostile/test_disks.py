@@ -168,7 +168,7 @@ WRITERS = {
         ("learn_bench.csv", "learn_bench.json", "learn_bench.md", "learn_bench_avoid.png"),
         size=200_000,
         slow=True,
-        also="learn_curves.png",
+        also="learn_bench_curves.png",
     ),
     "reproduce": Writer(
         lambda _, out: [
