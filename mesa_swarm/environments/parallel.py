@@ -90,7 +90,7 @@ class ParallelSwarmEnv(ParallelEnv):
         """
         if seed is not None:
             self._generator = stream(check_seed(seed))
-        given = None if options == PROBE else options
+        given = None if isinstance(options, dict) and options == PROBE else options
         self.world, self.conditions = new_world(self.task, self.task.most_robots, self._generator, given)
         self.agents = self.possible_agents[: self.world.commanded]
         self._unknown = dict.fromkeys(self.world.measures(), 0.0)

@@ -12,7 +12,7 @@ from mesa_swarm.environments.spaces import action_space, observation_space
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import TASKS, Task
 from mesa_swarm.environments.variation import Options
-from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, check_seed, measures, new_world, stream
+from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, by_worlds, check_seed, measures, new_world, stream
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 
 need("gymnasium")
@@ -189,10 +189,7 @@ class RobotVectorEnv(VectorEnv):
         ended "final_obs", "final_info" with "measures" of the whole episode, and what `reset` returns of the new one.
         """
         shape = self.swarms.n_worlds, self.swarms.commanded
-        commands = np.asarray(actions)
-        if commands.shape[:1] == (self.num_envs,):
-            commands = commands.reshape(*shape, *commands.shape[1:])
-        observations, reward, terminated, truncated, found = self.swarms.step(commands)
+        observations, reward, terminated, truncated, found = self.swarms.step(by_worlds(actions, *shape))
         collided, ended = found["collided"].ravel(), terminated | truncated
         again = np.repeat(~ended, shape[1])
         infos = _masked({"collided": collided & again}, again) if again.any() else {}

@@ -10,8 +10,8 @@ from mesa_swarm.environments.camera import Display, checked_mode
 from mesa_swarm.environments.registration import need
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Options
-from mesa_swarm.environments.vector import Infos, VectorSwarmEnv
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, by_worlds
+from mesa_swarm.errors import InvalidValueError, SwarmError
 
 Indices = int | Iterable[int] | None
 
@@ -78,7 +78,7 @@ class SharedPolicyVecEnv:
         self._screen, self._mode = Display(render_mode), render_mode
         self._actions = np.empty(0)
         self._next: dict[str, Any] = {"seed": seed, "options": None}
-        count = n_worlds * self.swarms.commanded
+        count = self.swarms.n_worlds * self.swarms.commanded
         super().__init__(count, observation_space(task), action_space(task))  # type: ignore[call-arg]  # of VecEnv
 
     def seed(self, seed: int | Sequence[int] | None = None) -> list[int | None]:
@@ -88,20 +88,27 @@ class SharedPolicyVecEnv:
         return [each for each in seeds for _ in range(self.swarms.commanded)]
 
     def set_options(self, options: Options | Sequence[Options] | None = None) -> None:
-        """Give the next `reset` options, one dict for all worlds or one for each; see `VectorSwarmEnv.reset`."""
+        """Give the next `reset` options, one dict for all worlds or one for each; see `VectorSwarmEnv.reset`.
+
+        Option "n_robots" is at least the number of commanded robots.
+        """
         self._next["options"] = options
 
     def reset(self) -> np.ndarray:
         """Start an episode in every world and return the observations (environments, width)."""
-        observations = self.swarms.reset(**self._next)
-        self._next = {"seed": None, "options": None}
+        given, self._next = self._next, {"seed": None, "options": None}
+        observations = self.swarms.reset(**given)
+        if not self.swarms.present.all():
+            raise InvalidValueError(
+                f"option n_robots is {self.swarms.present.sum(axis=1).min()}; expected at least "
+                f"{self.swarms.commanded}, the commanded robots: Stable-Baselines3 has no mask for absent ones"
+            )
         self.reset_infos = self._conditions()
         return self._flat(observations)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Store the actions of the next step, one row an environment."""
-        commands = np.asarray(actions)
-        self._actions = commands.reshape(self.swarms.n_worlds, self.swarms.commanded, *commands.shape[1:])
+        self._actions = by_worlds(actions, self.swarms.n_worlds, self.swarms.commanded)
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
         """Take the step; return observations, rewards (float32), which environments have ended, and their infos."""
@@ -117,6 +124,8 @@ class SharedPolicyVecEnv:
 
     def get_images(self) -> list[np.ndarray | None]:
         """Return a picture of each world."""
+        if not self.swarms.worlds:
+            raise SwarmError("the environment has no episode yet; call reset() before render()")
         return [self._screen.render(world) for world in self.swarms.worlds]
 
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mesa_swarm.environments.actions import checked_clip, shares
 from mesa_swarm.environments.scores import TeamEncoder
@@ -246,6 +247,20 @@ def new_world(
     world.imperfections = variation.imperfections.at(conditions.imperfection)
     world.sense()
     return world, conditions
+
+
+def by_worlds(actions: ArrayLike, n_worlds: int, commanded: int) -> np.ndarray:
+    """Return actions of a flat vector, one row an environment, as those of each world, shape (worlds, robots, ...)."""
+    try:
+        rows = np.asarray(actions)
+    except ValueError:  # rows of different lengths
+        raise InvalidValueError(f"actions are {shortened(actions)}; expected an array") from None
+    count = n_worlds * commanded
+    if rows.shape[:1] != (count,):
+        raise InvalidValueError(
+            f"actions have shape {rows.shape}; expected {count} rows, one for each robot of the {n_worlds} worlds"
+        )
+    return rows.reshape(n_worlds, commanded, *rows.shape[1:])
 
 
 def measures(world: TaskWorld) -> dict[str, float]:

@@ -200,5 +200,9 @@ def test_wrong_use_is_refused_in_words():
     with pytest.raises(SwarmError, match=r"call reset\(\) before render\(\)$"):
         vector.render()
     vector.reset()
-    with pytest.raises(InvalidValueError, match=r"^actions have shape \(5, 2\); expected \(2, 3, 2\)"):
+    with pytest.raises(
+        InvalidValueError, match=r"^actions have shape \(5, 2\); expected 6 rows, one for each robot of the 2"
+    ):
         vector.step(np.zeros((5, 2)))
+    with pytest.raises(InvalidValueError, match=r"^actions are \[\[1, 1\], \[1\]\]; expected an array$"):
+        vector.step([[1, 1], [1]])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.environments import CollisionAvoidance, FindFires, Variation, VectorSwarmEnv, collision_avoidance_v0
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 
 pytestmark = pytest.mark.slow
 SMALL = CollisionAvoidance(n_robots=3, max_steps=20)
@@ -58,6 +58,35 @@ def test_seeds_and_options_are_those_of_the_next_reset():
     assert np.array_equal(env.reset().reshape(2, 3, 9), twin.reset())
     env.seed(7)
     assert np.array_equal(env.reset().reshape(2, 3, 9), twin.reset(seed=7))
+
+
+def test_options_that_were_refused_are_not_those_of_the_reset_after():
+    env = vec_env()
+    env.set_options({"noise": 1})
+    with pytest.raises(UnknownNameError, match=r"^unknown option 'noise'"):
+        env.reset()
+    assert env.reset().shape == (6, 9)
+
+
+def test_fewer_robots_than_are_commanded_are_refused_as_an_option():
+    env = vec_env()
+    env.set_options([{"n_robots": 3}, {"n_robots": 2}])
+    with pytest.raises(InvalidValueError, match=r"^option n_robots is 2; expected at least 3, the commanded robots"):
+        env.reset()
+    few = vec_env(commanded=2)
+    few.set_options({"n_robots": 2})
+    assert few.reset().shape == (4, 9)
+
+
+def test_wrong_use_of_the_vec_env_is_refused_in_words():
+    env = vec_env(n_worlds=2.0, render_mode="rgb_array")
+    assert env.num_envs == 6
+    with pytest.raises(SwarmError, match=r"call reset\(\) before render\(\)$"):
+        env.render()
+    env.reset()
+    for wrong, shape in ((np.ones((5, 2)), r"\(5, 2\)"), (None, r"\(\)")):
+        with pytest.raises(InvalidValueError, match=rf"^actions have shape {shape}; expected 6 rows, one for each"):
+            env.step(wrong)
 
 
 def test_attributes_and_pictures_are_what_stable_baselines_asks_for():

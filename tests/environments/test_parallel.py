@@ -270,3 +270,5 @@ def test_options_that_are_unknown_or_out_of_range_are_refused():
         InvalidValueError, match=r"^option n_robots is 4; expected a whole number at least 1 and at most 3$"
     ):
         env.reset(options={"n_robots": 4})
+    with pytest.raises(InvalidValueError, match=r"^options is .*; expected a dict such as"):
+        env.reset(options=np.ones(3))
