@@ -50,7 +50,9 @@ def export(
 
     check_choice("format", to, FORMATS)
     check_choice("number", number, NUMBERS)
-    stem = name_in_c(file.stem) if name is None else name
+    stem = name_in_c(file.stem) if name is None else _checked_stem(name, to)
+    if file.suffix == ".txt" and copy is not None:
+        raise InvalidValueError(f"copy is {copy}; a state machine has no sets of weights; leave --copy out")
     targets = [check_writable(out) / f"{stem}{ending}" for ending in ((".c", ".h") if to == "c" else (".onnx",))]
     for target in targets:
         if target.exists() and not force:
@@ -69,14 +71,27 @@ def export(
     print("\n".join(map(str, targets)))
 
 
+def _checked_stem(name: str, to: str) -> str:
+    """Return the name of the files, which are written to their folder and to no other."""
+    from mesa_swarm.learning.c_source import checked_name
+
+    if to == "c":
+        return checked_name(name)
+    if not name.isprintable() or Path(f"{name}.onnx").name != f"{name}.onnx" or not name:
+        raise InvalidValueError(f"the name is {shortened(name)}; expected that of a file, without a folder")
+    return name
+
+
 def machine_in(file: Path) -> "StateMachine":
     """Return the state machine that a file describes."""
     from mesa_swarm.control.state_machine import StateMachine
 
     try:
+        if file.exists() and not file.is_file():  # a pipe would be waited for
+            raise OSError
         if file.stat().st_size > LARGEST_TEXT:
             raise LearningError(f"{shown_path(file)} has more than {LARGEST_TEXT:,} bytes; expected a state machine")
-        return StateMachine.read(file.read_text(encoding="utf-8"))
+        return StateMachine.read(file.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise LearningError(f"there is no file {shown_path(file)}; write machine.text() to one") from None
     except (OSError, UnicodeDecodeError):

@@ -48,6 +48,11 @@ class Condition:
     code: ClassVar[int] = OWN
     probability: float = 1.0
 
+    def __init_subclass__(cls) -> None:
+        """Let a class act by chances of its own, also one that inherits from a condition of the package."""
+        if "chances" in vars(cls):
+            cls.code = OWN
+
     def __post_init__(self) -> None:
         """Check the probability."""
         check_number(f"{type(self).__name__}'s probability", self.probability, minimum=0, maximum=1)

@@ -2,7 +2,9 @@
 
 import ast
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from typing import Any
@@ -43,6 +45,10 @@ _TOWARDS = (Approach, Follow, Gather, HeadOn, Lead, Perimeter, Push, Respond, Re
 _LAYERS = (*_TOWARDS, Align, Avoid, Cohere, Cruise, Explore, Halt, MatchVelocity, Separate)
 # What a text may name.
 PARTS: dict[str, type] = {part.__name__: part for part in (*_LAYERS, *CONDITIONS)}
+# Characters of "line 1234: ", which errors begin with.
+LINE = 12
+# What reading an expression raises if it is not the literal of a value.
+UNREADABLE = (SyntaxError, TypeError, ValueError, RecursionError, MemoryError)
 ARROW = re.compile(r"(.+?)\s*->\s*(.+)")
 
 
@@ -79,6 +85,10 @@ class Transition:
         if not isinstance(self.condition, Condition):
             raise InvalidValueError(
                 f"condition is {shortened(self.condition)}; expected one such as Chance(probability=0.1)"
+            )
+        if self.condition.code == OWN and type(self.condition).chances is Condition.chances:
+            raise InvalidValueError(
+                f"condition {shortened(self.condition)} has no method chances; use one such as Chance, or define it"
             )
 
 
@@ -264,7 +274,8 @@ class StateMachine(Arbiter):
         Raises
         ------
         InvalidValueError
-            If a layer or condition is not a dataclass, such as a rule made with `behaviour`.
+            If a layer or condition is not a dataclass, such as a rule made with `behaviour`, or has values that a text
+            cannot hold.
         """
         states = [f"{name}: {', '.join(map(_part_as_text, layers))}" for name, layers in self.states.items()]
         changes = [f"{one.source} -> {one.target}: {_part_as_text(one.condition)}" for one in self.transitions]
@@ -300,9 +311,9 @@ class StateMachine(Arbiter):
         """
         if not isinstance(text, str) or len(text) > LONGEST_TEXT:
             raise InvalidValueError(f"text is {shortened(text)}; expected up to {LONGEST_TEXT:,} characters")
-        known = {**PARTS, **{part.__name__: part for part in parts}}
+        known = {**PARTS, **_checked_parts(parts)}
         states: dict[str, tuple] = {}
-        transitions = []
+        transitions: list[tuple[int, Transition]] = []
         for number, line in enumerate(text.splitlines(), 1):
             if not line.strip() or line.lstrip().startswith("#"):
                 continue
@@ -310,12 +321,17 @@ class StateMachine(Arbiter):
             arrow = ARROW.fullmatch(head)
             if arrow:
                 make = partial(Transition, source=arrow[1], target=arrow[2])
-                transitions += [_at_line(number, partial(make, condition=part)) for part in made]
+                transitions += [(number, _at_line(number, partial(make, condition=part))) for part in made]
             elif head in states:
                 raise InvalidValueError(f"line {number}: the state {shortened(head)} is there twice; rename one")
             else:
-                states[_at_line(number, partial(_checked_state, head))] = made
-        return cls(states, transitions)
+                name = _at_line(number, partial(_checked_state, head))
+                states[name] = _at_line(number, partial(_without_conditions, made))
+        if not states:
+            raise InvalidValueError("text has no state; expected a line such as search: Avoid(), Explore()")
+        for number, one in transitions:
+            _at_line(number, partial(_check_ends, one, states))
+        return cls(states, [one for _, one in transitions])
 
 
 def _checked_state(name: object) -> str:
@@ -340,12 +356,17 @@ def _checked_transitions(transitions: Any, names: Sequence[str]) -> tuple[Transi
     for one in found:
         if not isinstance(one, Transition):
             raise InvalidValueError(f"transitions has {shortened(one)}; expected Transition(...)")
-        for name in (one.source, one.target):
-            if name not in names:
-                raise UnknownNameError(unknown_name("state", name, names))
+        _check_ends(one, names)
     if len(found) > MOST_TRANSITIONS:
         raise InvalidValueError(f"the machine has {len(found):,} transitions; expected at most {MOST_TRANSITIONS:,}")
     return found
+
+
+def _check_ends(transition: Transition, names: Collection[str]) -> None:
+    """Check that a transition is from and to states of a machine."""
+    for name in (transition.source, transition.target):
+        if name not in names:
+            raise UnknownNameError(unknown_name("state", name, names, beside=LINE))
 
 
 def _part_as_text(part: Any) -> str:
@@ -354,9 +375,28 @@ def _part_as_text(part: Any) -> str:
         raise InvalidValueError(
             f"{type(part).__name__} {getattr(part, 'name', '')} is not a dataclass, and has no text; use a layer class"
         )
-    values = [(field, getattr(part, field.name)) for field in fields(part) if field.init]
-    shown = (f"{field.name}={value!r}" for field, value in values if not _is_same(value, field.default))
-    return f"{type(part).__name__}({', '.join(shown)})"
+    kind = type(part).__name__
+    values = [(field, _plain(getattr(part, field.name))) for field in fields(part) if field.init]
+    shown = (_as_keyword(kind, field.name, value) for field, value in values if not _is_same(value, field.default))
+    return f"{kind}({', '.join(shown)})"
+
+
+def _plain(value: Any) -> Any:
+    """Return a number of NumPy as one of Python, anything else as it is."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _as_keyword(kind: str, name: str, value: Any) -> str:
+    """Return a value as a keyword that `_value` reads as this value."""
+    text = repr(value)
+    with suppress(*UNREADABLE):
+        if ast.literal_eval(text) == value:
+            return f"{name}={text}"
+    raise _not_plain(kind, name, shortened(value))
+
+
+def _not_plain(kind: str, name: str, text: str) -> InvalidValueError:
+    return InvalidValueError(f"{kind}'s {name} is {text}; expected a number, text, True, False or None")
 
 
 def _is_same(value: object, default: object) -> bool:
@@ -367,10 +407,10 @@ def _is_same(value: object, default: object) -> bool:
 def _read_line(number: int, line: str, known: Mapping[str, type]) -> tuple[str, tuple]:
     """Return what stands before the colon of a line, and the parts that stand after it."""
     head, colon, body = line.partition(":")
-    try:
+    tree = None
+    with suppress(*UNREADABLE), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about texts such as "\\d", which the user did not write as Python
         tree = ast.parse(f"({body.strip()},)", mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        tree = None
     calls = tree.elts if colon and isinstance(tree, ast.Tuple) else []
     if not calls or not all(map(_is_plain_call, calls)):
         raise InvalidValueError(
@@ -388,8 +428,49 @@ def _is_plain_call(call: ast.AST) -> bool:
 def _made(call: Any, known: Mapping[str, type]) -> Any:
     name = call.func.id
     if name not in known:
-        raise UnknownNameError(unknown_name("layer or condition", name, known))
-    return known[name](**{keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords})
+        raise UnknownNameError(unknown_name("layer or condition", name, known, beside=LINE))
+    part, given = known[name], [keyword.arg for keyword in call.keywords]
+    twice = next((one for one in given if given.count(one) > 1), None)
+    if twice:
+        raise InvalidValueError(f"{name} has two values for {shortened(twice)[1:-1]}; remove one")
+    taken = [field.name for field in fields(part) if field.init]  # type: ignore[arg-type]
+    for one in given:
+        if one not in taken:
+            raise UnknownNameError(unknown_name(f"parameter of {name}", one, taken, beside=LINE))
+    return part(**{keyword.arg: _value(name, keyword) for keyword in call.keywords})
+
+
+def _value(kind: str, keyword: Any) -> Any:
+    """Return the value of a keyword of a layer or condition."""
+    with suppress(*UNREADABLE):
+        return ast.literal_eval(keyword.value)
+    raise _not_plain(kind, keyword.arg, _source(keyword.value))
+
+
+def _source(tree: ast.AST) -> str:
+    """Return the source of an expression, a long one without its end."""
+    text = "too deep"
+    with suppress(RecursionError):
+        text = " ".join(ast.unparse(tree).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _checked_parts(parts: Any) -> dict[str, type]:
+    """Return other layers and conditions by their names."""
+    given = list(parts) if isinstance(parts, Iterable) else [parts]
+    if not all(isinstance(part, type) and is_dataclass(part) for part in given):
+        raise InvalidValueError(
+            f"parts is {shortened(parts)}; expected classes of layers and conditions, as dataclasses"
+        )
+    return {part.__name__: part for part in given}
+
+
+def _without_conditions(layers: tuple) -> tuple:
+    """Return the layers of a state, none of which may be a condition."""
+    for part in layers:
+        if isinstance(part, Condition):
+            raise InvalidValueError(f"a state has {shortened(part)}; expected layers such as Avoid()")
+    return layers
 
 
 def _at_line(number: int, make: Any) -> Any:

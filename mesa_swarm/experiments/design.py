@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import partial
 
 import numpy as np
@@ -343,8 +343,11 @@ def checked_mission(mission: object) -> Mission:
 
 def settings_of_mission(mission: Mission, worlds: Sequence[Map]) -> dict:
     """Return all that decides a score, as texts and numbers."""
+    # A custom mission has a score of its own, which may depend on parameters of its own.
+    more = [f"{one.name}={shown_value(getattr(mission, one.name))}" for one in fields(mission)[len(fields(Mission)) :]]
+    custom = [] if type(mission) is Mission else [f"{type(mission).__module__}.{type(mission).__qualname__}", *more]
     return {
-        "mission": mission.name,
+        "mission": " ".join([mission.name, *custom]),
         "robots": mission.robots,
         "steps": mission.steps,
         "design": repr(mission.design),

@@ -29,7 +29,7 @@ from mesa_swarm.experiments.pool import checked_jobs, on_all
 from mesa_swarm.experiments.reality_gap import DIAL, checked_dial
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean
 from mesa_swarm.experiments.tables import aligned, csv_text, with_limits
-from mesa_swarm.files import check_writable, write_whole
+from mesa_swarm.files import check_writable, shown_path, write_whole
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.imperfections import PRESETS
@@ -194,7 +194,7 @@ def design_gap(
         Processes, -1 for one on each core.
     out : path, optional
         Folder in which each controller and its scores are stored when they are done; a call with the same settings
-        continues from there.
+        continues from there; one with other settings is refused.
     progress : bool
 
     Raises
@@ -297,14 +297,20 @@ def _file_of(task: tuple[str, int]) -> str:
 
 
 def _stored(folder: Path | None, task: tuple[str, int], settings: dict) -> dict | None:
-    """Return the stored result of a task with these settings, None if there is none."""
+    """Return the stored result of a task, None if there is none; one with other settings is never replaced."""
     if folder is None:
         return None
-    with suppress(OSError, ValueError):
-        stored = json.loads((folder / _file_of(task)).read_text(encoding="utf-8"))
-        if stored.get("format") == FORMAT and stored.get("settings") == settings:
-            return stored
-    return None
+    file, stored = folder / _file_of(task), None
+    with suppress(OSError, ValueError, RecursionError):
+        stored = json.loads(file.read_text(encoding="utf-8"))
+    if not isinstance(stored, dict) or stored.get("format") != FORMAT or not isinstance(stored.get("settings"), dict):
+        return None
+    changed = sorted(name for name, now in settings.items() if stored["settings"].get(name) != now)
+    if changed:
+        raise LearningError(
+            f"{shown_path(file)} is of controllers with other {', '.join(changed)}; use its settings or another folder"
+        )
+    return stored
 
 
 def design_gap_figure(gap: DesignGap) -> Figure:

@@ -55,7 +55,7 @@ def export_machine(
     Raises
     ------
     InvalidValueError, UnknownNameError
-        If the machine has another layer or condition, or an option is not a valid one.
+        If the machine has another layer or condition, the design another drive, or an option is not a valid one.
     LearningError
         If the design has no proximity sensors or cannot move.
 
@@ -92,6 +92,10 @@ def machine_source(
     sensors = SensorLayout.of(design)
     if not len(sensors) or not design.max_speed > 0:
         raise LearningError(f"design {design.name} has no proximity sensors, or cannot move; use another")
+    if design.numbers != 2 or design.turns is False:
+        raise InvalidValueError(
+            f"robots of the design {design.name} do not take the speeds of two wheels; use one with DifferentialDrive()"
+        )
     return Program(machine, design, Writer(name, number)).files()
 
 
@@ -125,7 +129,7 @@ class Program:
             "states": "".join(states),
             "constants": self._constants(),
             "sensor_rows": sensor_rows(SensorLayout.of(self.design)),
-            "text": "\n".join(f" *   {line}" for line in self.machine.text().replace("*/", "* /").splitlines()),
+            "text": "\n".join(f" *   {line}" for line in _in_comment(self.machine.text()).splitlines()),
             "names": ",\n".join(f"    {name.upper()}_STATE_{one}" for one in _in_c(self.machine.state_names)),
             "a_turn": writer.literal(self.design.radius / self.design.max_speed),
             "includes": writer.filled(INCLUDES),
@@ -272,10 +276,23 @@ class Program:
         return self._call("follow", "readings", "kinds", critical, gap, *speeds, "wheels")
 
 
+def _in_comment(text: str) -> str:
+    """Return a text in which no comment ends or begins."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
+
 def _in_c(names: tuple[str, ...]) -> list[str]:
-    """Return names of states as parts of names in C, with their numbers where two would be equal."""
+    """Return names of states as parts of names in C, with numbers where two would be equal."""
     plain = [re.sub(r"[^A-Z0-9]", "_", name.upper()) for name in names]
-    return [f"{one}_{k}" if plain.count(one) > 1 else one for k, one in enumerate(plain)]
+    found: list[str] = []
+    for k, one in enumerate(plain):
+        several = plain.count(one) > 1
+        name, number = f"{one}_{k}" if several else one, k
+        while name in found or (several and name in plain):
+            number += len(names)
+            name, several = f"{one}_{number}", True
+        found.append(name)
+    return found
 
 
 HEADER = """\

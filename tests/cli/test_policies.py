@@ -1,5 +1,7 @@
 """policy export: which files it writes, and what it refuses."""
 
+import os
+
 import pytest
 
 from mesa_swarm import AGENT6
@@ -38,6 +40,9 @@ def test_files_are_replaced_by_force_only(typed, file):
         ("--number half", "unknown number 'half'; known: double, float"),
         ("--copy 2", "copy is 2; expected a whole number at least 0 and at most 1"),
         ("--name Robot", "the name is 'Robot'"),
+        ("--name ../robot", "the name is '../robot'"),
+        ("--name=", "the name is ''"),
+        ("--to onnx --name ../robot", "the name is '../robot'; expected that of a file, without a folder"),
     ],
 )
 def test_wrong_options_are_one_line_and_leave_no_file(typed, file, tmp_path, options, line):
@@ -68,6 +73,7 @@ def test_a_state_machine_becomes_a_source_file_for_robots_of_a_design(typed, tmp
         ("go: Explore()", "--to onnx", "a state machine is exported to c only"),
         ("go: Explore()", "--design AGENT7", "unknown design 'AGENT7'"),
         ("go: Explore()", "--design math:pi", "math:pi is 3.14"),
+        ("go: Explore()", "--copy 1", "copy is 1; a state machine has no sets of weights"),
         ("go to sleep", "", "line 1 is 'go to sleep'"),
         ("\xff", "", "expected"),
     ],
@@ -78,6 +84,17 @@ def test_wrong_state_machines_are_one_line(typed, tmp_path, text, options, line)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert line in err
     assert [path.name for path in tmp_path.iterdir()] == ["rule.txt"]
+
+
+def test_a_text_of_an_editor_that_marks_its_encoding_is_read(typed, tmp_path):
+    (tmp_path / "rule.txt").write_text("go: Explore()", encoding="utf-8-sig")
+    assert typed("policy export rule.txt")[0] == 0
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no such pipes")
+def test_a_pipe_is_not_waited_for(typed, tmp_path):
+    os.mkfifo(tmp_path / "rule.txt")
+    assert "rule.txt cannot be read; expected the text of a state machine" in typed("policy export rule.txt")[2]
 
 
 def test_a_missing_machine_is_one_line(typed):

@@ -289,6 +289,65 @@ def test_a_custom_condition_is_refused_unless_it_returns_probabilities():
         model.step()
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SeenAtNight(Seen):
+    """Robots that see something, by a probability of its own."""
+
+    def chances(self, senses):
+        return np.ones(len(senses.design))
+
+
+def test_a_condition_that_inherits_from_one_of_the_package_acts_by_its_own_chances():
+    model = gathering()
+    own = [Transition(source="a", target="b", condition=SeenAtNight(kind="fire"))]
+    model.control = StateMachine({"a": Halt(), "b": Halt()}, own)
+    model.step()
+    assert (model.control.now == 1).all()
+    assert Seen(kind="fire").code != SeenAtNight.code
+
+
+def test_a_condition_without_chances_is_refused_where_it_is_used():
+    with pytest.raises(InvalidValueError, match=r"Condition\(probability=1.0\) has no method chances"):
+        Transition(source="a", target="b", condition=Condition())
+
+
+def test_numbers_of_numpy_are_plain_numbers_in_the_text():
+    machine = StateMachine(
+        {"a": Avoid(distance=np.float64(3.5)), "b": Halt()},
+        [Transition(source="a", target="b", condition=RobotsSeen(number=np.float32(2.5), fewer=np.bool_(True)))],
+    )
+    assert machine.text() == "a: Avoid(distance=3.5)\nb: Halt()\na -> b: RobotsSeen(number=2.5, fewer=True)\n"
+    assert StateMachine.read(machine.text()) == machine
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Listed(Condition):
+    """A condition with a value that no text can hold."""
+
+    numbers: object = None
+
+    def chances(self, senses):
+        return np.ones(len(senses.design))
+
+
+@pytest.mark.parametrize("value", [math.inf, object(), Halt()])
+def test_a_value_that_cannot_be_read_back_has_no_text(value):
+    own = [Transition(source="a", target="a", condition=Listed(numbers=value))]
+    with pytest.raises(InvalidValueError, match=r"Listed's numbers is .*; expected a number, text, True"):
+        StateMachine({"a": Halt()}, own).text()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_text_with_doubtful_escapes_is_read_without_a_warning():
+    assert StateMachine.read("a: Halt(name='\\d')").layers[0].name == "\\d"
+
+
+@pytest.mark.parametrize("parts", [3, [3], [dict], ["Halt"]])
+def test_parts_that_are_no_classes_of_layers_or_conditions_are_refused(parts):
+    with pytest.raises(InvalidValueError, match=r"parts .*; expected classes of layers and conditions"):
+        StateMachine.read("a: Halt()", parts=parts)
+
+
 def test_layers_of_other_rooms_are_read_when_they_are_given():
     text = "fight: FightFire(), Explore()\n"
     with pytest.raises(UnknownNameError, match="line 1: unknown layer or condition 'FightFire'"):
@@ -303,14 +362,19 @@ def test_layers_of_other_rooms_are_read_when_they_are_given():
         ("a: Halt(1)", "line 2 is"),
         ("a: Halt(**{})", "line 2 is"),
         ("a: print()", "line 2: unknown layer or condition 'print'"),
-        ("a: Halt(name=open('x'))", "line 2: "),
+        ("a: Halt(name=open('x'))", r"line 2: Halt's name is open\('x'\); expected a number, text, True"),
+        ("a: Avoid(distance=nan)", "line 2: Avoid's distance is nan; expected a number, text, True"),
+        ("a: Avoid(front={[]: 1})", "line 2: Avoid's front is .*; expected a number, text, True"),
+        ("a: Halt(name='b', name='c')", "line 2: Halt has two values for name; remove one"),
+        ("a: Chance()", r"line 2: a state has Chance\(.*; expected layers such as Avoid"),
         ("a: Avoid(distance=-1)", "line 2: Avoid's distance is -1"),
-        ("a: Avoid(speed=1)", "line 2: .*unexpected keyword"),
+        ("a: Avoid(speed=1)", "line 2: unknown parameter of Avoid 'speed'; .*known: distance"),
         ("a", "line 2 is 'a'"),
         ("a+b: Halt()", "line 2: name of a state is 'a\\+b'"),
         ("first: Halt()", "line 2: the state 'first' is there twice"),
         ("first -> first: Halt()", r"line 2: condition is Halt\(.*expected one such as Chance"),
-        ("first -> second: Chance()", "unknown state 'second'"),
+        ("first -> second: Chance()", "line 2: unknown state 'second'"),
+        ("second -> first: Chance()", "line 2: unknown state 'second'"),
     ],
 )
 def test_what_is_not_a_machine_is_refused_by_one_line(line, message):
@@ -318,6 +382,12 @@ def test_what_is_not_a_machine_is_refused_by_one_line(line, message):
         StateMachine.read(f"first: Halt()\n{line}\n")
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) <= 300
+
+
+@pytest.mark.parametrize("text", ["", "# nothing\n"])
+def test_a_text_without_a_state_is_refused(text):
+    with pytest.raises(InvalidValueError, match="text has no state; expected a line such as"):
+        StateMachine.read(text)
 
 
 def test_parts_that_are_none_are_refused():

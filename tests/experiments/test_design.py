@@ -195,6 +195,33 @@ def test_an_interrupted_gap_goes_on_from_the_controllers_that_are_stored(tmp_pat
     assert again.scores["evolved network"] == whole.scores["evolved network"]
 
 
+def test_a_gap_with_other_settings_is_refused_and_keeps_what_is_stored(tmp_path):
+    given = {"budget": Budget(generations=1, **SMALL), "designs": 2, "seeds": 1, "dial": (0, 1), "out": tmp_path}
+    design_gap(BRIEF, **given)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    with pytest.raises(LearningError, match=r"with other seeds, steps; use its settings or another folder"):
+        design_gap(replace(BRIEF, steps=21), **{**given, "seeds": 2})
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Weighed(Mission):
+    """A mission of a user's, with a parameter of its own."""
+
+    weight: float = 1.0
+
+    def score(self, control, world, rng, imperfections=None):
+        return self.weight
+
+
+def test_a_design_is_not_continued_for_a_mission_with_another_score(tmp_path):
+    brief = {"generations": 1, "file": tmp_path / "search.json", **SMALL}
+    design_machine(Weighed(robots=3, steps=20), **brief)
+    for other in (BRIEF, Weighed(robots=3, steps=20, weight=2.0)):
+        with pytest.raises(LearningError, match="with other mission"):
+            design_machine(other, **brief)
+
+
 def test_a_drawing_has_a_disc_for_each_state_and_the_conditions_of_each_pair_on_one_arrow():
     machine = StateMachine(
         {"a": Halt(), "b": Halt(), "c": Halt()},

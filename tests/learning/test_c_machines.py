@@ -1,6 +1,7 @@
 """Exported state machines: compiled without a warning, the same states and wheels as in Python for the same chances."""
 
 import ctypes
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 
 from mesa_swarm import AGENT3, AGENT9, LineSensor, RadiationSensor, RobotDesign
 from mesa_swarm.control import Avoid, Cohere, Condition, Explore, Halt, Senses, StateMachine, Transition
-from mesa_swarm.errors import LearningError, SwarmError
+from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning.c_machines import export_machine, machine_source
+from mesa_swarm.robots.drive import HolonomicDrive, OmniDrive
 from support.c_code import compiled_machine, needs_cc, place
 from support.scenes import empty
 
@@ -137,6 +139,24 @@ def test_names_that_are_equal_in_c_get_numbers_and_no_comment_ends_early():
     files = machine_source(machine, AGENT3, "robot")
     assert "ROBOT_STATE_GO_ON_0,\n    ROBOT_STATE_GO_ON_1\n" in files["robot.h"]
     assert "*/ int x" not in files["robot.h"] + files["robot.c"]
+
+
+def test_equal_names_with_numbers_do_not_become_equal_to_another_one():
+    machine = StateMachine({"go on": Halt(), "go-on": Halt(), "go on 0": Halt()})
+    names = re.findall(r"ROBOT_STATE_\w+", machine_source(machine, AGENT3, "robot")["robot.h"])
+    assert len(names) == len(set(names)) == 3
+
+
+def test_no_comment_begins_within_a_comment():
+    files = machine_source(StateMachine({"a": Halt(name="/* x")}), AGENT3, "robot")
+    assert all(line.count("/*") == 0 for line in files["robot.h"].splitlines() if line.startswith(" *"))
+
+
+@pytest.mark.parametrize("drive", [OmniDrive(), HolonomicDrive()])
+def test_a_design_that_the_layers_cannot_drive_is_refused(drive):
+    design = replace(AGENT9, name="other", drive=drive)
+    with pytest.raises(InvalidValueError, match="robots of the design other do not take the speeds of two wheels"):
+        machine_source(StateMachine({"a": Halt()}), design, "robot")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
