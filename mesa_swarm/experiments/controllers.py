@@ -31,7 +31,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.files import shown_path
 from mesa_swarm.gallery import is_address, object_at
-from mesa_swarm.learning.actions import described
+from mesa_swarm.learning.actions import ACTIONS, described
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
 from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
@@ -85,20 +85,24 @@ class Controller:
         if (self.control is None) == (self.make is None):
             raise InvalidValueError(f"controller {self.name}: expected either a control or a make")
 
-    def actor(self, actions: str | int) -> Act:
+    def actor(self, actions: str | int, numbers: int = 2) -> Act:
         """Return a function of observations for one world.
 
         Parameters
         ----------
         actions : "continuous", 4 or 8
             Of the task, ``task.actions``.
+        numbers : int
+            How many numbers a continuous action of the task has, ``task.numbers``.
 
         Returns
         -------
         callable
-            Takes observations, float32 (n, width), and returns actions: numbers (n, k) from -1 to 1, larger ones cut
-            off, or, where they are numbered, whole numbers (n,). It raises `BehaviourError` if the controller fails or
-            returns anything else, and `InvalidValueError` if it takes another number of observations.
+            Takes observations, float32 (n, width), and returns actions: numbers (n, `numbers`) from -1 to 1, larger
+            ones cut off, or, where they are numbered, whole numbers (n,). Where a continuous action is two wheel
+            speeds, a controller may return whole numbers (n,) from 0 to 7 as well, those of the thesis's actions
+            (8.1). It raises `BehaviourError` if the controller fails or returns anything else, and `InvalidValueError`
+            if it takes another number of observations.
 
         Raises
         ------
@@ -107,10 +111,7 @@ class Controller:
         """
         if self.make is None:
             raise InvalidValueError(f"{self.name} has no function of observations; drive robots by its control")
-        act, wants = (
-            self.make(),
-            "numbers (n, 2)" if isinstance(actions, str) else f"whole numbers (n,), {actions} kinds",
-        )
+        act = self.make()
 
         def checked(observations: np.ndarray) -> np.ndarray:
             width = observations.shape[1]
@@ -123,14 +124,14 @@ class Controller:
                 returned = act(observations)
             except SwarmError:
                 raise
-            except Exception as error:  # foreign code may raise anything
+            except (Exception, SystemExit) as error:  # foreign code may raise anything
                 raise BehaviourError(without_middle(f"{self.name} failed: {in_words(error)}")) from error
-            found = _actions_of(returned, len(observations), isinstance(actions, str))
+            found = _actions_of(returned, len(observations), actions, numbers)
             if found is None:
                 raise BehaviourError(
                     without_middle(
-                        f"{self.name} returned {described(returned)} for {len(observations)} robots; expected finite "
-                        f"{wants}"
+                        f"{self.name} returned {described(returned)} for {len(observations)} robots; expected "
+                        f"{_wanted(actions, numbers)}"
                     )
                 )
             return found
@@ -142,21 +143,33 @@ def played(controller: Controller | Arbiter, task: Task, rng: Seed) -> dict[str,
     """Drive all robots of a task's world by a controller for an episode; return what `TaskWorld.play` returns."""
     driver = Controller(name="control", control=controller) if isinstance(controller, Arbiter) else controller
     if driver.control is None:
-        return TaskWorld(task=task, rng=rng).play(driver.actor(task.actions))
+        return TaskWorld(task=task, rng=rng).play(driver.actor(task.actions, task.numbers))
     return TaskWorld(task=task, rng=rng, control=driver.control).play()
 
 
-def _actions_of(returned: object, robots: int, are_continuous: bool) -> np.ndarray | None:
+def _wanted(actions: str | int, numbers: int) -> str:
+    """Return in words what a controller has to return."""
+    if not isinstance(actions, str):
+        return f"whole numbers (n,) from 0 to {actions - 1}"
+    return f"finite numbers (n, {numbers})" + (f", or whole numbers (n,) from 0 to {len(ACTIONS) - 1}" * (numbers == 2))
+
+
+def _actions_of(returned: object, robots: int, actions: str | int, numbers: int) -> np.ndarray | None:
     """Return actions as an array for this number of robots, None if they are anything else."""
     try:
         array = np.asarray(returned)
     except ValueError:  # rows of different lengths
         return None
-    if array.dtype.kind not in "iuf" or len(array.shape) != 1 + are_continuous or len(array) != robots:
-        return None
-    if not np.isfinite(array).all() or (array.dtype.kind == "f" and not are_continuous):
-        return None
-    return np.clip(array.astype(np.float64), -1.0, 1.0) if are_continuous else array
+    if isinstance(actions, str):
+        if array.dtype.kind in "iuf" and array.shape == (robots, numbers) and np.isfinite(array).all():
+            return np.clip(array.astype(np.float64), -1.0, 1.0)
+        return ACTIONS[array] if numbers == 2 and _are_numbered(array, robots, len(ACTIONS)) else None
+    return array if _are_numbered(array, robots, actions) else None
+
+
+def _are_numbered(array: np.ndarray, robots: int, count: int) -> bool:
+    """Return whether an array has the number of an action, 0 to `count` - 1, for each robot."""
+    return array.dtype.kind in "iu" and array.shape == (robots,) and bool(((array >= 0) & (array < count)).all())
 
 
 def load_controller(spec: str | os.PathLike[str], *, greedy: bool = False) -> Controller:
@@ -311,7 +324,7 @@ def _made(address: str, kind: type) -> Act:
     """Return the function of a new object of a class."""
     try:
         made: Any = kind()
-    except Exception as error:  # foreign code may raise anything
+    except (Exception, SystemExit) as error:  # foreign code may raise anything
         raise BehaviourError(without_middle(f"{address} cannot be made: {in_words(error)}")) from error
     act = getattr(made, "act", made)
     if not callable(act):

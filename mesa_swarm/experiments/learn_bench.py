@@ -222,9 +222,10 @@ def prepared(benchmark: Benchmark, task: str, name: str, seed: int) -> Trained:
 
 
 def _checked_texts(name: str, texts: object) -> tuple[str, ...]:
+    """Return texts, each once: of a contestant that takes part twice, intervals would be too narrow."""
     if not isinstance(texts, list | tuple) or not all(isinstance(text, str) for text in texts):
         raise InvalidValueError(f"{name} is {shortened(texts)}; expected a list of texts")
-    return tuple(texts)
+    return tuple(dict.fromkeys(texts))
 
 
 def check_fits(controller: Controller, task: str) -> None:

@@ -52,6 +52,15 @@ def undefined(seen):
 
 def failing(seen):
     return seen[:, 99]
+
+def leaving(seen):
+    raise SystemExit(3)
+
+def three_each(seen):
+    return np.zeros((len(seen), 3))
+
+def beyond(seen):
+    return np.full(len(seen), 8)
 '''
 
 
@@ -119,6 +128,18 @@ def test_numbered_actions_stay_whole_numbers(mine):
     assert load_controller(f"{mine}:numbered").actor(4)(SEEN).tolist() == [3] * 5
 
 
+def test_numbers_of_actions_are_wheel_speeds_where_these_are_asked_for(mine):
+    controller = load_controller(f"{mine}:numbered")
+    assert controller.actor("continuous")(SEEN).tolist() == [[1.0, 1.0]] * 5
+    with pytest.raises(BehaviourError, match=r"expected finite numbers \(n, 3\)$"):
+        controller.actor("continuous", 3)(SEEN)
+
+
+def test_numbers_beyond_the_actions_of_a_task_are_refused(mine):
+    with pytest.raises(BehaviourError, match=r"expected whole numbers \(n,\) from 0 to 3"):
+        load_controller(f"{mine}:beyond").actor(4)(SEEN)
+
+
 def test_an_object_of_a_class_is_made_anew_for_each_world(mine):
     controller = load_controller(f"{mine}:Counting")
     one, other = controller.actor("continuous"), controller.actor("continuous")
@@ -136,7 +157,9 @@ def test_an_arbiter_of_a_file_drives_as_itself(mine):
     [
         ("too_few", r"returned an array of float64, shape \(4, 2\) for 5 robots; expected finite numbers \(n, 2\)"),
         ("undefined", "for 5 robots; expected finite numbers"),
-        ("numbered", "expected finite numbers"),
+        ("three_each", r"shape \(5, 3\) for 5 robots; expected finite numbers \(n, 2\)"),
+        ("beyond", r"or whole numbers \(n,\) from 0 to 7"),
+        ("leaving", "failed: .*3"),
         ("failing", "failed: .*99"),
         ("Broken", "cannot be made: .*no licence"),
     ],
@@ -148,7 +171,7 @@ def test_what_a_controller_returns_is_checked(mine, name, line):
 
 
 def test_numbers_with_a_fraction_are_not_actions_by_number(mine):
-    with pytest.raises(BehaviourError, match=r"expected finite whole numbers \(n,\), 8 kinds"):
+    with pytest.raises(BehaviourError, match=r"expected whole numbers \(n,\) from 0 to 7"):
         load_controller(f"{mine}:toward_space").actor(8)(SEEN)
 
 

@@ -285,6 +285,11 @@ def test_the_order_in_which_contestants_are_named_does_not_matter():
     assert brief().key("avoid", "random", 1) != brief().key("avoid", "random", 2)
 
 
+def test_contestants_that_are_named_twice_take_part_once(outside):
+    twice = brief(("random", "random"), policies=("./foreign_drivers.py:ahead",) * 2)
+    assert twice.names("avoid") == ["random", "./foreign_drivers.py:ahead"]
+
+
 def test_contestants_of_the_experiment_about_own_networks_take_part_when_they_are_named():
     everyone = Benchmark(tasks=("avoid",)).names("avoid")
     assert not set(bench.NAMED_ONLY) & set(everyone)
