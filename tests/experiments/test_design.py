@@ -244,6 +244,48 @@ def test_a_drawing_has_a_disc_for_each_state_and_the_conditions_of_each_pair_on_
         assert y_limits[0] < y - disc.radius < y + disc.radius < y_limits[1]
 
 
+def drawn_boxes(machine):
+    """Return the figure's discs and the boxes of its texts, in pixels."""
+    figure = machine_figure(machine)
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    discs = [patch.get_window_extent() for patch in axes.patches if hasattr(patch, "radius")]
+    return figure, discs, {text: text.get_window_extent() for text in axes.texts}
+
+
+def crowded(count):
+    names = [f"behaviour {k}" for k in range(count)]
+    ways = [(a, names[(k + step) % count]) for k, a in enumerate(names) for step in (1, 3)]
+    condition = RobotsSeen(number=2.5, probability=0.123)
+    return StateMachine(
+        dict.fromkeys(names, Halt()), [Transition(source=a, target=b, condition=condition) for a, b in ways]
+    )
+
+
+@pytest.mark.parametrize("count", [4, 5, 6, 8])
+def test_labels_of_arrows_overlap_neither_discs_nor_each_other(count):
+    _, discs, texts = drawn_boxes(crowded(count))
+    labels = [box for text, box in texts.items() if text.get_text().startswith("robots")]
+    assert len(labels) == 2 * count
+    for k, label in enumerate(labels):
+        assert not any(label.overlaps(other) for other in labels[k + 1 :])
+        for disc in discs:
+            middle, reach = np.array([disc.x0 + disc.x1, disc.y0 + disc.y1]) / 2, disc.width / 2
+            nearest = np.clip(middle, [label.x0, label.y0], [label.x1, label.y1])
+            assert np.hypot(*(nearest - middle)) > reach
+
+
+def test_long_names_and_many_layers_stay_within_their_disc():
+    machine = StateMachine({"W" * 60: (Halt(name="W" * 90),) * 12})
+    _, discs, texts = drawn_boxes(machine)
+    assert "9 more" in [text.get_text() for text in texts]
+    for box in texts.values():
+        assert discs[0].x0 <= box.x0
+        assert box.x1 <= discs[0].x1
+        assert discs[0].y0 <= box.y0
+        assert box.y1 <= discs[0].y1
+
+
 @pytest.mark.parametrize("count", range(1, 12))
 def test_discs_do_not_touch(count):
     places = state_places(count)
