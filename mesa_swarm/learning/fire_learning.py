@@ -11,7 +11,7 @@ from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
 from mesa_swarm.learning.learner import LearningLayer
-from mesa_swarm.learning.policy import SensorLayout, sensors_of
+from mesa_swarm.learning.policy import SensorLayout, check_stored, sensors_of
 from mesa_swarm.learning.value_tables import ValueTables
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -128,8 +128,7 @@ class SkillPolicy(ValueTables):
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> "SkillPolicy":
         """Return the policy with these parts, from a file."""
-        if sorted(arrays) != ["values"] or sorted(settings) != ["hold", "temperature"]:
-            raise InvalidValueError(f"a skills policy has {', '.join(arrays)}; expected values, hold and temperature")
+        check_stored(cls.family, (*arrays, *settings), ("values", "hold", "temperature"))
         return cls(sensors=sensors, values=arrays["values"], steps=steps, training=training, **settings)
 
 

@@ -12,7 +12,7 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, chosen, ranges_of
 from mesa_swarm.learning.learner import LARGEST, LearningLayer
 from mesa_swarm.learning.networks import PARTS, Networks
-from mesa_swarm.learning.policy import SensorLayout, check_designs, check_layout
+from mesa_swarm.learning.policy import SensorLayout, check_designs, check_layout, check_stored, sensors_of
 from mesa_swarm.learning.q_learning import action_values, learn_one
 from mesa_swarm.robots.design import AGENT_FIRE
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -97,8 +97,7 @@ class FireWheelPolicy:
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> "FireWheelPolicy":
         """Return the policy with these parts, from a file."""
-        if sorted(arrays) != sorted(PARTS) or sorted(settings) != ["hold", "temperature"]:
-            raise InvalidValueError(f"a fire wheels policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
+        check_stored(cls.family, (*arrays, *settings), (*PARTS, "hold", "temperature"))
         networks = Networks(*(arrays[part] for part in PARTS))
         return cls(sensors=sensors, networks=networks, steps=steps, training=training, **settings)
 
@@ -234,6 +233,7 @@ class LearnFireWheels(LearningLayer):
 
     def policy(self, **training: str | float) -> FireWheelPolicy:
         """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
+        sensors_of(self._robots)
         check_designs(self._layout, self._robots)
         self._init_new_robots()
         return FireWheelPolicy(

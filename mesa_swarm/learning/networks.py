@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, as_floats, choose_all, described
-from mesa_swarm.learning.policy import SensorLayout, checked_chances, checked_numbers
+from mesa_swarm.learning.policy import SensorLayout, check_stored, checked_chances, checked_numbers
 
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
 REGRESSION_RATE = 0.5
@@ -424,8 +424,7 @@ class NetworkPolicy:
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> Self:
         """Return the policy with these parts, from a file."""
-        if sorted(arrays) != sorted(PARTS) or settings.keys() != {cls.choices_field, "encoding", "temperature"}:
-            raise InvalidValueError(f"a {cls.family} policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
+        check_stored(cls.family, (*arrays, *settings), (*PARTS, cls.choices_field, "encoding", "temperature"))
         networks = Networks(*(arrays[part] for part in PARTS))
         known = {**settings, cls.choices_field: check_count(cls.choices_field, settings[cls.choices_field])}
         known["temperature"] = check_number("temperature", settings["temperature"])

@@ -1,6 +1,7 @@
 """Trained controllers, their inputs, and the layer that drives robots by them."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from inspect import signature
 from typing import Any, ClassVar, Protocol, cast
@@ -151,6 +152,15 @@ def check_layout(sensors: object) -> None:
     """Check that these are the sensors of a policy."""
     if not isinstance(sensors, SensorLayout):
         raise InvalidValueError(f"sensors is {shortened(sensors)}; expected SensorLayout.of(design)")
+
+
+def check_stored(family: str, found: Sequence[str], expected: Sequence[str]) -> None:
+    """Check that a file of this family holds these arrays and settings, each of them once, and no others."""
+    if sorted(found) == sorted(expected):
+        return
+    missing, unknown = ([n for n in some if n not in others] for some, others in ((expected, found), (found, expected)))
+    problem = f"no {missing[0]}" if missing else f"unknown {shortened(unknown[0])}" if unknown else "a part twice"
+    raise InvalidValueError(f"a {family} policy has {problem}; expected {', '.join(expected)}")
 
 
 def check_policy(policy: object, *methods: str) -> None:

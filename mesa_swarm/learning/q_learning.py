@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_name, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, check_name, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import (
     ACTION_NAMES,
@@ -20,7 +20,7 @@ from mesa_swarm.learning.actions import (
     least_of,
     write_inputs,
 )
-from mesa_swarm.learning.learner import Learner, cool, discount_of, is_bounded, rate_of, regulate
+from mesa_swarm.learning.learner import Learner, UnboundState, cool, discount_of, is_bounded, rate_of, regulate
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
@@ -318,6 +318,22 @@ class QLearning(Learner):
         """
         self._end_lesson(learn_and_choose(*self._known(senses), self._past(), command, layer, index))
 
+    def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
+        """Make the columns of the swarm; in the same model, continue with what was learned before."""
+        if isinstance(self._home, UnboundState) and self._home.swarm is swarm:
+            self._check_replay()
+        super().bind(swarm, prefix, rng)
+
+    def _check_replay(self) -> None:
+        """Check that robots store as many experiences as when they began to learn."""
+        column = self._robots.columns.get(f"{self._prefix}.replay_action")
+        stored = 0 if column is None else column.shape[1]
+        if stored != self.replay:
+            raise LearningError(
+                f"{self.name}: replay is {shortened(self.replay)}, and robots of its model store {stored} experiences; "
+                f"set {stored}, or continue with QLearning(start=learner.policy(), replay=...)"
+            )
+
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns, also those of the experiences that each robot stores."""
         super()._remember(swarm, prefix)
@@ -330,6 +346,7 @@ class QLearning(Learner):
     def _past(self) -> tuple[np.ndarray, ...]:
         """Return all stored experiences, and the chances by which those to learn from again are drawn."""
         robots = len(self._column("action"))
+        self._check_replay()
         if not self.replay:
             nothing, none = np.empty((robots, 0, 0)), np.empty((robots, 0))
             return nothing, nothing, np.empty((robots, 0), np.int64), none, none

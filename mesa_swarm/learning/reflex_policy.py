@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.learning.policy import DOUBLE, SensorLayout, checked_chances, checked_numbers
+from mesa_swarm.learning.policy import DOUBLE, SensorLayout, check_stored, checked_chances, checked_numbers
 from mesa_swarm.world.statics import ROBOT
 
 # A wheel's sum is clipped to [-1, 1], or made full speed ahead or back, or softly limited.
@@ -180,8 +180,7 @@ class ReflexPolicy:
     ) -> "ReflexPolicy":
         """Return the policy with these parts, from a file."""
         # Older files have no encoding.
-        if sorted(arrays) != sorted(PARTS) or sorted({"encoding", *settings}) != ["encoding", "squash"]:
-            raise InvalidValueError(f"a reflex policy has {', '.join(arrays)}; expected {', '.join(PARTS)}")
+        check_stored(cls.family, (*arrays, *{"encoding": "", **settings}), (*PARTS, "encoding", "squash"))
         hidden, wheel = (arrays[part] for part in PARTS)
         texts: dict[str, Any] = {name: str(value) for name, value in settings.items()}
         return cls(sensors=sensors, hidden=hidden, wheel=wheel, steps=steps, training=training, **texts)

@@ -31,7 +31,7 @@ from mesa_swarm.learning.actions import (
     ranges_of,
 )
 from mesa_swarm.learning.learner import TRAINING_PARAMETERS, LearningLayer
-from mesa_swarm.learning.policy import SensorLayout, checked_chances, checked_numbers, sensors_of
+from mesa_swarm.learning.policy import SensorLayout, check_stored, checked_chances, checked_numbers, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE, rewarded
 from mesa_swarm.learning.value_tables import ValueTables
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -125,8 +125,7 @@ class TablePolicy(ValueTables):
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> "TablePolicy":
         """Return the policy with these parts, from a file."""
-        if sorted(arrays) != ["edges", "values"] or sorted(settings) != ["sectors", "temperature"]:
-            raise InvalidValueError(f"a table policy has {', '.join(arrays)}; expected edges, values")
+        check_stored(cls.family, (*arrays, *settings), ("values", "edges", "sectors", "temperature"))
         edges = tuple(arrays["edges"].ravel().tolist())
         return cls(sensors=sensors, values=arrays["values"], edges=edges, steps=steps, training=training, **settings)
 

@@ -118,6 +118,13 @@ def test_a_frozen_robot_takes_the_action_of_the_largest_value():
     assert (model.swarm.command == ACTIONS[6]).all()
 
 
+def test_no_policy_is_learned_without_robots():
+    model = SwarmModel(map="openspace_fire", rng=1)
+    model.control = Subsumption(LearnFireWheels())
+    with pytest.raises(LearningError, match="there are no robots"):
+        model.run(1).control.layers[0].policy()
+
+
 def test_it_learns_of_its_own_actions_only():
     model = SwarmModel(map="original", rng=1)
     model.add_robots(AGENT_FIRE, 10)

@@ -158,6 +158,23 @@ def test_a_learner_begins_with_the_first_rate_and_ends_with_the_last_one(learner
     assert (between != weights_of(0.1, eta=0.05)).any()
 
 
+@pytest.mark.parametrize(("stored", "changed"), [(0, 10), (20, 10), (20, 0)])
+def test_replay_cannot_change_in_a_model_whose_robots_learn(stored, changed):
+    model = trained(steps=5, replay=stored)
+    learner = model.control.layers[0]
+    learner.replay = changed
+    with pytest.raises(LearningError, match=f"replay is {changed}, and robots of its model store {stored} experiences"):
+        model.run(1)
+    learner.replay = stored
+    model.control = Subsumption(Avoid())
+    learner.replay = changed
+    with pytest.raises(LearningError, match=f"replay is {changed}, and"):
+        model.control = Subsumption(learner)
+    learner.replay = stored
+    model.control = Subsumption(learner)
+    assert model.run(3).control.layers[0].policy().steps == 7 * len(model.robots)
+
+
 def test_experiences_that_diverge_are_an_error_that_names_the_robot():
     model = trained(steps=5, replay=10)
     model.swarm.columns["0.QLearning.replay_reward"][1] = 1e30
