@@ -202,7 +202,7 @@ def _page(benchmark: "Benchmark", runs: "Sequence[Training]", page: Path) -> dic
     from mesa_swarm.experiments.learn_report import ON_PAGES, learning_pictures, report_page
 
     shown = learning_pictures(runs, page.stem, ON_PAGES)
-    return {page.name: report_page(benchmark, runs, page.stem), **{f"pictures/{name}": shown[name] for name in shown}}
+    return {page.name: report_page(benchmark, runs, page), **{f"pictures/{name}": shown[name] for name in shown}}
 
 
 def _names(text: str | None, separator: str) -> tuple[str, ...]:

@@ -5,6 +5,7 @@ import math
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -105,19 +106,20 @@ def _title(task: str) -> str:
     return task.replace("_", " ").capitalize()
 
 
-def report_page(benchmark: Benchmark, runs: Sequence[Training], stem: str) -> str:
-    """Return the page `stem`.md: the command that makes it, its settings, and all tables, with their pictures."""
+def report_page(benchmark: Benchmark, runs: Sequence[Training], page: Path) -> str:
+    """Return a page: the command that makes it, its settings, and all tables, with their pictures."""
+    place = page.name if page.is_absolute() else page.as_posix()
     preface = (
-        f"This page is written by\n\n```sh\n{command_of(benchmark)} --report {stem}.md\n```\n\n"
+        f"This page is written by\n\n```sh\n{command_of(benchmark)} --report {shlex.quote(place)}\n```\n\n"
         "[Benchmark](learning.md) describes tasks, contestants and protocol. Values are means over seeds of means over "
         "maps, with 95 % bootstrap intervals over the seeds. In the pictures, full markers are frozen, hollow ones "
-        "still learning."
+        "still learning; of the trainings, thin lines are single seeds, thick ones their median."
     )
     settings = (
         f"Settings: trainings of {benchmark.steps:,} steps of 15 robots; seeds: {benchmark.seeds}; test maps: "
         f"{benchmark.maps}; steps on each: at most {benchmark.evaluation_steps:,}."
     )
-    tables = markdown(benchmark, runs, f"pictures/{stem}")
+    tables = markdown(benchmark, runs, f"pictures/{page.stem}")
     return "\n\n".join(["# Results of the benchmark of learning", preface, settings, tables])
 
 
@@ -220,7 +222,7 @@ def summary_json(benchmark: Benchmark, runs: Sequence[Training]) -> str:
 # Below this, collisions are drawn on a scale that reaches 0.
 LINEAR = 0.1
 PER_THOUSAND = ("collisions", "worst robot")
-MARKS = "osD^vP*Xhp"
+COLUMNS = 5
 
 
 def learning_pictures(
@@ -289,21 +291,35 @@ def _mark(axes: Axes, line: Line, measure: str, row: int) -> None:
 
 
 def curve_figure(runs: Sequence[Training]) -> Figure:
-    """Return collisions in the course of training: a line for each contestant that learns, medians of all seeds."""
-    figure = Figure(figsize=(8.5, 4.6), layout="constrained")
-    axes = figure.subplots()
+    """Return collisions in the course of training: a panel for each contestant that learns.
+
+    Thin lines are single seeds, the thick one is their median.
+    """
     names = [name for name in dict.fromkeys(run.name for run in runs) if any(_curves(runs, name))]
-    for number, name in enumerate(names):
-        curves = np.array(list(_curves(runs, name)))
-        middle, colour = np.median(curves, axis=0), COLOURS[number % len(COLOURS)]
-        at = (np.arange(len(middle)) + 0.5) / len(middle)
-        axes.plot(at, middle, color=colour, marker=MARKS[number % len(MARKS)], markersize=4, label=literal(name))
-        axes.fill_between(at, curves.min(axis=0), curves.max(axis=0), color=colour, alpha=0.08, linewidth=0)
-    axes.set_yscale("symlog", linthresh=LINEAR)
-    axes.set(xlim=(0, 1), xlabel="share of the training", ylabel="collisions per robot and 1,000 steps")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize=9)
+    columns = min(len(names), COLUMNS)
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(2.3 * columns + 0.6, 2.1 * rows + 0.5), layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes, name in zip(panels.flat, names, strict=False):
+        _draw_curves(axes, np.array(list(_curves(runs, name))))
+        axes.set_title(literal(name), fontsize=10)
+    panels[0, 0].set_ylim(0, 1.2 * max(max(curve) for name in names for curve in _curves(runs, name)) + LINEAR)
+    for axes in panels.flat[len(names) :]:
+        axes.set_visible(False)
+    figure.supxlabel("share of the training", fontsize=10)
+    figure.supylabel("collisions per robot and 1,000 steps", fontsize=10)
     return figure
+
+
+def _draw_curves(axes: Axes, curves: np.ndarray) -> None:
+    """Draw the curves (seeds, parts) of a contestant."""
+    at = (np.arange(curves.shape[1]) + 0.5) / curves.shape[1]
+    axes.plot(at, curves.T, color=COLOURS[0], linewidth=0.6, alpha=0.4)
+    axes.plot(at, np.median(curves, axis=0), color=COLOURS[0], linewidth=2.0)
+    axes.set_yscale("symlog", linthresh=LINEAR)
+    axes.set(xlim=(0, 1), xticks=(0, 0.5, 1))
+    axes.tick_params(labelsize=9)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _curves(runs: Sequence[Training], name: str) -> Iterator[list[float]]:

@@ -4,6 +4,7 @@ import ast
 import json
 import re
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -204,9 +205,11 @@ def test_tables_hold_all_contestants_and_are_read_back(runs):
     text = markdown(brief(), runs)
     assert all(name in text for name in TWO)
     assert "On the test maps, 2 of them, still learning" in text
-    page = report_page(brief(), runs, "page")
+    page = report_page(brief(), runs, Path("docs/page.md"))
     assert all(line in page for line in text.splitlines())
     assert "mesa-swarm learn-bench --task avoid --only 'random;Q (b)' --seeds 2 --steps 40" in page
+    assert "--report docs/page.md\n" in page
+    assert "--report page.md\n" in report_page(brief(), runs, Path("/somewhere/page.md"))
     rows = runs_csv(runs).splitlines()
     assert rows[0] == "task,contestant,seed,map,mode,measure,value"
     assert len(rows) == 1 + 2 * 3 * 4 * (1 + 2)
