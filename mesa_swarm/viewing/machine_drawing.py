@@ -47,8 +47,8 @@ MARGIN = np.array([2.0, 1.4])
 INCHES = 0.78
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Layout:
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Arrangement:
     """Where everything is: the discs' centres, the arrows' Bezier curves, and the middles of their labels."""
 
     places: np.ndarray  # (states, 2)
@@ -109,7 +109,7 @@ def _extent(figure: Figure | SubFigure, text: str, size: float, weight: str = "n
     return np.array(shown.get_window_extent().size) / (figure.dpi * INCHES)
 
 
-def _layout(count: int, pairs: list[tuple[int, int]], sizes: np.ndarray) -> Layout:
+def _layout(count: int, pairs: list[tuple[int, int]], sizes: np.ndarray) -> Arrangement:
     """Return the narrowest layout that has room for labels of these sizes (arrows, 2)."""
     for spread in SPREADS:
         places = spread * state_places(count)
@@ -153,7 +153,7 @@ def _clearance(curve: np.ndarray, discs: np.ndarray) -> float:
     return float(np.hypot(apart[..., 0], apart[..., 1]).min(initial=np.inf))
 
 
-def _labelled(places: np.ndarray, curves: list[np.ndarray], pairs: list[tuple[int, int]], sizes: np.ndarray) -> Layout:
+def _labelled(places: np.ndarray, curves: list[np.ndarray], pairs: list[tuple[int, int]], sizes: np.ndarray) -> Arrangement:
     """Return the layout in which each label stands at the best part of its arrow, given where the others are."""
     ways = np.array([BezierSegment(curve)(POINTS) for curve in curves]).reshape(-1, len(POINTS), 2)
     stands = [_stands(curve, places[pair[0]], pair[0] == pair[1]) for curve, pair in zip(curves, pairs, strict=True)]
@@ -165,7 +165,7 @@ def _labelled(places: np.ndarray, curves: list[np.ndarray], pairs: list[tuple[in
             found = HIDING * hidden + INTERRUPTING * crossed + ASIDE * abs(2 * STANDS - 1)
             best = int(found.argmin())
             spots[k], costs[k] = options[best], found[best]
-    return Layout(places=places, curves=curves, spots=spots, cost=float(costs.max(initial=0.0)))
+    return Arrangement(places=places, curves=curves, spots=spots, cost=float(costs.max(initial=0.0)))
 
 
 def _stands(curve: np.ndarray, place: np.ndarray, loop: bool) -> np.ndarray:
@@ -241,7 +241,7 @@ def _draw_label(axes: Axes, place: np.ndarray, label: str) -> None:
     axes.text(place[0], place[1], label, size=TEXT_SIZE, color=LIGHT.ink, bbox=box, **style)
 
 
-def _fit(figure: Figure, axes: Axes, layout: Layout, sizes: np.ndarray) -> None:
+def _fit(figure: Figure, axes: Axes, layout: Arrangement, sizes: np.ndarray) -> None:
     """Let all that is drawn be within the figure, whose scale does not depend on the machine."""
     around, beside = RADIUS + MARGIN, sizes / 2 + GAP
     ways = [BezierSegment(curve)(POINTS) for curve in layout.curves]
