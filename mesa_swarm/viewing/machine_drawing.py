@@ -153,7 +153,9 @@ def _clearance(curve: np.ndarray, discs: np.ndarray) -> float:
     return float(np.hypot(apart[..., 0], apart[..., 1]).min(initial=np.inf))
 
 
-def _labelled(places: np.ndarray, curves: list[np.ndarray], pairs: list[tuple[int, int]], sizes: np.ndarray) -> Arrangement:
+def _labelled(
+    places: np.ndarray, curves: list[np.ndarray], pairs: list[tuple[int, int]], sizes: np.ndarray
+) -> Arrangement:
     """Return the layout in which each label stands at the best part of its arrow, given where the others are."""
     ways = np.array([BezierSegment(curve)(POINTS) for curve in curves]).reshape(-1, len(POINTS), 2)
     stands = [_stands(curve, places[pair[0]], pair[0] == pair[1]) for curve, pair in zip(curves, pairs, strict=True)]
