@@ -29,6 +29,7 @@ class Observer(Protocol):
                      made by hand
     `after_failure`  after a step that raised an error
     `after_run`      when `run` has taken its steps without an error
+    `replaced`       when `continued` has moved it to the model that continues the run with other parameters
     `break_off`      when an error or Ctrl-C ends `run`
     ===============  =========================================================================================
 
@@ -66,6 +67,10 @@ class Observer(Protocol):
 
     def after_run(self, model: Any, steps: int) -> None:
         """Notice that a run of this many steps is over."""
+        return
+
+    def replaced(self, old: Any, new: Any, what: list[str]) -> None:
+        """Notice that the run continues with another model, which differs in what is named."""
         return
 
     def break_off(self) -> None:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.fire.model import FireModel
@@ -149,6 +149,30 @@ class SwarmModel(FireModel):
         from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - slow to load
 
         return resume(cls, path, step=step, progress=progress, **changes)
+
+    def continued(self, **changes: object) -> Self:
+        """Return the model that continues this run with other parameters; see `mesa_swarm.recording.continued`.
+
+        Parameters
+        ----------
+        **changes
+            New values of the model's parameters; those that matter only at the beginning of a run are refused.
+
+        Returns
+        -------
+        SwarmModel
+            Of this class, which the observers, recordings among them, follow. This one is not to be used any more.
+
+        Examples
+        --------
+        >>> from mesa_swarm.models.fire_fighting import FireFighting
+        >>> model = FireFighting(rng=1).run(50)
+        >>> model.continued(k1=0.001, noise=0.2).run(10).steps
+        60
+        """
+        from mesa_swarm.recording.continuing import continued  # noqa: PLC0415 - slow to load
+
+        return cast(Self, continued(self, **changes))
 
     @classmethod
     def verify(cls, path: str | os.PathLike[str], *, progress: bool = False) -> "Verification":

@@ -96,13 +96,14 @@ def test_an_object_with_any_single_method_is_called_by_it_and_by_nothing_else(ho
     single = type("Single", (), {hook: lambda self, *given: calls.append(given[1:])})
     with pytest.raises(RuntimeError, match="broken"):
         observed(single(), Failing(rng=1)).run(5)
-    observed(single(), SwarmModel(rng=1)).run(2)
+    new = observed(single(), SwarmModel(rng=1)).run(2).continued()
     expected = {
         "before_step": [()] * 4,
         "after_step": [(1,), (2,), (1,), (2,)],
         "between_steps": [()] * 3,
         "after_failure": [()],
         "after_run": [(2,)],
+        "replaced": [(new, [])],
         "break_off": [()],
         "close": [()],
     }

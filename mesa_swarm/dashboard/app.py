@@ -25,6 +25,7 @@ from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE, check_page_model
 from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.editing import Editing, Editor
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
@@ -181,7 +182,8 @@ class Places:
             return True
 
 
-CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
+STYLES = ("dashboard/style.css", "dashboard/editing.css")
+CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
 WATCH, MODELS = "Watch", "Models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
@@ -263,6 +265,8 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
     with solara.Div(classes=["swarm-watch", "swarm-beside"]):
         Linked(ControlPanel, Panel, session)
         with solara.Div(classes=["swarm-middle"]):
+            with solara.Div(classes=["swarm-unseen"]):  # its tools are put upon the canvas
+                Linked(Editor, Editing, session)
             Trouble(session, faults)
             PlayerView(session, session.reset)
         with solara.Div(classes=["swarm-side"]):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import anywidget
 import traitlets
 
-from mesa_swarm.dashboard.session import LARGEST_MAP_FILE, LIVE, Session
+from mesa_swarm.dashboard.session import LARGEST_MAP_FILE, Session
 from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, SwarmError
 from mesa_swarm.fire import FireConstants, design_constants
@@ -94,7 +94,7 @@ class Designer:
 
     def fields(self) -> list[dict[str, Any]]:
         """Return the sliders of the requirements."""
-        about = {"kind": "slider", "live": True, "designed": True, "low": 0}
+        about = {"kind": "slider", "designed": True, "low": 0}
         return [
             {**about, "name": name, "label": one.label, "help": one.help, "high": one.place(one.most)}
             for name, one in REQUIREMENTS.items()
@@ -214,7 +214,6 @@ def group_of(name: str) -> str:
 def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
     """Return one control, None for a parameter that the page cannot set."""
     about: dict[str, Any] = {"name": parameter.name, "label": label_of(parameter.name), "help": parameter.help}
-    about["live"] = parameter.name in LIVE
     if parameter.name == "map":
         return {**about, "kind": "choice", "options": session.map_names(), "upload": True}
     if isinstance(parameter.control, Choice):

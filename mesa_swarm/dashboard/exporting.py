@@ -17,6 +17,7 @@ from typing import Any, cast
 import anywidget
 import traitlets
 
+from mesa_swarm.dashboard.live_run import Repetition
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, Link
 from mesa_swarm.errors import (
@@ -102,6 +103,10 @@ class RecordingSwitch(Observer):
         """Note a step; called by the model before its class has finished the step."""
         if self.running:
             self.last = step
+
+    def replaced(self, old: SwarmModel, new: SwarmModel, what: list[str]) -> None:
+        """Continue with the model that has taken the place of another."""
+        self.model = new
 
     def between_steps(self, model: SwarmModel) -> None:
         """End the recording at an error or its limit; called by the model after a complete step."""
@@ -315,7 +320,7 @@ class Exporting:
             if session.past.is_present:
                 return session.model.completed, frame_and_scene(session.model)
             _check_straight(session, "draw an earlier step")
-        return step, self._taken(session.remade(), step)
+        return step, self._taken(session.repetition(), step)
 
     def _from_recording(self, path: Path) -> int:
         """Copy the recording; return its number of steps."""
@@ -333,18 +338,18 @@ class Exporting:
                 raise ExportError("the run has no steps yet; press Play before exporting")
             _check_straight(session, "repeat it")
             steps, mark = session.model.completed, session.model.state_hash()
-            model = session.remade()
-        with record(model, path, overwrite=True):
-            self._taken(model, steps, path)
+            again = session.repetition()
+        with record(again.model, path, overwrite=True):
+            model = self._taken(again, steps, path)
         if model.state_hash() != mark:
             raise ExportError("repeating the run gave another result; press Record, then Play")
         return steps
 
-    def _taken(self, model: SwarmModel, steps: int, path: Path | None = None) -> SwarmModel:
+    def _taken(self, again: Repetition, steps: int, path: Path | None = None) -> SwarmModel:
         """Take steps, with pauses in which other threads can work."""
         pause = time.perf_counter() + TURN
         for step in range(1, steps + 1):
-            model.step()
+            again.step()
             if time.perf_counter() < pause and step < steps:
                 continue
             self._check_cancelled()
@@ -353,7 +358,8 @@ class Exporting:
             self._note("Repeating the run", step / steps)
             time.sleep(TURN / 4)
             pause = time.perf_counter() + TURN
-        return model
+        again.finish()
+        return again.model
 
     def _check_table(self, wanted: Wanted, steps: int) -> None:
         """Refuse tables too large to open."""

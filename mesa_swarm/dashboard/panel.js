@@ -1,14 +1,17 @@
 /* The controls beside the canvas. Python sends the controls (groups), their values (values) and remarks
    (notes); changes by the user are sent back, and shown when Python has accepted them. */
 
+// A slider that is dragged sends its place again after this, also where Python has not answered, ms.
+const LONGEST_ANSWER = 120;
+
 class PanelView {
-  #model; #root; #fields = new Map(); #notes = null; #leave = [];
+  #model; #root; #fields = new Map(); #notes = null; #leave = []; #places = new Map(); #answer = 0;
 
   constructor(model, root) {
     this.#model = model;
     this.#root = root;
     root.classList.add("swarm-panel");
-    for (const [name, act] of [["groups", () => this.#build()], ["values", () => this.#fill()], ["notes", () => this.#showNotes()]]) {
+    for (const [name, act] of [["groups", () => this.#build()], ["values", () => (this.#fill(), this.#sendPlaces())], ["notes", () => this.#showNotes()]]) {
       model.on(`change:${name}`, act);
       this.#leave.push(() => model.off(`change:${name}`, act));
     }
@@ -16,11 +19,27 @@ class PanelView {
   }
 
   destroy() {
+    clearTimeout(this.#answer);
     this.#leave.forEach((leave) => leave());
   }
 
   #send(message, buffers) {
     this.#model.send(message, undefined, buffers);
+  }
+
+  /** Send where a slider is: the first place at once, then the latest when Python has answered. */
+  #sendPlace(name, value) {
+    this.#places.set(name, value);
+    if (!this.#answer) this.#sendPlaces();
+  }
+
+  #sendPlaces() {
+    clearTimeout(this.#answer);
+    this.#answer = 0;
+    if (!this.#places.size) return;
+    for (const [name, value] of this.#places) this.#send({ do: "place", name, value });
+    this.#places.clear();
+    this.#answer = setTimeout(() => this.#sendPlaces(), LONGEST_ANSWER); // nothing changes where a value is the same
   }
 
   #build() {
@@ -47,7 +66,7 @@ class PanelView {
     const random = make("button", { type: "button", click: () => this.#send({ do: "random" }) }, "Random");
     random.title = "Choose a random seed, and reset";
     const row = make("div", { class: "swarm-row" }, seed, random);
-    const field = this.#frame({ name: "seed", label: "seed", help: "the same seed gives the same run", live: false }, row, seed);
+    const field = this.#frame({ name: "seed", label: "seed", help: "the same seed gives the same run" }, row, seed);
     return make("div", { class: "swarm-run" }, field);
   }
 
@@ -55,7 +74,7 @@ class PanelView {
     if (field.kind === "choice") return this.#choice(field);
     if (field.kind === "text") return this.#typed(field);
     const id = `swarm-${field.name}`;
-    const send = () => this.#send({ do: "place", name: field.name, value: Number(slider.value) });
+    const send = () => this.#sendPlace(field.name, Number(slider.value));
     const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: send });
     const text = field.designed ? make("output", { class: "swarm-value", for: id }) : this.#text(field.name, field.label);
     return this.#frame(field, make("div", { class: "swarm-row" }, slider, text), text, slider);
@@ -120,7 +139,8 @@ class PanelView {
       field.slider?.setAttribute("aria-valuetext", text);
       if (field.text.tagName === "OUTPUT") field.text.textContent = text;
       else if (!this.#isTypedIn(field.text, fault)) field.text.value = text;
-      field.mark.textContent = waits ? "waits for reset" : field.live ? "" : "on reset";
+      const reset = field.live === undefined ? "waits for Apply" : "waits for reset";
+      field.mark.textContent = waits ? reset : field.live === false ? "on reset" : "";
       field.mark.classList.toggle("swarm-waits", Boolean(waits));
       this.#fault(field, fault);
     }

@@ -54,6 +54,7 @@ class Series(Observer):
         self.model: SwarmModel | None = None
         self._charts: dict[str, Plot] = {}
         self._form: tuple = ()
+        self._steps, self._count = np.empty(0, np.int64), 0
         self._forget()
 
     def __len__(self) -> int:
@@ -70,6 +71,16 @@ class Series(Observer):
             if model is not None:
                 model.observers.append(self)
                 self._arrange(model)
+
+    def replaced(self, old: SwarmModel, new: SwarmModel, what: list[str]) -> None:
+        """Continue with the model that has taken the place of another."""
+        with self._lock:
+            self.model = new
+
+    def cut(self, step: int) -> None:
+        """Drop the rows of later steps."""
+        with self._lock:
+            self._count = int((self._steps[: self._count] <= step).sum())
 
     def after_step(self, model: SwarmModel, step: int) -> None:
         """Measure, if a row is due; called by the model."""

@@ -3,16 +3,20 @@
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError
-from dataclasses import fields, replace
+from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any, Protocol, TypeVar, cast
 
+from mesa_swarm.dashboard.edits import MOST_EDITS, MOST_ROBOTS, Edit
+from mesa_swarm.dashboard.live_run import LiveRun, Repetition
 from mesa_swarm.dashboard.series import Series
-from mesa_swarm.errors import InvalidValueError, check_count, in_words
-from mesa_swarm.fire import FireConstants
+from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_count, in_words
+from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, parameters_of
+from mesa_swarm.recording.continuing import hand_over
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.radio import HEARD, SEND
 from mesa_swarm.robots.snapshots import DECISIONS
@@ -22,7 +26,6 @@ from mesa_swarm.viewing.player import Player
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.map_parts import stopping_when
 
-MOST_ROBOTS = 10_000
 LARGEST_MAP_FILE = 1_000_000
 LARGEST_SEED = 2**53 - 1
 # Columns of the last steps that stay in memory for the inspector, and how much of them.
@@ -52,16 +55,19 @@ def map_from(name: str, content: bytes) -> Map:
 
 
 def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LARGEST_SEED) -> int:
-    """Return a typed whole number."""
+    """Return a typed whole number, such as 1000 or 1e3."""
     try:
-        number = int(text)
-    except ValueError:
-        raise InvalidValueError(f"{name} is {text!r:.60}; expected a whole number at least {minimum}") from None
-    return check_count(name, number, minimum=minimum, maximum=maximum)
+        number = Decimal(text)
+        if number != number.to_integral_value() or not minimum <= number <= maximum:
+            raise ValueError
+    except (ValueError, ArithmeticError):
+        expected = f"expected a whole number from {minimum} to {maximum}"
+        raise InvalidValueError(f"{name} is {text!r:.60}; {expected}") from None
+    return int(number)
 
 
-# Parameters that a running model takes at once.
-LIVE = frozenset(field.name for field in fields(FireConstants)) - {"remarks"}
+# States to go back to, and their bytes together.
+MOST_UNDONE, MOST_UNDONE_BYTES = 50, 50_000_000
 USUAL_SPEED = 60.0
 # Longest time for steps before anything is shown, s; the remaining ones are played, and can be paused.
 LONGEST_WAIT = 2.0
@@ -93,6 +99,8 @@ class Session(Player):
         Of everything random, 0 to 2**53 - 1.
     steps : int
         Taken before anything is shown, for at most `LONGEST_WAIT`; the others are then played.
+    edits : sequence of Edit
+        Changes by hand, each applied when its step is reached.
     find : function
         Returns the class of a model by its name.
 
@@ -102,7 +110,7 @@ class Session(Player):
     model_class : type
     parameters : dict of Parameter
     settings : dict
-        Requested values of all parameters, for the next model; those in `LIVE` also for the present one.
+        Requested values of all parameters; those that belong to the beginning of a run wait for the next one.
     seed : int
     faults : dict of str
         Why a setting was refused, by parameter or "seed".
@@ -120,8 +128,10 @@ class Session(Player):
         Measurements of the present model.
     chosen_charts : dict of list of str
         Keys of the charts that the user chose, by model.
+    run : LiveRun or None
+        The present model, and what was changed by hand.
     straight : bool
-        Whether nothing was changed during the run, so that the same settings reproduce it.
+        Whether the same settings and `edits` reproduce the run.
     adopted : Listeners
         Notified when the session continues with a model built elsewhere.
 
@@ -140,8 +150,12 @@ class Session(Player):
         seed: int = 1,
         steps: int = 0,
         find: Callable[[str], type[SwarmModel]] = find_model,
+        edits: Sequence[Edit] = (),
     ) -> None:
         self._find = find
+        self.run: LiveRun | None = None
+        self._planned: list[Edit] = list(edits)
+        self._before: list[Before] = []
         self.uploads: dict[str, Map] = {}
         # Set when the map that is being read is not needed any more.
         self._reading = threading.Event()
@@ -153,10 +167,11 @@ class Session(Player):
         self.faults: dict[str, str] = {}
         self.built: dict[str, Any] = {}
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
+        self.straight = True
         super().__init__()
         self.set_speed(USUAL_SPEED)
         self._enter(name, dict(settings or {}), seed)
-        self.reset(steps)
+        self.reset(steps, edits)
 
     @property
     def waiting(self) -> frozenset[str]:
@@ -171,9 +186,13 @@ class Session(Player):
             self._enter(name, dict(settings or {}), self.seed)
         self.reset()
 
-    def reset(self, steps: int = 0) -> None:
-        """Stop, and build a new model from the settings; the old one stays if that fails."""
+    def reset(self, steps: int = 0, edits: Sequence[Edit] = ()) -> None:
+        """Stop, and build a new model from the settings; the old one stays if that fails.
+
+        It takes these steps, with these changes by hand on the way.
+        """
         self.loop.pause()
+        self._planned = list(edits)
         with self.capture_errors():
             self._forget_goal()
             self.error = self.note = ""
@@ -224,27 +243,99 @@ class Session(Player):
             self.faults = {}
         self.reset()
 
-    def remade(self) -> SwarmModel:
-        """Return the present model as built; if the run is `straight`, it takes the same steps."""
+    def repetition(self) -> Repetition:
+        """Return the present run before its first step; if it is `straight`, its steps are the same."""
         with self.lock:
-            return self._made(self.built)
+            if self.run is None:
+                raise InvalidValueError("there is no model; press Reset first")
+            return Repetition(self.run)
+
+    @property
+    def edits(self) -> tuple[Edit, ...]:
+        """What was changed by hand in the present run."""
+        return tuple(self.run.edits) if self.run is not None else ()
+
+    def edit(self, do: str, *values: float, in_place: bool = False) -> None:
+        """Change the present model by hand, as one of `EDITS` does; an error changes nothing.
+
+        `in_place` continues the last edit: a robot that is dragged on.
+        """
+        with self.lock:
+            if self.run is None or self.error:
+                raise InvalidValueError("there is no model to change; press Reset first")
+            self.look_now()
+            before = None if in_place else self._stored(do)
+            self.run.edit(do, values, in_place=in_place)
+            self._changed_by_hand()
+            if before is not None:
+                self._remember(before)
+        self.retake()
+
+    @property
+    def undoable(self) -> "Before | None":
+        """The state to which `undo` goes back, None if there is none."""
+        return self._before[-1] if self._before else None
+
+    def undo(self) -> None:
+        """Go back to the state before the last change by hand, also in time."""
+        self.loop.pause()
+        with self.lock:
+            if not self._before or self.run is None:
+                return
+            before = self._before.pop()
+            old, model = self.run.model, self.run.restored(before.state, before.begun)
+            self._rewind(old, model)
+            self.run.model, self.run.begun, self.run.edits = model, before.begun, list(before.edits)
+            self.settings, self.built = dict(before.settings), dict(before.built)
+            self._place(model)
+        self.retake()
+
+    def _rewind(self, old: SwarmModel, model: SwarmModel) -> None:
+        """Let observers continue with a model; after a way back in time only the measurements do."""
+        if model.completed < old.completed:
+            self.recent.cut(model.completed)
+            self.series.cut(model.completed)
+            old.observers = [self.series]
+        hand_over(old, model, ["state before a change by hand"])
+
+    def _stored(self, do: str) -> "Before | None":
+        """Return the present state; None for a model that has something that cannot be stored."""
+        if self.run is None:
+            return None
+        try:
+            state = self.run.stored()
+        except RecordingError:
+            return None
+        step = self.run.model.completed
+        return Before(do, step, state, self.edits, self.run.begun, dict(self.settings), dict(self.built))
+
+    def _remember(self, before: "Before") -> None:
+        self._before.append(before)
+        while len(self._before) > MOST_UNDONE or sum(len(one.state) for one in self._before) > MOST_UNDONE_BYTES:
+            self._before.pop(0)
+
+    def _changed_by_hand(self) -> None:
+        self.straight = self.straight and len(self.edits) <= MOST_EDITS
+
+    def _place(self, model: SwarmModel) -> None:
+        """Go on with another model of the same run."""
+        self.model = model
+        watch_closely(model)
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Request a value of a parameter, and apply it to the present model if it is in `LIVE`."""
+        """Request a value of a parameter, and apply it to the present model if it can change during a run."""
         with self.lock:
             try:
                 self._take({name: value})
             except Exception as problem:  # shown beside the control
                 self.faults[name] = in_words(problem)
-        self.show()
-        self.changed.notify()
+        self.retake()
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
         """Request values of several parameters at once."""
         with self.lock:
             self._take(values)
-        self.show()
-        self.changed.notify()
+        self.retake()
 
     def set_defaults(self) -> None:
         """Request the model's defaults."""
@@ -298,11 +389,19 @@ class Session(Player):
         known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
         self.uploads[known], self.settings["map"] = chart, known
 
+    def take_map(self, chart: Map) -> None:
+        """Offer a map that was drawn, and build the model on it."""
+        if "map" not in self.parameters:
+            raise InvalidValueError(f"{self.name} has a map of its own; save the map, and use it with another model")
+        with self.lock:
+            self._take_map(chart, "")
+        self.reset()
+
     def map_names(self) -> list[str]:
-        """Return the maps that may be requested for: the model's own first, then the others, then uploaded ones."""
+        """Return the maps that may be requested: those that the model offers, else all built in, then uploaded ones."""
         parameter = self.parameters.get("map")
-        own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else ()
-        return list(dict.fromkeys([*own, *builtin_maps(), *self.uploads]))
+        own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else builtin_maps()
+        return list(dict.fromkeys([*own, *self.uploads]))
 
     def adopt(self, model: SwarmModel, name: str, settings: Mapping[str, Any], seed: int) -> None:
         """Stop, and continue with a model that was built elsewhere and has taken steps; a Map counts as uploaded."""
@@ -314,7 +413,9 @@ class Session(Player):
                 given["map"] = f"{chart.name} (recorded)"
                 self.uploads[given["map"]] = chart
             self._enter(name, given, seed)
-            self.model, self.built, self.straight = model, {**self.settings, "seed": seed}, False
+            self.built, self.straight = {**self.settings, "seed": seed}, False
+            self.run = LiveRun.around(model, self._made, self.parameters, dict(self.built))
+            self.model = model
             self.series.follow(model)
             self._limit_collected(model)
         self.rest()
@@ -331,6 +432,7 @@ class Session(Player):
         """Stop, and release everything."""
         self._reading.set()
         super().close()
+        self.run, self._before = None, []
         for companion in self._companions.values():
             companion.close()
         self._companions.clear()
@@ -345,7 +447,8 @@ class Session(Player):
         self.parameters = parameters_of(self.model_class)
         self.settings = self._defaults() | settings
         self.faults, self.built = {}, {}
-        self.model, self.error, self.straight = None, "", True
+        self.model, self.run, self.error, self.straight = None, None, "", True
+        self._before = []
         self.note, self.unbuilt = "", False
         self._forget_goal()
         self.past.clear()
@@ -356,11 +459,12 @@ class Session(Player):
     def _build(self) -> None:
         """Go on with a new model as requested."""
         self.unbuilt = True
-        model = self._made({**self.settings, "seed": self.seed})
+        wanted = {**self.settings, "seed": self.seed}
+        run = LiveRun(self._made, self.parameters, wanted)
         self.past.clear()
-        self.series.follow(model)
-        watch_closely(model)
-        self.model, self.built, self.straight = model, {**self.settings, "seed": self.seed}, True
+        self.series.follow(run.model)
+        self.run, self.built, self.straight, self._before = run, wanted, True, []
+        self._place(run.model)
         self.unbuilt = False
 
     def _catch_up(self, steps: int) -> None:
@@ -369,6 +473,7 @@ class Session(Player):
             return
         end = math.inf
         while self.model.running and self.model.completed < steps:
+            self._apply_planned()
             self.model.step()
             # The first step may compile kernels, once in the life of an installation.
             end = min(end, time.monotonic() + LONGEST_WAIT)
@@ -378,6 +483,28 @@ class Session(Player):
                 return
         if self.model.completed < steps:
             self.note = ended_early(self.model.completed, steps)
+        elif steps:
+            self._apply_planned()
+
+    def _take_step(self, model: FireModel) -> None:
+        if self._planned:
+            self._apply_planned()
+            model = self.model or model
+        super()._take_step(model)
+
+    def _apply_planned(self) -> None:
+        """Apply the changes of a link that belong to the present step."""
+        while self._planned and self.run is not None and self._planned[0].step <= self.run.model.completed:
+            edit = self._planned.pop(0)
+            try:
+                values = self.run.repeat(edit)
+            except SwarmError as problem:  # of another version of the model, or a link that was changed
+                self.note, self.straight = f"a change in the link was left out: {in_words(problem)}", False
+                continue
+            if self.run.model is not self.model:
+                self._place(self.run.model)
+            self.built |= values
+            self.settings |= values
 
     def _forget_goal(self) -> None:
         if self.goal:
@@ -406,24 +533,41 @@ class Session(Player):
         before = self.settings
         self.settings = before | {name: self._checked(name, value) for name, value in values.items()}
         try:
-            self._give()
+            self._give(values)
         except Exception:
             self.settings = before
             raise
         for name in values:
             self.faults.pop(name, None)
 
-    def _give(self) -> None:
-        """Apply the settings in `LIVE` to the present model."""
-        if self.model is None:
+    def _give(self, names: Iterable[str]) -> None:
+        """Apply settings to the present model; those that belong to the beginning of a run wait for the next one."""
+        wanted = {name: self.settings[name] for name in names if self.built.get(name) != self.settings[name]}
+        if self.run is None or not wanted or self.error:
             return
-        requested = {name: self.settings[name] for name in LIVE & self.settings.keys()}
-        if any(self.built.get(name) != value for name, value in requested.items()):
-            self.model.fire_constants = replace(self.model.fire_constants, **requested, remarks=())
-            self.built |= requested
-            self.straight = self.model.completed == 0 and self.straight
-            self.faults = {name: fault for name, fault in self.faults.items() if name not in requested}
+        if not self.run.model.completed and not self.edits:  # nothing is lost
+            self._build()
+            return
+        done = self.run.set(wanted)
+        self.built |= {name: wanted[name] for name in done}
+        if self.run.model is not self.model:
+            self._place(self.run.model)
+        if done:
+            self._changed_by_hand()
             self.look_now()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Before:
+    """The state before a change by hand, to which one can go back."""
+
+    do: str
+    step: int
+    state: bytes
+    edits: tuple[Edit, ...]
+    begun: dict[str, Any]
+    settings: dict[str, Any]
+    built: dict[str, Any]
 
 
 def ended_early(step: int, goal: int) -> str:

@@ -185,7 +185,7 @@ class Fire(Body):
     def temperature(self, value: float) -> None:
         checked = check_number("temperature", value, above=0, maximum=1)
         if self.out:
-            raise InvalidValueError("this fire is out; add another")
+            raise InvalidValueError("this fire is out; use light(), or add another")
         self.fires.columns["temperature"][self.row] = checked
         self.model.obstacles_changed()  # sensors that were read already are read again
 
@@ -198,6 +198,47 @@ class Fire(Body):
     def robots(self) -> int:
         """How many robots fight it now."""
         return int(self._read("robots"))
+
+    def put_out(self) -> None:
+        """Put the fire out by hand, between two steps; robots that fight it are released.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> fire = model.add_fire((400, 300), radius=20)
+        >>> fire.put_out()
+        >>> fire.out, fire.temperature
+        (True, 0.0)
+        """
+        row, columns, step = self._alive(), self.fires.columns, self.model.steps
+        for name, value in (("temperature", 0.0), ("out", True), ("out_step", step), ("robots", 0)):
+            columns[name][row] = value
+        self.model.fires_changed(row)
+
+    def light(self, temperature: float = 1.0) -> None:
+        """Light the fire again by hand, between two steps.
+
+        Parameters
+        ----------
+        temperature : float
+            Above 0, at most 1.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> fire = model.add_fire((400, 300), radius=20)
+        >>> fire.put_out(), fire.light(0.5)
+        (None, None)
+        >>> fire.out, fire.temperature
+        (False, 0.5)
+        """
+        row, columns = self._alive(), self.fires.columns
+        temperature = check_number("temperature", temperature, above=0, maximum=1)
+        for name, value in (("temperature", temperature), ("out", False), ("out_step", NEVER)):
+            columns[name][row] = value
+        self.model.obstacles_changed()  # sensors that were read already are read again
 
     def remove(self) -> None:
         """Take the fire out of the world, between two steps."""

@@ -94,6 +94,11 @@ class RowBuffer:
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
 
+    def end_chunk(self) -> None:
+        """Write the pending rows; those to come are of another model."""
+        self.flush()
+        self._chunk = None
+
     def attach(self, name: str, content: bytes, step: int) -> None:
         """Write a piece without rows, after all rows and moves before it."""
         self.flush()
@@ -240,6 +245,7 @@ class Recorder(Observer):
             writer.abandon()
             raise
         self._detector = ChangeDetector(model)
+        self._replaced: list[str] = []  # what a model that has taken the place of another differs in
         self._unwritten: FireModel | None = None
         self._observers = model.observers
         self._observers.append(self)
@@ -267,7 +273,7 @@ class Recorder(Observer):
         """Store the state if it was changed by hand since the last step; called by the model before each step."""
         if self.closed:
             return
-        what = self._detector.changes(model)
+        what, self._replaced = self._replaced or self._detector.changes(model), []
         moved = self._detector.moved(model) if what == [POSES] else None
         if moved is not None:
             self._guarded(self._buffer.note, move_of(model, moved, len(self._checkpoints.steps)))
@@ -299,6 +305,14 @@ class Recorder(Observer):
         """Write the pending rows, so that they can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
             self._guarded(self._buffer.flush)
+
+    def replaced(self, old: FireModel, new: FireModel, what: list[str]) -> None:
+        """Continue with the model that has taken the place of another: a change by hand."""
+        if self.closed:
+            return
+        self._observers = new.observers
+        self._replaced = [*self._replaced, *what]
+        self._guarded(self._buffer.end_chunk)
 
     def _put_row(self) -> None:
         model, self._unwritten = self._unwritten, None

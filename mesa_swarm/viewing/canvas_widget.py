@@ -155,6 +155,7 @@ class Connection:
             speed=nearest_speed(player.loop.speed),
             speeds=[speed_text(speed) for speed in SPEEDS],
             can_reset=self._reset is not None,
+            waits=bool(player.waiting),
         )
 
     def close(self) -> None:

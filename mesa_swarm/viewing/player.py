@@ -126,6 +126,13 @@ class RecentPast(Past):
             return 0
         return WORLD_BYTES * len(repr(frame.world))
 
+    def cut(self, step: int) -> None:
+        """Drop the frames of this step and of later ones."""
+        while self._frames and self._frames[-1].step >= step:
+            self._frames.pop()
+            self._bytes -= self._sizes.pop()
+        self.look(self.index)
+
     def look_at(self, step: int) -> None:
         """Show the latest frame that is not of a later step, or the first."""
         self.look(bisect_right(self._frames, step, key=lambda frame: frame.step) - 1)
@@ -166,6 +173,11 @@ class Played(ABC):
         self.changed = Listeners()
         self.viewers: tuple[Viewer, ...] = ()
         self._number = 0
+
+    @property
+    def waiting(self) -> frozenset[str]:
+        """Settings that have an effect only after a reset; none by default."""
+        return frozenset()
 
     @property
     def playing(self) -> bool:

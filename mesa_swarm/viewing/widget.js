@@ -176,6 +176,8 @@ class PlayerView {
     this.#stage.select(this.#model.get("selected"));
     this.#fillKey();
     this.#canvas.arena = () => this.#arena();
+    this.#canvas.stage = this.#stage;
+    this.#canvas.dispatchEvent(new Event("swarm-stage"));
   }
 
   /** Return where the map is on the canvas: left, top, right, bottom in CSS pixels. */
@@ -241,7 +243,7 @@ class PlayerView {
 
   #settle(state) {
     this.#state = { ...this.#state, ...state };
-    const { playing, speed, speeds, finished, error, can_reset: canReset, caption } = this.#state, parts = this.#parts;
+    const { playing, speed, speeds, finished, error, can_reset: canReset, caption, waits } = this.#state, parts = this.#parts;
     parts.caption.textContent = caption ?? "";
     this.#root.dataset.playing = playing;
     this.#describeRest();
@@ -249,6 +251,8 @@ class PlayerView {
     parts.play.disabled = Boolean(error) || finished;
     parts.step.disabled = Boolean(error);
     parts.reset.hidden = !canReset;
+    relabel(parts.reset, "reset", waits ? "Apply" : "Reset");
+    parts.reset.classList.toggle("swarm-apply", Boolean(waits));
     parts.speed.max = speeds.length - 1;
     if (document.activeElement !== parts.speed || !parts.speed.matches(":active")) parts.speed.value = speed;
     parts.requested.textContent = speeds[speed] ?? "";

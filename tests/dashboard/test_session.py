@@ -49,7 +49,7 @@ def test_several_values_are_taken_together_or_not_at_all(session):
 
 def test_settings_that_cannot_be_built_are_left_for_the_last_ones(session):
     session.step()
-    session.set_parameter("n_robots", 9999)
+    session.settings["n_robots"] = 9999
     session.set_seed(8)
     session.reset()
     assert session.unbuilt

@@ -1,0 +1,140 @@
+"""Continuing a run with other parameters, between two steps, without a recording."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model import NOT_HASHED
+from mesa_swarm.recording.attributes import own_attributes
+from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
+from mesa_swarm.recording.resume import OF_PARAMETERS, take_over
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.state import fingerprint
+
+# What a run changes of its fires: the other columns follow from the parameters.
+OF_FIRES = ("temperature", "out", "out_step")
+
+
+def continued(model: FireModel, **changes: object) -> FireModel:
+    """Return a model that continues the run of another one with other parameters.
+
+    A model is made with these, and takes over the state of the run, as by `resume`: the robots where they are, the
+    memory of layers, random streams, counters. Its observers continue with it: a recording notes a change by hand.
+
+    Parameters
+    ----------
+    model : FireModel
+        Between two steps; it is not to be used afterwards.
+    **changes
+        New values of the model's parameters.
+
+    Raises
+    ------
+    InvalidValueError
+        If a change would only have an effect from the first step of a run on, or makes another world.
+    UnknownNameError
+        If there is no such parameter.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.boids import Boids
+    >>> model = continued(Boids(rng=1).run(20), noise=0.1)
+    >>> model.steps, model.given[1]["noise"]
+    (20, 0.1)
+    """
+    known = parameters_of_run(model)
+    unknown = sorted(set(changes) - known.keys())
+    if unknown:
+        raise UnknownNameError(unknown_name(f"parameter of {type(model).__name__}", unknown[0], known))
+    origin = provenance_of(model, rerun=True)
+    new, fresh = rebuilt(origin, type(model), **changes), rebuilt(origin, type(model))
+    continue_with(new, model, fresh, tuple(changes))
+    return new
+
+
+def continue_with(new: FireModel, old: FireModel, fresh: FireModel, names: tuple[str, ...]) -> None:
+    """Continue the run of `old` with `new`, made with other values of the parameters of these names.
+
+    `fresh` is `old` before its first step. A change that would have no effect, or another one than on a new run, is
+    refused, and `old` is as it was.
+    """
+    if _differs_at_start(new, fresh) or _hidden_by_run(new, old, fresh):
+        raise InvalidValueError(
+            f"{shortened(' and '.join(names))} belongs to the beginning of a run; make a new model, or reset, with it"
+        )
+    take_over(new, old, fresh)
+    hand_over(old, new, [f"parameter {name}" for name in names])
+
+
+def match_robots(model: FireModel, wanted: FireModel) -> None:
+    """Add robots at free places, or remove the last ones, until there are as many of each design and group as `wanted`.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.boids import Boids
+    >>> model = Boids(n_robots=20, rng=1).run(5)
+    >>> match_robots(model, Boids(n_robots=22, rng=1))
+    >>> len(model.run(5).robots)
+    22
+    """
+    there, expected = _by_kind(model), _by_kind(wanted)
+    model.remove_robots([robot for kind, robots in there.items() for robot in robots[len(expected.get(kind, ())) :]])
+    for kind, robots in expected.items():
+        missing = len(robots) - len(there.get(kind, ()))
+        if missing > 0:
+            model.add_robots(robots[0].design, missing, group=robots[0].group)
+
+
+def _by_kind(model: FireModel) -> dict[tuple[str, str], list[Robot]]:
+    """Return the robots by the name of their design and their group."""
+    found: dict[tuple[str, str], list[Robot]] = {}
+    for robot in model.swarm.agents:
+        found.setdefault((robot.design.name, robot.group), []).append(robot)
+    return found
+
+
+def hand_over(old: FireModel, new: FireModel, what: list[str]) -> None:
+    """Let the observers of a model continue with another one, which differs in what is named."""
+    observers, callees = list(old.observers), old.observers.complete
+    old.observers = ()
+    new.observers.extend(observers)
+    for observer in callees:
+        observer.replaced(old, new, what)
+
+
+def _differs_at_start(new: FireModel, fresh: FireModel) -> bool:
+    """Return whether the models begin in states that other parameters do not change any more."""
+    mine, other = dict(_of_start(new)), dict(_of_start(fresh))
+    # What only one of them has, such as the wear of imperfect robots, begins when it is added.
+    return any(mine[name] != other[name] for name in mine.keys() & other.keys())
+
+
+def _of_start(model: FireModel) -> Iterator[tuple[tuple, bytes]]:
+    """Yield the state at the beginning of a run, by name and shape."""
+    tables = dict(model._hashed_columns())
+    yield ("robots",), str(len(model.swarm)).encode()
+    for name, column in tables.pop("robots").items():
+        if name not in NOT_HASHED | OF_PARAMETERS:
+            yield (name, column.shape), column.tobytes()
+    for prefix, table in tables.items():
+        yield from (((prefix, name), table[name].tobytes()) for name in OF_FIRES)
+    for body in model.displaced:
+        yield ("body", body.unique_id), np.array(body.pose).tobytes()
+    for name, field in model.fields.items():
+        yield ("field", name, field.values.shape), field.values.tobytes()
+    for name, value in model._state.items():
+        yield ("state", name), fingerprint(value)
+
+
+def _hidden_by_run(new: FireModel, old: FireModel, fresh: FireModel) -> list[str]:
+    """Return the attributes that the parameters would change, but that the run has changed itself."""
+    mine, now, first = map(own_attributes, (new, old, fresh))
+    both = mine.keys() & now.keys() & first.keys()
+    return [name for name in both if _differ(mine[name], first[name]) and _differ(now[name], first[name])]
+
+
+def _differ(one: Any, other: Any) -> bool:
+    return one is not other and fingerprint(one) != fingerprint(other)

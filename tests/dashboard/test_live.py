@@ -1,0 +1,112 @@
+"""Parameters of a session that change while it runs."""
+
+import pytest
+
+from mesa_swarm.dashboard.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.exporting import Exporting
+from mesa_swarm.dashboard.session import Session
+from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.parameters import Slider, parameters_of
+from mesa_swarm.recording import Recording
+
+
+def played(name, steps=8, **settings):
+    session = Session(name, settings)
+    for _ in range(steps):
+        session.step()
+    return session
+
+
+@pytest.mark.parametrize("name", gallery_names())
+def test_the_number_of_robots_of_every_model_changes_while_it_runs(name):
+    session = played(name)
+    before, completed = len(session.model.robots), session.model.completed
+    for wanted in (before - 2, before - 1) if before > 3 else (before + 2, before + 1):
+        session.set_parameter("n_robots", wanted)
+        assert session.faults == {}
+        assert len(session.model.robots) == wanted
+        session.step()
+        assert session.error == ""
+    assert session.waiting == frozenset()
+    assert session.model.completed == completed + 2
+
+
+def test_a_parameter_changes_at_once_and_its_neighbours_stay():
+    session = played("boids")
+    session.set_parameter("sight", 70.0)
+    session.set_parameter("n_robots", 20)
+    session.set_parameter("noise", 0.2)
+    assert len(session.model.robots) == 20
+    assert (session.built["sight"], session.built["noise"]) == (70.0, 0.2)
+    assert session.model.completed == session.past.last_step == 8
+    assert len(session.series) == 8
+    session.step()
+    assert len(session.series) == 9
+
+
+def test_what_belongs_to_the_beginning_waits_for_apply():
+    session = played("fire_fighting")
+    session.set_parameters({"initial_temperature": 0.5, "noise": 0.1})
+    assert session.waiting == {"initial_temperature"}
+    session.reset()
+    assert session.waiting == frozenset()
+    assert session.model.fires[0].temperature == 0.5
+
+
+def test_before_the_first_step_every_change_builds_the_model_anew():
+    session = Session("fire_fighting")
+    session.set_parameter("initial_temperature", 0.5)
+    assert session.waiting == frozenset()
+    assert session.model.fires[0].temperature == 0.5
+    assert session.edits == ()
+
+
+def test_a_value_with_which_no_model_can_be_made_is_refused_and_the_run_goes_on():
+    session = played("fire_fighting")
+    session.set_parameter("join", 200.0)
+    assert "expected join below leave" in session.faults["join"]
+    session.set_parameter("n_robots", 5000)
+    assert "n_robots" in session.faults
+    for name in ("join", "n_robots"):
+        assert session.settings[name] == session.built[name]
+    session.step()
+    assert session.error == ""
+
+
+def test_a_recording_goes_on_while_parameters_change(tmp_path):
+    session = played("boids")
+    exporting = session.companion(Exporting)
+    exporting.record(True)
+    session.step()
+    session.set_parameter("noise", 0.2)
+    session.set_parameter("n_robots", 30)
+    exporting.check_recording()
+    assert exporting.switch.running
+    session.step()
+    exporting.switch.copy(tmp_path / "copy.arrow")
+    exporting.record(False)
+    recording = Recording(tmp_path / "copy.arrow")
+    assert len(recording) == 2
+    assert [one.step for one in recording.interventions] == [9]
+    session.close()
+
+
+def test_settings_that_wait_are_marked_and_light_up_the_reset_button():
+    session = played("fire_fighting")
+    panel = Panel(ControlPanel(), session)
+    session.set_parameter("initial_temperature", 0.5)
+    assert panel.widget.values["initial_temperature"]["waits"]
+    assert not panel.widget.values["noise"]["waits"]
+    panel.close()
+
+
+@pytest.mark.parametrize("name", gallery_names())
+def test_all_defaults_are_taken_back_while_it_runs(name):
+    session = played(name)
+    known = parameters_of(find_model(name)).values()
+    slider = next(one for one in known if isinstance(one.control, Slider) and one.name != "n_robots")
+    session.set_parameter(slider.name, slider.kind(slider.control.maximum))
+    session.set_defaults()
+    assert session.settings == {key: one.default for key, one in session.parameters.items()}
+    session.step()
+    assert session.error == ""
