@@ -10,6 +10,7 @@ const TOOL_ICONS = {
   obstacle: "M10 3a7 7 0 1 0 0 14 7 7 0 0 0 0-14z",
   load: "M3 3h14v14H3zM5 5v10h10V5z",
   fire: "M10.500 1c.5 3-3 4.500-3 7.500 0 1 .5 1.800 1 2.200C8 8.500 10 8 10.500 6c3 2 4.500 4.200 4.500 7a5 5 0 0 1-10 0C5 8 9.500 6.500 10.500 1z",
+  undo: "M8 4v3h4a5 5 0 0 1 0 10H7v-2h5a3 3 0 0 0 0-6H8v3L3 8z",
   erase: "M12 3l5 5-8.500 8.500H5l-2.500-2.500zM5.800 15h1.900l2-2-2.900-2.900-2.600 2.900z",
 };
 const NUMBERS = { x: "x", y: "y", toX: "to x", toY: "to y", width: "width", radius: "radius", heading: "heading, degrees" };
@@ -50,7 +51,7 @@ class EditorView {
     model.on("msg:custom", receive);
     const show = () => this.#show();
     model.on("change:status", show);
-    const key = (event) => event.key === "Escape" && this.#tool && this.#choose(null);
+    const key = (event) => this.#hearKey(event);
     document.addEventListener("keydown", key);
     this.#leave.push(() => (model.off("msg:custom", receive), model.off("change:status", show), document.removeEventListener("keydown", key)));
     this.#asked = requestAnimationFrame(() => this.#find());
@@ -67,6 +68,14 @@ class EditorView {
   }
 
   #send(message) { this.#model.send(message); }
+
+  #hearKey(event) {
+    if (event.key === "Escape" && this.#tool) this.#choose(null);
+    const typing = event.target instanceof Element && event.target.closest("input[type=text], textarea, select");
+    if (event.key !== "z" || !(event.ctrlKey || event.metaKey) || typing || this.#parts.undo.disabled) return;
+    event.preventDefault();
+    this.#send({ do: "undo" });
+  }
 
   /** Find the canvas beside it, which may come later, and put the tools upon it. */
   #find() {
@@ -89,18 +98,19 @@ class EditorView {
       button.dataset.tool = name;
       return button;
     });
-    parts.form = make("form", { class: "swarm-place", hidden: true, submit: (event) => (event.preventDefault(), this.#place()) });
-    parts.undo = make("button", { type: "button", click: () => this.#send({ do: "undo" }) }, "Undo");
-    const save = (kind) => make("button", { type: "button", click: () => this.#send({ do: "save", value: kind }) }, `Save map as ${kind.toUpperCase()}`);
-    parts.apply = make("button", { type: "button", title: "Reset, and run the model on the map as it is now", click: () => this.#send({ do: "apply" }) }, "Use as map");
-    const clear = make("button", { type: "button", click: () => this.#send({ do: "clear" }) }, "Remove all obstacles");
+    parts.form = make("form", { class: "swarm-place", submit: (event) => (event.preventDefault(), this.#place()) });
+    parts.undo = toolButton("undo", "Nothing to undo", () => this.#send({ do: "undo" }));
+    const action = (label, message, about = label) => make("button", { type: "button", title: about, click: () => this.#send(message) }, label);
+    parts.apply = action("Use as map", { do: "apply" }, "Reset, and run the model on the map as it is now");
     parts.hint = make("p", { class: "swarm-hint" });
     parts.fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
-    const tools = make("div", { class: "swarm-toolbox", role: "toolbar", "aria-label": "Tools" }, ...parts.buttons);
-    const rest = make("div", { class: "swarm-options" }, parts.undo, clear, save("toml"), save("svg"), parts.apply);
     parts.edits = make("ol", { class: "swarm-edits", "aria-label": "Changes by hand", tabindex: "0" });
-    const summary = toolSummary(), inner = make("div", {}, tools, parts.hint, parts.form, parts.fault, rest, parts.edits);
-    parts.box = make("details", { class: "swarm-edit", toggle: () => parts.box.open || this.#choose(null) }, summary, inner);
+    const more = make("details", { class: "swarm-more" }, make("summary", { title: "Map and changes by hand", "aria-label": "Map and changes by hand" }, "\u22ef"),
+      make("div", {}, action("Remove all obstacles", { do: "clear" }), action("Save map as TOML", { do: "save", value: "toml" }),
+        action("Save map as SVG", { do: "save", value: "svg" }), parts.apply, parts.edits));
+    const tools = make("div", { class: "swarm-toolbox", role: "toolbar", "aria-label": "Tools" }, ...parts.buttons, parts.undo, more);
+    parts.about = make("div", { class: "swarm-about-tool" }, parts.hint, make("details", {}, make("summary", {}, "by numbers"), parts.form));
+    parts.box = make("details", { class: "swarm-edit", toggle: () => parts.box.open || this.#choose(null) }, toolSummary(), tools, parts.about, parts.fault);
     this.#choose(null);
   }
 
@@ -110,6 +120,7 @@ class EditorView {
     parts.edits.hidden = !edits.length;
     parts.undo.disabled = !undo;
     parts.undo.title = undo || "Nothing to undo";
+    parts.undo.setAttribute("aria-label", parts.undo.title);
     parts.fault.textContent = fault;
     parts.fault.hidden = !fault;
     parts.apply.hidden = !takesMap;
@@ -120,8 +131,8 @@ class EditorView {
     this.#tool = name;
     this.#from = this.#to = null;
     parts.buttons.forEach((button) => button.setAttribute("aria-pressed", button.dataset.tool === name));
-    parts.hint.textContent = name ? TOOLS[name].label : "Choose a tool, then click or drag in the world. Esc puts it away.";
-    parts.form.hidden = !name;
+    parts.hint.textContent = name ? `${TOOLS[name].label}. Esc ends.` : "";
+    parts.about.hidden = !name;
     if (name) this.#fillForm(TOOLS[name].fields);
     this.#use();
   }
