@@ -283,7 +283,8 @@ class Comparing:
     def choose_parameter(self, name: str) -> None:
         """Compare another parameter, and build both worlds."""
         self.parameter = check_choice("parameter", name, self.choices)
-        self.values = two_values(self.model_class, self.choices[name], self.session.map_names())
+        maps = self.session.map_names(self.parameters.get("map"))
+        self.values = two_values(self.model_class, self.choices[name], maps)
         self.faults = {}
         self.reset()
 
@@ -356,7 +357,7 @@ class Comparing:
     def _checked(self, value: Any) -> Any:
         parameter = self.choices[self.parameter]
         if parameter.name == "map":
-            return check_choice("map", value, self.session.map_names())
+            return check_choice("map", value, self.session.map_names(parameter))
         return checked_setting(parameter, value)
 
 

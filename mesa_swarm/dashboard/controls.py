@@ -215,7 +215,7 @@ def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
     """Return one control, None for a parameter that the page cannot set."""
     about: dict[str, Any] = {"name": parameter.name, "label": label_of(parameter.name), "help": parameter.help}
     if parameter.name == "map":
-        return {**about, "kind": "choice", "options": session.map_names(), "upload": True}
+        return {**about, "kind": "choice", "options": session.map_names(parameter), "upload": True}
     if isinstance(parameter.control, Choice):
         return {**about, "kind": "choice", "options": list(parameter.control.options)}
     if isinstance(parameter.control, Slider):

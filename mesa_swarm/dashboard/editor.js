@@ -28,16 +28,20 @@ const WALL = 0.015, DISC = 0.03, NEAR = 9;
 // Shortest time between places that are sent while something is dragged, ms.
 const DRAG_EVERY = 30;
 
-function toolButton(icon, label, act) {
-  const button = make("button", { type: "button", title: label, "aria-label": label, click: act });
-  button.innerHTML = `<svg viewBox="0 0 20 20" aria-hidden="true"><path fill-rule="evenodd" d="${TOOL_ICONS[icon]}"/></svg>`;
-  return button;
+const SHAPES = "http://www.w3.org/2000/svg";
+
+function toolIcon(name) {
+  const picture = document.createElementNS(SHAPES, "svg"), path = document.createElementNS(SHAPES, "path");
+  picture.setAttribute("viewBox", "0 0 20 20");
+  picture.setAttribute("aria-hidden", "true");
+  path.setAttribute("fill-rule", "evenodd");
+  path.setAttribute("d", TOOL_ICONS[name]);
+  picture.append(path);
+  return picture;
 }
 
-function toolSummary() {
-  const summary = make("summary", { title: "Edit the world" });
-  summary.innerHTML = `<svg viewBox="0 0 20 20" aria-hidden="true"><path fill-rule="evenodd" d="${TOOL_ICONS.edit}"/></svg><span>Edit</span>`;
-  return summary;
+function toolButton(icon, label, act) {
+  return make("button", { type: "button", title: label, "aria-label": label, click: act }, toolIcon(icon));
 }
 
 class EditorView {
@@ -110,7 +114,7 @@ class EditorView {
         action("Save map as SVG", { do: "save", value: "svg" }), parts.apply, parts.edits));
     const tools = make("div", { class: "swarm-toolbox", role: "toolbar", "aria-label": "Tools" }, ...parts.buttons, parts.undo, more);
     parts.about = make("div", { class: "swarm-about-tool" }, parts.hint, make("details", {}, make("summary", {}, "by numbers"), parts.form));
-    parts.box = make("details", { class: "swarm-edit", toggle: () => parts.box.open || this.#choose(null) }, toolSummary(), tools, parts.about, parts.fault);
+    parts.box = make("details", { class: "swarm-edit", toggle: () => parts.box.open || this.#choose(null) }, make("summary", { title: "Edit the world" }, toolIcon("edit"), make("span", {}, "Edit")), tools, parts.about, parts.fault);
     this.#choose(null);
   }
 

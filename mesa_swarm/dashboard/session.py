@@ -347,9 +347,11 @@ class Session(Player):
             try:
                 self.seed = whole_number("seed", text)
                 self.faults.pop("seed", None)
-            except InvalidValueError as problem:
-                self.faults["seed"] = str(problem)
-        self.changed.notify()
+                if self._is_new:
+                    self._build()
+            except Exception as problem:  # shown beside the control
+                self.faults["seed"] = in_words(problem)
+        self.retake()
 
     def upload(self, name: str, content: bytes) -> None:
         """Read a map from an uploaded file, in a thread without the lock, and build the model on it.
@@ -397,9 +399,12 @@ class Session(Player):
             self._take_map(chart, "")
         self.reset()
 
-    def map_names(self) -> list[str]:
-        """Return the maps that may be requested: those that the model offers, else all built in, then uploaded ones."""
-        parameter = self.parameters.get("map")
+    def map_names(self, parameter: Parameter | None = None) -> list[str]:
+        """Return the maps that may be requested: those that a parameter offers, else all built in, then uploaded ones.
+
+        By default the parameter `map` of the model.
+        """
+        parameter = parameter or self.parameters.get("map")
         own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else builtin_maps()
         return list(dict.fromkeys([*own, *self.uploads]))
 
@@ -540,12 +545,17 @@ class Session(Player):
         for name in values:
             self.faults.pop(name, None)
 
+    @property
+    def _is_new(self) -> bool:
+        """Whether nothing is lost if the model is built anew."""
+        return self.run is not None and not (self.run.model.completed or self.edits or self.error)
+
     def _give(self, names: Iterable[str]) -> None:
         """Apply settings to the present model; those that belong to the beginning of a run wait for the next one."""
         wanted = {name: self.settings[name] for name in names if self.built.get(name) != self.settings[name]}
         if self.run is None or not wanted or self.error:
             return
-        if not self.run.model.completed and not self.edits:  # nothing is lost
+        if self._is_new:
             self._build()
             return
         done = self.run.set(wanted)

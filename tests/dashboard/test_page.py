@@ -56,7 +56,7 @@ def press(context) -> str:
 def test_settings_that_cannot_be_built_are_distinguished_from_a_model_that_stopped(session, drawn, monkeypatch):
     page = drawn(app.Trouble(session, ()))
     assert texts(page, "h2") == []
-    session.set_parameter("n_robots", 9999)
+    session.settings["n_robots"] = 9999
     session.reset()
     assert texts(page, "h2") == ["These settings cannot be built"]
     assert press(page) == "Back to the last settings"
