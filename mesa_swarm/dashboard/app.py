@@ -1,4 +1,4 @@
-"""The page: its address bar, theme, links, and places for sessions.
+"""The page: its header and tabs, and places for sessions.
 
 Every browser session builds its own `Session`, and closes it with the page; sessions share nothing.
 """
@@ -9,155 +9,40 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
-from urllib.parse import parse_qsl, urlencode
 
-import anywidget
 import solara
 import solara.lab
-import traitlets
 from reacton import ipyvuetify as rv
 from solara.server import settings
 
-from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE, check_page_model
+from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
+from mesa_swarm.dashboard.addresses import WATCH
 from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.compare_view import Compare
+from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.editing import Editing, Editor
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
+from mesa_swarm.dashboard.navigation import Navigation, PageBar, PageLink
 from mesa_swarm.dashboard.replay_view import Replay
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
+from mesa_swarm.dashboard.replaying import Replaying
+from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
-from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, in_words, unknown_name
-from mesa_swarm.gallery import description, find_model
+from mesa_swarm.errors import in_words
+from mesa_swarm.gallery import description
 from mesa_swarm.looks import looks_of
-from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.canvas_widget import PlayerView
 from mesa_swarm.viewing.palette import style_sheet
 from mesa_swarm.viewing.play_loop import Listeners, use_changes
 from mesa_swarm.viewing.player import PackedFrame
-from mesa_swarm.world.map import builtin_maps
 
-LONGEST = 4000
-# More steps would take longer than a user waits for a link to open.
-MOST_STEPS = 20_000
-COUNTS = {"seed": LARGEST_SEED, "step": MOST_STEPS}
-MOST_FAULTS = 5
 # Shortest time between drawings of panels while the model is played, s.
 EVERY = 0.5
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Address:
-    """The settings in a link."""
-
-    model: str
-    # Parameters that are not the model's defaults.
-    settings: dict[str, Any] = field(default_factory=dict)
-    seed: int = 1
-    steps: int = 0
-    # Why parts of the link were ignored.
-    faults: tuple[str, ...] = ()
-
-
-def address_from(query: str | None, first: str) -> Address:
-    """Return the settings in a link's query; each invalid one is reported, and left out."""
-    words = dict(parse_qsl((query or "")[:LONGEST]))
-    words.pop("token", None)
-    try:
-        name = check_page_model(words.pop("model", first))
-    except SwarmError as error:  # the settings of an unknown model cannot be checked
-        return Address(model=first, faults=(str(error),))
-    known, values, faults = parameters_of(find_model(name)), {}, []
-    for word, text in words.items():
-        try:
-            values[word] = _value(name, known, word, text)
-        except SwarmError as error:
-            faults.append(str(error))
-    seed, steps = values.pop("seed", 1), values.pop("step", 0)
-    return Address(model=name, settings=values, seed=seed, steps=steps, faults=_first_few(faults))
-
-
-def _value(model: str, known: dict[str, Parameter], word: str, text: str) -> Any:
-    """Return the value of one setting in a link."""
-    if word in COUNTS:
-        return whole_number(word, text, maximum=COUNTS[word])
-    if word not in known:
-        raise UnknownNameError(unknown_name(f"parameter of {model}", word, known))
-    # A link never names a file: opening a link from others must not make this machine read one.
-    return check_choice("map", text, builtin_maps()) if word == "map" else checked_setting(known[word], text)
-
-
-def _first_few(faults: list[str]) -> tuple[str, ...]:
-    more = len(faults) - MOST_FAULTS
-    return (*faults[:MOST_FAULTS], f"and {more} more") if more > 0 else tuple(faults)
-
-
-def query_of(session: Session) -> str:
-    """Return the query of a link to what a session shows, except for uploaded maps.
-
-    Settings changed during the run are in it as if they had been set from the start.
-    """
-    words = {"model": session.name}
-    for name, parameter in session.parameters.items():
-        value = session.settings[name]
-        if value != parameter.default and value not in session.uploads:
-            words[name] = repr(value) if isinstance(value, float) else str(value)
-    words["seed"] = str(session.seed)
-    shown = session.past.shown
-    if shown and session.straight and not session.playing and not session.waiting and 0 < shown.step <= MOST_STEPS:
-        words["step"] = str(shown.step)
-    return urlencode(words)
-
-
-class PageBar(anywidget.AnyWidget):
-    """A button that switches between light and dark; it also writes `query` into the address bar, without a reload."""
-
-    _esm = """
-    const KEY = "mesa_swarm.theme", WORDS = { auto: "as the system", light: "light", dark: "dark" };
-    const NEXT = { auto: "dark", dark: "light", light: "auto" };
-    const SIGNS = { auto: "\\u25D0", light: "\\u2600", dark: "\\u263E" };
-
-    export default {
-      render({ model, el }) {
-        const system = matchMedia("(prefers-color-scheme: dark)");
-        const button = document.createElement("button");
-        button.type = "button";
-        button.className = "swarm-theme";
-        const choice = () => WORDS[localStorage.getItem(KEY)] ? localStorage.getItem(KEY) : "auto";
-        const apply = () => {
-          const dark = choice() === "auto" ? system.matches : choice() === "dark", page = el.closest(".v-application");
-          button.textContent = SIGNS[choice()];
-          button.title = `Theme: ${WORDS[choice()]}`;
-          button.setAttribute("aria-label", button.title);
-          for (const one of [page, document.getElementById("app")]) {
-            one?.classList.toggle("theme--dark", dark);
-            one?.classList.toggle("theme--light", !dark);
-          }
-          model.set("dark", dark);
-          model.save_changes();
-        };
-        const write = () => history.replaceState(history.state, "", `${location.pathname}?${model.get("query")}`);
-        button.addEventListener("click", () => (localStorage.setItem(KEY, NEXT[choice()]), apply()));
-        system.addEventListener("change", apply);
-        model.on("change:query", write);
-        el.append(button);
-        apply();
-        if (model.get("query")) write();
-        return () => (system.removeEventListener("change", apply), model.off("change:query", write));
-      },
-    };
-    """
-    query = traitlets.Unicode("").tag(sync=True)
-    dark = traitlets.Bool(False).tag(sync=True)
-
-
 MOST_PAGES = 40
 
 
@@ -182,11 +67,13 @@ class Places:
             return True
 
 
-STYLES = ("dashboard/style.css", "dashboard/editing.css")
+STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "editing", "frame"))
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
-WATCH, MODELS = "Watch", "Models"
+MODELS = "models"
 # More tabs: names, and components that are called with the session.
-MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
+MORE_TABS: dict = {"compare": Compare, "replay": Replay}
+# The state of tabs that is written into links.
+COMPANIONS: dict = {WATCH: None, MODELS: None, "compare": Comparing, "replay": Replaying}
 
 PLACES = Places()
 
@@ -225,38 +112,40 @@ def Page() -> None:
 def Room() -> None:
     """Show the page with the settings of its address."""
     search = solara.use_router().search
-    linked = solara.use_memo(lambda: address_from(search, os.environ.get(MODEL_VARIABLE, FIRST)), [])
-    session = solara.use_memo(lambda: Session(linked.model, linked.settings, linked.seed, linked.steps), [])
-    tab, choose_tab = solara.use_state(WATCH)
-    solara.use_effect(lambda: session.close, [])
-    solara.use_effect(lambda: session.adopted.add(lambda: choose_tab(WATCH)), [])
-
-    def choose_model(name: str) -> None:
-        session.choose(name)
-        choose_tab(WATCH)
-
+    first = os.environ.get(MODEL_VARIABLE, FIRST)
+    navigation = solara.use_memo(lambda: Navigation(search, first, COMPANIONS), [])
+    use_changes(navigation.changed)
+    solara.use_effect(lambda: navigation.close, [])
+    session = navigation.session
     with solara.Div(classes=["swarm-room"]):
-        Header(session, tab, choose_tab)
-        if tab == MODELS:
-            Gallery(session.name, choose_model)
-        elif tab in MORE_TABS:
-            MORE_TABS[tab](session)
+        Header(navigation)
+        if navigation.tab == MODELS:
+            Gallery(session.name, navigation.choose)
+        elif navigation.tab in MORE_TABS:
+            MORE_TABS[navigation.tab](session)
         else:
-            Watch(session, linked.faults)
+            Watch(session, navigation.faults)
 
 
 @solara.component
-def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> None:
-    """Show the name, the tabs and the switch between light and dark."""
+def Header(navigation: Navigation) -> None:
+    """Show the name, the tabs and the page bar."""
+    session = navigation.session
     use_changes(session.changed)
+    use_changes(navigation.changed)
+    use_changes(navigation.tab_changes)
     with rv.Html(tag="header", class_="swarm-header"):
         solara.HTML(tag="h1", unsafe_innerHTML="mesa_swarm")
         with rv.Html(tag="nav", attributes={"aria-label": "Pages"}):
             for name in (WATCH, MODELS, *MORE_TABS):
-                Button(name, partial(choose_tab, name), current="page" if name == tab else "").key(name)
+                current = "page" if name == navigation.tab else ""
+                Button(name.capitalize(), partial(navigation.go, name), current=current).key(name)
         shown = rv.Html(tag="b", children=[title(session.name)])
         rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
-        PageBar.element(query=query_of(session), on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
+        traits = {"query": navigation.query, "place": navigation.place, "tours": navigation.address.tour}
+        traits |= {"title": f"{title(session.name)} - mesa_swarm"}
+        bar = PageBar.element(**traits, on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
+        solara.use_effect(lambda: PageLink(solara.get_widget(bar), navigation).close, [])
 
 
 @solara.component
@@ -267,7 +156,7 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
         with solara.Div(classes=["swarm-middle"]):
             with solara.Div(classes=["swarm-unseen"]):  # its tools are put upon the canvas
                 Linked(Editor, Editing, session)
-            Trouble(session, faults)
+            Trouble(session, faults).key(f"trouble {faults}")
             PlayerView(session, session.reset)
         with solara.Div(classes=["swarm-side"]):
             Linked(Inspector, Inspecting, session)

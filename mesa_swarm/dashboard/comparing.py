@@ -16,8 +16,9 @@ from typing import IO, Any, cast
 from joblib import cpu_count
 
 from mesa_swarm.dashboard import check_page_model
+from mesa_swarm.dashboard.inputs import LARGEST_SEED, checked_setting, whole_number
 from mesa_swarm.dashboard.pair import NAMES, Pair
-from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
+from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
 from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS
@@ -333,6 +334,36 @@ class Comparing:
         except Exception as problem:  # as in `reset`
             self.faults["runs"] = in_words(problem)
         self.pair.changed.notify()
+
+    @property
+    def linked(self) -> Listeners:
+        """Notified when the words of a link change."""
+        return self.pair.changed
+
+    def words(self) -> dict[str, str]:
+        """Return what is compared, as words of a link; settings of both worlds are those of the session."""
+        first, second = (str(value) for value in self.values)
+        counts = {name: str(getattr(self, name)) for name in ("seed", "seeds", "steps")}
+        return {"model": self.name, "parameter": self.parameter, "A": first, "B": second, **counts}
+
+    def show_words(self, words: dict[str, str]) -> list[str]:
+        """Compare what the words of a link describe; return why some were ignored."""
+        try:
+            if words.get("model", self.name) != self.name:
+                self.choose_model(words["model"])
+            if words.get("parameter", self.parameter) != self.parameter:
+                self.choose_parameter(words["parameter"])
+        except SwarmError as problem:
+            return [in_words(problem)]
+        for name in NAMES:
+            if name in words:
+                self.set_value(name, words[name])
+        for name in ("seed", "seeds", "steps"):
+            if name in words:
+                self.set_count(name, words[name])
+        faults = list(self.faults.values())
+        self.reset()
+        return faults
 
     def close(self) -> None:
         """Stop and release everything."""

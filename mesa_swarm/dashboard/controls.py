@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import anywidget
 import traitlets
 
-from mesa_swarm.dashboard.session import LARGEST_MAP_FILE, Session
+from mesa_swarm.dashboard.inputs import LARGEST_MAP_FILE
+from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, SwarmError
 from mesa_swarm.fire import FireConstants, design_constants

@@ -8,7 +8,6 @@ from typing import Any
 
 import anywidget
 import numpy as np
-import shapely
 import traitlets
 
 from mesa_swarm.control.explain import moment_of
@@ -26,11 +25,8 @@ from mesa_swarm.viewing.player import PackedFrame
 MOST_SHOWN = 12
 # Shortest time between updates of the inspector while the model is played, s.
 EVERY = 0.2
-NAMES = {"obstacle": "an obstacle", "load": "a load"}
 # Types of values from a field of the page.
 Typed = float | str | None
-# Overlaps below this are rounding.
-TOUCHING = 1e-9
 
 
 class Inspector(anywidget.AnyWidget):
@@ -110,23 +106,22 @@ class Inspecting(Link):
         session.select(number)
 
     def _move(self, pose: dict[str, float | str | None]) -> None:
-        """Move the robot, or show why not; the link no longer reproduces the run."""
+        """Move the robot, or show why not."""
         session = self.session
         try:
             with session.lock:
                 if not self._may_move():
                     raise InvalidValueError("a robot is moved only at the present step of a paused run; pause first")
-                model = session.model
-                robot = None if model is None else robot_of(model, session.selected)
-                if model is None or robot is None:
-                    raise InvalidValueError(f"unknown robot {session.selected}; select one")
-                move(model, robot, pose.get("x"), pose.get("y"), pose.get("heading"))
-                session.straight = False
+            x, y, heading = (_number(name, pose.get(name)) for name in ("x", "y", "heading"))
+            check_number("heading", heading, minimum=-360, maximum=360)
+            if session.selected is None:
+                raise InvalidValueError("no robot is selected; select one")
+            session.edit("move", session.selected, x, y, math.radians(heading))
         except Exception as problem:  # shown beside the fields
             self.inspector.fault = in_words(problem)
             return
         self.inspector.fault = ""
-        session.retake()
+        self.refresh()
 
 
 def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
@@ -275,39 +270,6 @@ def pose_of(position: np.ndarray, heading: float) -> dict[str, float]:
     """Return a pose in map units and degrees, rounded."""
     degrees = round(math.degrees(heading), 1)
     return {"x": round(float(position[0]), 2), "y": round(float(position[1]), 2), "heading": degrees + 0.0}
-
-
-def move(model: SwarmModel, robot: Robot, x: Typed, y: Typed, heading_degrees: Typed) -> None:
-    """Move a robot between two steps to a free place, in map units and degrees from -360 to 360, or typed text."""
-    place = np.array([_number("x", x), _number("y", y)])
-    heading = _number("heading", heading_degrees)
-    check_number("heading", heading, minimum=-360, maximum=360)
-    depth, what = deepest(model, robot, place)
-    if depth > TOUCHING:
-        raise InvalidValueError(
-            f"at ({place[0]:g}, {place[1]:g}) it would overlap {what} by {depth:.3g}; choose a place farther away"
-        )
-    robot.position = place
-    robot.heading = math.radians(heading)
-
-
-def deepest(model: SwarmModel, robot: Robot, place: np.ndarray) -> tuple[float, str]:
-    """Return the largest overlap of a robot at a position, and with what."""
-    x_min, y_min, x_max, y_max = model.map.bounds
-    border = robot.radius - min(place[0] - x_min, place[1] - y_min, x_max - place[0], y_max - place[1])
-    found = [(border, "the border of the map")]
-    point = shapely.Point(*place)
-    for obstacle in model.obstacle_list:
-        if obstacle.contact and getattr(obstacle, "carrier", None) is None:
-            gap = shapely.distance(point, obstacle.shape.geometry) - obstacle.shape.radius
-            found.append((robot.radius - gap, NAMES.get(obstacle.kind, f"a {obstacle.kind}")))
-    for number, (x, y, radius) in enumerate(model.fires.discs, start=1):
-        found.append((robot.radius + radius - math.dist(place, (x, y)), f"fire {number}"))
-    gaps = np.hypot(*(model.swarm.position - place).T) - model.swarm.radius
-    gaps[robot.row] = np.inf
-    nearest = int(np.argmin(gaps))
-    found.append((robot.radius - gaps[nearest], f"robot {model.swarm.agents[nearest].unique_id}"))
-    return max(found, key=lambda one: one[0])
 
 
 def _number(name: str, value: Typed) -> float:

@@ -9,7 +9,9 @@ from time import monotonic
 from typing import Any, cast
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE, page_models
-from mesa_swarm.dashboard.session import LARGEST_SEED, MOST_ROBOTS, Session
+from mesa_swarm.dashboard.edits import MOST_ROBOTS
+from mesa_swarm.dashboard.inputs import LARGEST_SEED
+from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Incoming
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, in_words
 from mesa_swarm.fire.model import FireModel
@@ -320,6 +322,25 @@ class Replaying:
         stop = self._stop
         if self._update(stop, _activity=f"continuing from step {step:,} ...", fault=""):
             threading.Thread(target=self._branch, args=(path, step, changes, stop), name="branch", daemon=True).start()
+
+    @property
+    def linked(self) -> Listeners:
+        """Notified when the words of a link change."""
+        return self.changed
+
+    def words(self) -> dict[str, str]:
+        """Return the open recording, unless it was uploaded, and the displayed step, as words of a link."""
+        if self.player is None or self.name not in self.listed:
+            return {}
+        return {"recording": self.name, "step": str(self.player.step_shown)}
+
+    def show_words(self, words: dict[str, str]) -> list[str]:
+        """Show the recording and the step of a link; return why some were ignored."""
+        if "recording" in words and words["recording"] != self.name:
+            self.open_listed(words["recording"])
+        if self.player is not None and words.get("step", "").isdecimal():
+            self.player.look_at(int(words["step"]))
+        return [self.fault] if self.fault else []
 
     def close(self) -> None:
         """Release the recording, and delete uploads."""

@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from decimal import Decimal
 from typing import Any, Protocol, TypeVar, cast
 
-from mesa_swarm.dashboard.edits import MOST_EDITS, MOST_ROBOTS, Edit
+from mesa_swarm.dashboard.edits import MOST_EDITS, Edit
+from mesa_swarm.dashboard.inputs import checked_setting, map_from, whole_number
 from mesa_swarm.dashboard.live_run import LiveRun, Repetition
 from mesa_swarm.dashboard.series import Series
-from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_count, in_words
+from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, in_words
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, parameters_of
@@ -26,44 +26,10 @@ from mesa_swarm.viewing.player import Player
 from mesa_swarm.world.map import Map, builtin_maps
 from mesa_swarm.world.map_parts import stopping_when
 
-LARGEST_MAP_FILE = 1_000_000
-LARGEST_SEED = 2**53 - 1
 # Columns of the last steps that stay in memory for the inspector, and how much of them.
 WATCHED = (*DECISIONS, "heard_layer", "heard_task", "radiation", "line")
 MOST_WATCHED_BYTES = 20_000_000
 MOST_WATCHED_STEPS = 1000
-
-
-def checked_setting(parameter: Parameter, value: Any) -> Any:
-    """Return a requested setting, as the parameter's type and within the number of robots on a page."""
-    value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
-    return check_count("n_robots", value, maximum=MOST_ROBOTS) if parameter.name == "n_robots" else value
-
-
-def map_from(name: str, content: bytes) -> Map:
-    """Return the map in an uploaded file."""
-    if len(content) > LARGEST_MAP_FILE:
-        raise InvalidValueError(f"{name:.60} has {len(content):,} bytes; expected at most {LARGEST_MAP_FILE:,}")
-    if name.lower().endswith(".svg"):
-        return Map.from_svg(content, name)
-    if name.lower().endswith(".toml"):
-        try:
-            return Map.from_toml(content.decode(), name)
-        except UnicodeDecodeError:
-            raise InvalidValueError(f"{name:.60} is not UTF-8 text; expected a map as TOML") from None
-    raise InvalidValueError(f"{name!r:.60} is not a map; expected a file that ends in .svg or .toml")
-
-
-def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LARGEST_SEED) -> int:
-    """Return a typed whole number, such as 1000 or 1e3."""
-    try:
-        number = Decimal(text)
-        if number != number.to_integral_value() or not minimum <= number <= maximum:
-            raise ValueError
-    except (ValueError, ArithmeticError):
-        expected = f"expected a whole number from {minimum} to {maximum}"
-        raise InvalidValueError(f"{name} is {text!r:.60}; {expected}") from None
-    return int(number)
 
 
 # States to go back to, and their bytes together.
@@ -167,7 +133,7 @@ class Session(Player):
         self.faults: dict[str, str] = {}
         self.built: dict[str, Any] = {}
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
-        self.straight = True
+        self.straight, self._plays_on = True, False
         super().__init__()
         self.set_speed(USUAL_SPEED)
         self._enter(name, dict(settings or {}), seed)
@@ -179,12 +145,31 @@ class Session(Player):
         requested = {**self.settings, "seed": self.seed}
         return frozenset(name for name, value in requested.items() if self.built.get(name) != value)
 
-    def choose(self, name: str, settings: Mapping[str, Any] | None = None) -> None:
-        """Continue with another model, with its defaults except for these settings."""
+    def choose(
+        self,
+        name: str,
+        settings: Mapping[str, Any] | None = None,
+        seed: int | None = None,
+        steps: int = 0,
+        edits: Sequence[Edit] = (),
+    ) -> None:
+        """Continue with another model, with its defaults except for these settings, after these steps and edits."""
         self.loop.pause()
         with self.lock:
-            self._enter(name, dict(settings or {}), self.seed)
-        self.reset()
+            self._enter(name, dict(settings or {}), self.seed if seed is None else seed)
+        self.reset(steps, edits)
+
+    def go_on_to(self, step: int, *, plays: bool) -> None:
+        """Play up to a step as fast as it goes, as after a reload; then play on, or stop there."""
+        if self.model is None or self.error:
+            return
+        if self.model.completed < step and self.model.running:
+            self.goal, self._plays_on = step, plays
+            self.note = f"going on to step {step:,}, where the page was; press Pause to stop"
+            self.loop.speed = AS_FAST_AS_IT_GOES
+            self.play()
+        elif plays:
+            self.play()
 
     def reset(self, steps: int = 0, edits: Sequence[Edit] = ()) -> None:
         """Stop, and build a new model from the settings; the old one stays if that fails.
@@ -210,7 +195,7 @@ class Session(Player):
     def rest(self) -> None:
         """Show the state at rest; pausing cancels the goal."""
         if self.goal and not self.playing and self.model is not None:
-            done, goal = self._completed(self.model), self.goal
+            done, goal, plays_on = self._completed(self.model), self.goal, self._plays_on
             self._forget_goal()
             if done >= goal or self.error:
                 self.note = ""
@@ -218,6 +203,10 @@ class Session(Player):
                 self.note = f"step {done:,} of {goal:,}: paused early; press Play to continue"
             else:
                 self.note = ended_early(done, goal)
+            super().rest()
+            if plays_on and done >= goal and not self.error:
+                self.play()
+            return
         super().rest()
 
     def _completed(self, model: SwarmModel) -> int:
@@ -514,7 +503,7 @@ class Session(Player):
     def _forget_goal(self) -> None:
         if self.goal:
             self.loop.speed = self.own_speed
-        self.goal = 0
+        self.goal, self._plays_on = 0, False
 
     def _play_step(self, stop: threading.Event) -> bool:
         goes_on = super()._play_step(stop)

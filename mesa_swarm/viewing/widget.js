@@ -34,10 +34,10 @@ function relabel(button, icon, label) {
   button.querySelector("path").setAttribute("d", ICONS[icon]);
 }
 
-/** Whether what has the focus makes use of a key itself. */
-function isTaken(key, target) {
+/** Whether what has the focus makes use of a key itself; what was pressed by a pointer leaves the space bar to the player. */
+function isTaken(key, target, pointed) {
   if (target.closest(SLIDER)) return SLIDES.test(key);
-  if (target.closest(PRESSED)) return key === " ";
+  if (target.closest(PRESSED)) return key === " " && !pointed;
   return Boolean(target.closest(TYPED_IN));
 }
 
@@ -53,6 +53,10 @@ class PlayerView {
   #staged = true;
   #leave = [];
   #parts = {};
+  // Whether a pointer was used last, not the Tab key; whether the space bar was the player's; whether it waits to be seen.
+  #pointed = false;
+  #spaced = false;
+  #unseen = false;
 
   constructor(model, root) {
     this.#model = model;
@@ -75,6 +79,11 @@ class PlayerView {
 
   #send(message) {
     this.#model.send(message);
+  }
+
+  #on(target, name, act, first = false) {
+    target.addEventListener(name, act, first);
+    this.#leave.push(() => target.removeEventListener(name, act, first));
   }
 
   #build({ bar, head, toggles }) {
@@ -138,8 +147,11 @@ class PlayerView {
     this.#model.on("change:selected", choose);
     this.#leave.push(() => this.#model.off("change:selected", choose));
     const where = keys === "page" ? window : this.#root;
-    if (keys) where.addEventListener("keydown", press);
-    this.#leave.push(() => where.removeEventListener("keydown", press));
+    if (keys) this.#on(where, "keydown", press);
+    if (keys) this.#on(where, "keyup", (event) => this.#release(event));
+    this.#on(window, "pointerdown", () => (this.#pointed = true), true);
+    this.#on(window, "keydown", ({ key }) => (this.#pointed &&= key !== "Tab"), true);
+    this.#on(document, "visibilitychange", () => this.#watch());
     this.#leave.push(watchTheme(this.#root, () => this.#retheme()));
     const close = (event) => this.#parts.menu.contains(event.target) || (this.#parts.menu.open = false);
     document.addEventListener("pointerdown", close);
@@ -313,11 +325,29 @@ class PlayerView {
   #press(event) {
     const name = { " ": "toggle", ArrowRight: "step", ArrowLeft: "back", r: "reset" }[event.key];
     const target = event.target instanceof Element ? event.target : document.body;
-    if (!name || event.ctrlKey || event.metaKey || event.altKey || isTaken(event.key, target)) return;
+    if (!name || event.ctrlKey || event.metaKey || event.altKey || isTaken(event.key, target, this.#pointed)) return;
     if (name === "reset" && !this.#state.can_reset) return;
     event.preventDefault();
     event.stopPropagation();
+    this.#spaced = event.key === " ";
     this.#send({ do: name });
+  }
+
+  /** Browsers press a button when the space bar is released. */
+  #release(event) {
+    if (event.key === " " && this.#spaced) event.preventDefault();
+    this.#spaced = false;
+  }
+
+  /** Pause what is not looked at, and go on when it is again. */
+  #watch() {
+    if (document.hidden && this.#state.playing) {
+      this.#unseen = true;
+      this.#send({ do: "pause" });
+    } else if (!document.hidden && this.#unseen) {
+      this.#unseen = false;
+      this.#send({ do: "play" });
+    }
   }
 }
 

@@ -6,7 +6,7 @@ import pytest
 
 from mesa_swarm import gallery
 from mesa_swarm.dashboard import MODEL_VARIABLE, check_page_model, launch, page_models
-from mesa_swarm.dashboard.app import address_from, query_of
+from mesa_swarm.dashboard.addresses import address_from, query_of
 from mesa_swarm.dashboard.compare_view import groups_of as compared_fields
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import groups_of, values_of

@@ -8,11 +8,12 @@ import solara
 from anywidget import AnyWidget
 
 from mesa_swarm.dashboard import app
-from mesa_swarm.dashboard.app import PageBar, Places
+from mesa_swarm.dashboard.app import Places
 from mesa_swarm.dashboard.charts import ChartBoard
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.exporting import Exporter
 from mesa_swarm.dashboard.inspector import Inspector
+from mesa_swarm.dashboard.navigation import Navigation, PageBar
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import FilePicker
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -85,13 +86,15 @@ def test_all_faults_of_a_link_are_shown_until_the_user_continues(session, drawn)
     assert texts(page, "p") == []
 
 
-def test_the_address_bar_holds_a_run_that_was_built_elsewhere(session, drawn):
-    page = drawn(app.Header(session, app.WATCH, lambda name: None))
-    bar = page.find(PageBar).widget
+def test_the_address_bar_holds_a_run_that_was_built_elsewhere(drawn):
+    navigation = Navigation("model=fire_fighting&n_robots=4&seed=3", "boids", app.COMPANIONS)
+    session = navigation.session
+    bar = drawn(app.Header(navigation)).find(PageBar).widget
     assert bar.query == "model=fire_fighting&n_robots=4&seed=3"
     settings = session.settings | {"strategy": "A", "n_robots": 10}
     session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", settings, 5)
-    assert bar.query == "model=fire_fighting&strategy=A&seed=5"
+    assert bar.query == "model=fire_fighting&strategy=A&seed=5&changed=yes"
+    navigation.close()
 
 
 def test_the_place_of_a_page_whose_session_is_closed_is_taken_again():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from mesa_swarm.dashboard.app import COUNTS, Address, address_from
+from mesa_swarm.dashboard.addresses import COUNTS, Address, address_from
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.models.fire_fighting import FireFighting

@@ -70,7 +70,7 @@ class Visit:
         page.on("websocket", lambda connection: self._note(connection.url))
         page.on("console", lambda message: message.type == "error" and self.complaints.append(message.text))
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.goto(address)
+        page.goto(address + ("&" if "?" in address else "?") + "play=no&tour=no")
         page.wait_for_selector(".swarm-player[data-drawn]")
 
     def _note(self, url: str) -> None:
