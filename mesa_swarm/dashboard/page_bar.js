@@ -21,7 +21,7 @@ function plainButton(label, act, more = {}) {
 }
 
 class PageBarView {
-  #model; #root; #leave = []; #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0;
+  #model; #root; #leave = []; #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0; #waiting = 0;
 
   constructor(model, root) {
     this.#model = model;
@@ -41,6 +41,7 @@ class PageBarView {
 
   destroy() {
     clearInterval(this.#timer);
+    clearTimeout(this.#waiting);
     this.#tour?.close();
     this.#dialog?.remove();
     this.#leave.forEach((leave) => leave());
@@ -124,7 +125,13 @@ class PageBarView {
     const again = entry?.type === "reload" && left?.query === withoutStep(location.search);
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.#model.send({ do: "begin", still, resume: again ? left : null });
-    if (this.#model.get("tours") && !again && !localStorage.getItem(TOURED)) this.#startTour();
+    if (this.#model.get("tours") && !again && !localStorage.getItem(TOURED)) this.#tourWhenReady();
+  }
+
+  /** Begin the tour when the page is there, whose parts come one after the other. */
+  #tourWhenReady() {
+    if (document.querySelector(".v-application .swarm-chart canvas")) this.#startTour();
+    else this.#waiting = setTimeout(() => this.#tourWhenReady(), LOOK_EVERY);
   }
 
   /* The server. */
@@ -176,7 +183,7 @@ class PageBarView {
     this.#tour?.close();
     this.#tour = new Tour(this.#model.get("stops"), this.#root.closest(".v-application") ?? document.body, () => {
       this.#tour = null;
-      this.#parts.tour.focus();
+      this.#parts.tour.focus({ preventScroll: true });
     });
   }
 }
@@ -235,7 +242,7 @@ class Tour {
     const top = below ? box.bottom + gap : above ? box.top - gap - height : Math.max(gap, (innerHeight - height) / 2);
     const beside = box.right + gap + width < innerWidth ? box.right + gap : box.left - gap - width;
     const left = below || above ? box.left : beside;
-    this.#card.style.top = `${top}px`;
+    this.#card.style.top = `${Math.min(Math.max(top, gap), innerHeight - height - gap)}px`;
     this.#card.style.left = `${Math.min(Math.max(left, gap), innerWidth - width - gap)}px`;
   }
 }
