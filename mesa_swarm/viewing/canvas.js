@@ -170,6 +170,7 @@ export class Stage {
   #pointed = null;
   #enlarge = 1;
   #dense = false;
+  #plain = false;
   #seen = new Set();
   #tool = null;
   #held = null;
@@ -314,7 +315,8 @@ export class Stage {
     const sectors = on.sectors && (!this.#dense || this.#chosen !== null);
     const only = (form, is, shades = [colours[form]]) => (is && this.#seen.has(form) ? [{ form, name: MEANINGS[form], colours: shades }] : []);
     return [
-      ...only("robot", !values, this.#shades(this.#robotColour(-1))), ...only("robot_hot", !values && on.heat, this.#shades(colours.robot_hot)),
+      ...(this.#plain ? [] : only("robot", !values, this.#shades(this.#robotColour(-1)))),
+      ...(this.#plain ? [] : only("robot_hot", !values && on.heat, this.#shades(colours.robot_hot))),
       ...(on.layers ? this.layers() : []), ...only("heat", on.heat),
       ...only("fire", true, colours.fire).map((entry) => ({ ...entry, low: 0, high: 1 })), ...only("ashes", true, [colours.ashes, colours.border]),
       ...bodies, ...robots, ...this.#fieldLegend(),
@@ -348,7 +350,8 @@ export class Stage {
 
   /** Return the entries of layers. */
   layers() {
-    return this.#world.layers.map((name, index) => ({ form: "layer", name, colours: [this.#layerColour(index)] }));
+    const form = this.#plain ? "disc" : "layer";
+    return this.#world.layers.map((name, index) => ({ form, name, colours: [this.#layerColour(index)] }));
   }
 
   #fieldLegend() {
@@ -436,7 +439,8 @@ export class Stage {
     context.drawImage(this.#background(), 0, 0);
     if (this.#frame === null) return;
     const frame = this.#frame, rows = this.#rowsInSight(frame), detailed = rows.length <= MOST_DETAILED && !this.#isPlain;
-    const on = this.#toggles, rings = on.layers && frame.layer, pointed = this.#pointedRow(frame);
+    const on = this.#toggles, rings = on.layers && frame.layer, pointed = this.#pointedRow();
+    this.#plain = !detailed;
     this.#toMap(context);
     if (frame.fields) this.#drawFields(frame.fields);
     this.#drawFires(frame);
@@ -1385,10 +1389,13 @@ const BARS = ["value", "field", "fire"];
 const ROUND = (r, x = 8) => `M${x - r} 6a${r} ${r} 0 1 1 ${2 * r} 0a${r} ${r} 0 1 1 ${-2 * r} 0z`, HALVES = [ROUND(5), "M8 1a5 5 0 0 1 0 10z", "-" + ROUND(5)];
 const SECTOR = "M1 6L13.5 .5A13 13 0 0 1 13.5 11.5z";
 const SIGNS = {
-  robot: HALVES, robot_hot: HALVES, heat: [ROUND(6)], ashes: [ROUND(5), "-" + ROUND(5)], layer: ["3-" + ROUND(4)], sector: [SECTOR], seeing: [SECTOR],
+  robot: HALVES, robot_hot: HALVES, heat: [ROUND(6)], ashes: [ROUND(5), "-" + ROUND(5)], layer: ["3-" + ROUND(4)], disc: [ROUND(4)], sector: [SECTOR], seeing: [SECTOR],
   contact: ["3-M4 2a5.5 5.5 0 0 0 8 0"], message: ["=M0 6H16"], trail: ["2-M0 9C5 9 7 3 16 3"], perceived: ["-M0 6H13", ROUND(2, 13)],
   selection: ["2-" + ROUND(4.5)], travel: ["M14 6L3 11V1z"],
 };
+
+// The namespace of pictures, which a replay must not contain as an address.
+const SVG = Object.assign(document.createElement("i"), { innerHTML: "<svg></svg>" }).firstChild.namespaceURI;
 
 /** Fill a list with a legend: what `stage.legend()` returns. Items stay as they are where only a range has changed. */
 export function fillLegend(list, entries) {
@@ -1414,7 +1421,7 @@ function legendItem({ form, name, colours }) {
 
 function signOf(paths, colours) {
   const make = (tag, attributes) => {
-    const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+    const element = document.createElementNS(SVG, tag);
     for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
     return element;
   };

@@ -465,7 +465,7 @@ class Player {
 
   describeLayers() {
     fillLegend(find("layers"), this.stage.layers());
-    fillLegend(find("colours"), this.stage.legend().filter(({ form }) => form !== "layer"));
+    fillLegend(find("colours"), this.stage.legend().filter(({ form }) => form !== "layer" && form !== "disc"));
     for (const name of ["layers", "colours"]) find(name).parentElement.hidden = !find(name).children.length;
   }
 

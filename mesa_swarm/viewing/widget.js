@@ -152,6 +152,7 @@ class PlayerView {
   #showDensity(dense) {
     const text = this.#parts.boxes.querySelector('[data-name="sectors"] span'), usual = TOGGLES.find(({ name }) => name === "sectors").label;
     if (text) text.textContent = dense ? usual + TOO_MANY : usual;
+    requestAnimationFrame(() => this.#fillKey()); // not while the stage draws
   }
 
   #key() {
@@ -178,7 +179,10 @@ class PlayerView {
     const hear = (message, buffers) => this.#hear(message, buffers), press = (event) => this.#press(event);
     this.#model.on("msg:custom", hear);
     this.#leave.push(() => this.#model.off("msg:custom", hear));
-    const choose = () => this.#stage?.select(this.#model.get("selected"));
+    const choose = () => {
+      this.#stage?.select(this.#model.get("selected"));
+      this.#fillKey();
+    };
     this.#model.on("change:selected", choose);
     this.#leave.push(() => this.#model.off("change:selected", choose));
     const where = keys === "page" ? window : this.#root;
