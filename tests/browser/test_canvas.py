@@ -126,7 +126,8 @@ PIXELS = """(() => {
 })()"""
 # A tool that notes what it hears, and takes drags that begin on a robot.
 NOTING = """(() => {
-  const note = (what) => ({ x, y, hit }) => heard.push(`${what} ${Math.round(x)} ${Math.round(y)} ${hit?.kind ?? ""}`.trim());
+  const text = (what, x, y, hit) => `${what} ${Math.round(x)} ${Math.round(y)} ${hit?.kind ?? ""}`.trim();
+  const note = (what) => ({ x, y, hit }) => heard.push(text(what, x, y, hit));
   const press = (spot) => (note("press")(spot), spot.hit.kind === "robot");
   const cancel = () => heard.push("cancel"), draw = (context, pixel) => {
     context.fillStyle = "black";
