@@ -69,8 +69,14 @@ def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> 
     axes.set_title(literal(title), fontsize=11)
     entries = legend_of(world)
     if entries:
-        place = {"loc": "outside lower center", "ncols": 3}
-        figure.legend(handles=entries, handler_map=LEGEND_HANDLERS, fontsize=8, frameon=False, **place)
+        figure.legend(
+            handles=entries,
+            handler_map=LEGEND_HANDLERS,
+            loc="outside lower center",
+            ncols=3,
+            fontsize=8,
+            frameon=False,
+        )
     return figure
 
 

