@@ -174,8 +174,10 @@ def test_bodies_of_own_kinds_have_their_colours_and_are_named_in_the_legend():
     assert world["legend"][-2]["dark"] == ["#d0e0f0"]
 
 
-def test_the_usual_bodies_are_not_in_the_legend_of_a_page():
-    assert scene_of(SwarmModel(rng=1)).world()["legend"] == []
+def test_the_usual_bodies_are_in_the_legend_of_a_page_but_not_of_a_film():
+    scene = scene_of(model := SwarmModel(rng=1))
+    assert [entry["name"] for entry in scene.world()["legend"]] == ["obstacle"]
+    assert scene.own_legend(frame_of(model)) == []
 
 
 def test_a_recording_is_replayed_with_the_looks_of_its_columns(tmp_path):

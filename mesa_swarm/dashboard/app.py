@@ -36,7 +36,7 @@ from mesa_swarm.gallery import description
 from mesa_swarm.looks import looks_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
-from mesa_swarm.viewing.canvas_widget import PlayerView
+from mesa_swarm.viewing.canvas_widget import ON_A_PAGE, PlayerView
 from mesa_swarm.viewing.palette import style_sheet
 from mesa_swarm.viewing.play_loop import Listeners, use_changes
 from mesa_swarm.viewing.player import PackedFrame
@@ -157,7 +157,7 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
             with solara.Div(classes=["swarm-unseen"]):  # its tools are put upon the canvas
                 Linked(Editor, Editing, session)
             Trouble(session, faults).key(f"trouble {faults}")
-            PlayerView(session, session.reset)
+            PlayerView(session, session.reset, {**ON_A_PAGE, "remember": WATCH})
         with solara.Div(classes=["swarm-side"]):
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)

@@ -16,7 +16,7 @@ from mesa_swarm.experiments.statistics import mean_interval
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import draw_world, legend_of, literal
+from mesa_swarm.viewing.pictures import LEGEND_HANDLERS, draw_world, legend_of, literal
 from mesa_swarm.viewing.scene import scene_of
 
 # Points of long lines: more cannot be seen.
@@ -69,7 +69,14 @@ def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> 
     axes.set_title(literal(title), fontsize=11)
     entries = legend_of(world)
     if entries:
-        figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+        figure.legend(
+            handles=entries,
+            handler_map=LEGEND_HANDLERS,
+            loc="outside lower center",
+            ncols=3,
+            fontsize=8,
+            frameon=False,
+        )
     return figure
 
 

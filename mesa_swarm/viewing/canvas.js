@@ -1,5 +1,5 @@
 /* A swarm drawn to scale on a 2D canvas. One module, no dependencies, no build step; before it stands the
-   constant PALETTE, the colours by theme: `script` in viewing/palette.py.
+   constants PALETTE, the colours by theme, and MEANINGS, their names in legends: `script` in viewing/palette.py.
 
      const stage = new Stage(canvas, world, { theme: "light", onSelect: (id) => ... });
      stage.show(frame);                   // draws; frames in the order of time leave trails
@@ -11,9 +11,15 @@
      new Stage(canvas, world, { covered: () => ({ left: 0, right: 52, top: 0, bottom: 44 }) });  // px that buttons cover
      stage.set("fields.trail", false);    // or a scalar field, by its name
      stage.legend();                      // [{ form, name, colours, low, high }] of what is shown, see `fillLegend`
+     stage.view = stage.view;             // { fitted, x, y, scale }: what is in sight, to be stored
+     stage.enlarge = 1.6;                 // lines, texts and the smallest robots, for those who sit far away
+     stage.hit(x, y);                     // { kind: "robot" | "fire" | "load" | "shape" | null, id or index } on the map
+     stage.tool = { cursor, press, move, release, hover, cancel, draw };  // takes the pointer; null for none, see `tool`
      stage.destroy();
 
-   The wheel zooms, dragging pans, a click selects. The canvas is drawn at the size that CSS gives it.
+   The wheel zooms (where the page scrolls, only with Ctrl or once the canvas has the focus), dragging pans, a click
+   selects, pointing at a robot names it. With one finger the page scrolls while the whole map is shown; two fingers zoom
+   and pan. The canvas is drawn at the size that CSS gives it.
 
    world (JSON, made by `Scene.world` in viewing/scene.py):
      bounds      [x_min, y_min, x_max, y_max], map units, y up
@@ -33,7 +39,7 @@
      pose        Float32, x, y, heading (rad)
      distance    Float32, one a proximity sensor, below 0 for nothing; kind: Int8, 0 obstacle, 1 robot, 2 fire, 3 load
      command     Float32, the two numbers that drive the robot; heat: Float32, 1 is too hot
-     layer       Int8, -1 none; design: Int8
+     layer       Int8, -1 none; design: Int8; hot: Int8, 1 while too hot to fight
      heard       Float32, x, y of the robot that was heard, NaN for none
      fires       Float32, x, y, radius, temperature, robots, 1 if out
      loads       Float32, index in world.loads, x, y, heading
@@ -67,10 +73,22 @@ const TAU = 2 * Math.PI;
 // Units of length by name, m.
 const LENGTHS = [["km", 1e3], ["m", 1], ["cm", 1e-2], ["mm", 1e-3], ["µm", 1e-6]];
 const ROBOT = 1;
-// More robots in sight than this are drawn without sectors and the like, and plainer.
+// More robots in sight than this are drawn without trails and the like, and plainer.
 const MOST_DETAILED = 2000;
-// More sectors in sight than this, and only those that see something are drawn.
-const MOST_BLIND = 2000;
+// Sectors that lie over a place of the map in sight, on average: where there are more, only those of the selected and of the
+// pointed robot are drawn, until there are fewer again. All models of the gallery are below as they begin, but for one at 25.
+const MOST_OVERLAP = 2, AGAIN_OVERLAP = 1.6;
+// More sectors in sight than this are too many to draw in time.
+const MOST_SECTORS = 2500;
+// Robots are drawn no smaller than this radius, px, as long as all of them would cover no more than this share of the map;
+// smaller ones than the second are plain.
+const LEAST_RADIUS = 3, MOST_COVERED = 0.12, PLAIN_BELOW = 1.75;
+// Below this radius, px, halves and lines blur: a robot is a drop that points ahead.
+const DROP_BELOW = 7;
+// How far a drop's tip is from its middle, by its radius; and the half-width of its pale front, rad.
+const TIP = 1.6, FRONT = 0.95;
+// A robot is pointed at within this distance, px.
+const NEAR = 9;
 // Points of all trails in sight together: trails of many robots are shorter.
 const MOST_TRAIL = 6000;
 const BATCH = 32;
@@ -88,6 +106,8 @@ const TRAIL_EVERY = 2;
 // Frames farther apart in time belong to different stretches of the run.
 const LONGEST_GAP = 200;
 const NARROWEST = 4;
+// A cooler robot has no glow, as a share of what is too hot.
+const LEAST_HEAT = 0.02;
 // More robots in sight than this have no texts.
 const MOST_LABELLED = 300;
 const DECODER = new TextDecoder();
@@ -121,13 +141,17 @@ export function unpacked(world, bytes) {
   }
 }
 
+// Stands for the rear of a robot that is too hot, among indices of values.
+const HOT = -2;
+// Knows whether a path holds a point.
+const TESTER = document.createElement("canvas").getContext("2d");
 const NOTHING = { left: 0, right: 0, top: 0, bottom: 0 };
 /** What the scale covers in the lower left corner, CSS pixels. */
 export const SCALE = { width: 131, height: 36 };
 
 /** A canvas on which a world is drawn. */
 export class Stage {
-  #canvas; #context; #world; #designs; #shapes; #loads; #small;
+  #canvas; #context; #world; #designs; #shapes; #loads; #small; #reach;
   #frame = null;
   #view = null;
   #fitted = true;
@@ -142,19 +166,33 @@ export class Stage {
   #pointers = new Map();
   #moved = 0;
   #spread = 0;
+  #middle = null;
+  #pointed = null;
+  #enlarge = 1;
+  #dense = false;
+  #plain = false;
+  #seen = new Set();
+  #tool = null;
+  #held = null;
   #listeners = new AbortController();
   #observer;
   #asked = 0;
   #covered;
+  #takesWheel;
 
-  constructor(canvas, world, { theme = "light", onSelect = () => {}, onFollow = () => {}, covered = () => NOTHING } = {}) {
+  /** `takesWheel` returns whether a wheel without Ctrl is the canvas's own although it has not the focus. */
+  constructor(canvas, world, { theme = "light", onSelect = () => {}, onFollow = () => {}, onView = () => {}, onDense = () => {},
+    covered = () => NOTHING, takesWheel = () => !scrollsAround(canvas) } = {}) {
     this.#canvas = canvas;
     this.#context = canvas.getContext("2d");
     this.#world = world;
     this.#theme = theme;
     this.onSelect = onSelect;
     this.onFollow = onFollow;
+    this.onView = onView;
+    this.onDense = onDense;
     this.#covered = covered;
+    this.#takesWheel = takesWheel;
     this.#prepare();
     this.#listen();
     this.#observer = new ResizeObserver(() => this.resize());
@@ -168,6 +206,7 @@ export class Stage {
     this.#world = world;
     this.#frame = this.#still = null;
     this.#trail = [];
+    this.#seen.clear();
     this.#prepare();
     if (moved) this.fit();
     else this.draw();
@@ -185,10 +224,47 @@ export class Stage {
     this.draw();
   }
 
+  /** What is in sight: whether all of the map, else the middle of the canvas on the map, and pixels in a map unit. */
+  get view() { return { fitted: this.#fitted, ...this.#view }; }
+  set view({ fitted, x, y, scale }) {
+    if (fitted) this.fit();
+    else this.#look({ x, y, scale });
+  }
+
+  /** How much larger than usual lines, texts and the smallest robots are. */
+  get enlarge() { return this.#enlarge; }
+  set enlarge(factor) {
+    if (factor === this.#enlarge) return;
+    this.#enlarge = factor;
+    this.#sheets.scale = 0;
+    this.resize();
+  }
+
+  /** Whether too many sectors overlap: only those of the selected and of the pointed robot are drawn. */
+  get dense() { return this.#dense; }
+
+  /** What takes the pointer in place of panning and selecting, null for nothing. All of its parts but `press` may be missing:
+        cursor                 as CSS has it
+        press({ x, y, hit })   takes the drag that begins here if it returns true
+        move({ x, y }), release({ x, y })   while it has the drag
+        hover({ x, y, hit })   without a button
+        cancel()               Escape was pressed, or a second finger came: forget the drag
+        draw(context, pixel)   draws above all else, in map units; a pixel is this long
+      Places are on the map; `hit` is that of `stage.hit`. */
+  get tool() { return this.#tool; }
+  set tool(tool) {
+    this.#cancel(false);
+    this.#tool = tool;
+    this.#point(null);
+    this.#showCursor();
+    this.draw();
+  }
+
   /** Draw a frame now. */
   show(frame) {
     this.#remember(frame);
     this.#frame = frame;
+    this.#see(frame);
     this.draw();
   }
 
@@ -205,8 +281,7 @@ export class Stage {
     const [top, bottom] = roomy(this.#height, covered.top, covered.bottom);
     const width = this.#width - left - right, height = this.#height - top - bottom;
     const scale = 0.97 * Math.min(width / (x1 - x0), height / (y1 - y0));
-    this.#look({ x: (x0 + x1 + (right - left) / scale) / 2, y: (y0 + y1 + (top - bottom) / scale) / 2, scale });
-    this.#fitted = true;
+    this.#look({ x: (x0 + x1 + (right - left) / scale) / 2, y: (y0 + y1 + (top - bottom) / scale) / 2, scale }, true);
   }
 
   /** Zoom by a factor about a point of the canvas, by default its middle. */
@@ -231,18 +306,52 @@ export class Stage {
     this.draw();
   }
 
-  /** Return what colours mean: layers, if they are shown, kinds of bodies, values of robots, and fields that are shown. */
+  /** Return what colours mean: of all that there is or was in this world, and is switched on. */
   legend() {
     const { legend = [], looks, columns } = this.#world, { label, low, high } = looks?.column ?? {};
-    const values = columns.some(({ name }) => name === "value") && this.#values;
+    const values = columns.some(({ name }) => name === "value") && this.#values, on = this.#toggles, colours = this.#colours;
     const bodies = legend.filter(({ form }) => form === "body").map((entry) => ({ ...entry, colours: entry[this.#theme] }));
     const robots = values ? [{ form: "value", name: label, low, high, colours: values }] : [];
-    return [...(this.#toggles.layers ? this.layers() : []), ...bodies, ...robots, ...this.#fieldLegend()];
+    const sectors = on.sectors && (!this.#dense || this.#chosen !== null);
+    const only = (form, is, shades = [colours[form]]) => (is && this.#seen.has(form) ? [{ form, name: MEANINGS[form], colours: shades }] : []);
+    return [
+      ...(this.#plain ? [] : only("robot", !values, this.#shades(this.#robotColour(-1)))),
+      ...(this.#plain ? [] : only("robot_hot", !values && on.heat, this.#shades(colours.robot_hot))),
+      ...(on.layers ? this.layers() : []), ...only("heat", on.heat),
+      ...only("fire", true, colours.fire).map((entry) => ({ ...entry, low: 0, high: 1 })), ...only("ashes", true, [colours.ashes, colours.border]),
+      ...bodies, ...robots, ...this.#fieldLegend(),
+      ...only("seeing", sectors), ...only("sector", sectors), ...only("travel", true), ...only("contact", on.contacts),
+      ...only("message", on.messages), ...only("trail", on.trails), ...only("perceived", on.perceived),
+      ...(this.#chosen === null ? [] : only("selection", true)),
+    ];
+  }
+
+  #shades(rear) { return [rear, this.#colours.robot_front, this.#colours.robot_outline]; }
+
+  /** Note what there is: what comes and goes stays in the legend, which would otherwise never rest. */
+  #see({ counts, fires, distance, contacts, heard, heat, hot, kind }) {
+    const seen = this.#seen, holonomic = this.#designs.some((design) => design.holonomic);
+    const note = (form, is) => seen.has(form) || (is() && seen.add(form));
+    const of = (part, test) => () => Boolean(part?.some(test));
+    const states = (out) => () => { for (let i = 0; i < counts.fires; i++) if (Boolean(fires[6 * i + 5]) === out) return true; return false; };
+    for (const form of ["robot", "selection"]) note(form, () => counts.robots > 0);
+    note("trail", () => this.#trail.length > 1);
+    note("travel", () => holonomic && counts.robots > 0);
+    note("fire", states(false));
+    note("ashes", states(true));
+    note("sector", () => counts.sensors > 0 && counts.robots > 0);
+    note("seeing", of(distance, (read) => read >= 0));
+    note("perceived", of(kind, (met) => met === ROBOT));
+    note("contact", () => contacts && counts.contacts > 0);
+    note("message", of(heard, (place) => place === place));
+    note("heat", of(heat, (share) => share >= LEAST_HEAT));
+    note("robot_hot", of(hot, (is) => is > 0));
   }
 
   /** Return the entries of layers. */
   layers() {
-    return this.#world.layers.map((name, index) => ({ form: "layer", name, colours: [this.#layerColour(index)] }));
+    const form = this.#plain ? "disc" : "layer";
+    return this.#world.layers.map((name, index) => ({ form, name, colours: [this.#layerColour(index)] }));
   }
 
   #fieldLegend() {
@@ -257,6 +366,45 @@ export class Stage {
   toCanvas(x, y) {
     const view = this.#view;
     return [this.#width / 2 + (x - view.x) * view.scale, this.#height / 2 - (y - view.y) * view.scale];
+  }
+
+  /** Return where on the map a point of the canvas is. */
+  toMap(px, py) {
+    const view = this.#view;
+    return [view.x + (px - this.#width / 2) / view.scale, view.y - (py - this.#height / 2) / view.scale];
+  }
+
+  /** Return what is at a place of the map: the uppermost of robots, loads, fires and shapes. */
+  hit(x, y) {
+    const frame = this.#frame, row = this.#robotAt(x, y);
+    if (row >= 0) return { kind: "robot", id: frame.ids[row] };
+    const load = frame ? this.#loadAt(frame, x, y) : -1;
+    if (load >= 0) return { kind: "load", index: load, id: this.#world.loads[load].id };
+    for (let i = (frame?.counts.fires ?? 0) - 1; i >= 0; i--) {
+      if (Math.hypot(frame.fires[6 * i] - x, frame.fires[6 * i + 1] - y) <= frame.fires[6 * i + 2]) return { kind: "fire", index: i };
+    }
+    const index = this.#shapes.findLastIndex(({ path }) => TESTER.isPointInPath(path, x, y, "evenodd"));
+    return index >= 0 ? { kind: "shape", index } : { kind: null };
+  }
+
+  #loadAt({ counts, loads }, x, y) {
+    for (let i = counts.loads - 1; i >= 0; i--) {
+      const [index, left, up, heading] = loads.subarray(4 * i, 4 * i + 4), cos = Math.cos(heading), sin = Math.sin(heading);
+      const dx = x - left, dy = y - up, path = this.#loads[index];
+      if (path && TESTER.isPointInPath(path, cos * dx + sin * dy, cos * dy - sin * dx, "evenodd")) return index;
+    }
+    return -1;
+  }
+
+  /** Return the row of the robot that is nearest to a place, within reach of a pointer; -1 for none. */
+  #robotAt(x, y) {
+    const frame = this.#frame, near = NEAR * this.#pixel;
+    let best = -1, least = Infinity;
+    for (let i = 0; i < (frame?.counts.robots ?? 0); i++) {
+      const distance = Math.hypot(frame.pose[3 * i] - x, frame.pose[3 * i + 1] - y);
+      if (distance < least && distance <= Math.max(this.#radius(frame, i), near)) [best, least] = [i, distance];
+    }
+    return best;
   }
 
   /** Take note of a new size; called by itself when CSS changes it. */
@@ -279,6 +427,7 @@ export class Stage {
     this.#listeners.abort();
     this.#observer.disconnect();
     cancelAnimationFrame(this.#asked);
+    Object.assign(this.#canvas.style, { touchAction: "", cursor: "" });
   }
 
   /** Draw anew. */
@@ -289,15 +438,16 @@ export class Stage {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.drawImage(this.#background(), 0, 0);
     if (this.#frame === null) return;
-    const frame = this.#frame, rows = this.#rowsInSight(frame), detailed = rows.length <= MOST_DETAILED;
-    const on = this.#toggles, rings = on.layers && frame.layer;
+    const frame = this.#frame, rows = this.#rowsInSight(frame), detailed = rows.length <= MOST_DETAILED && !this.#isPlain;
+    const on = this.#toggles, rings = on.layers && frame.layer, pointed = this.#pointedRow();
+    this.#plain = !detailed;
     this.#toMap(context);
     if (frame.fields) this.#drawFields(frame.fields);
     this.#drawFires(frame);
     this.#drawLoads(frame, false);
     if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
     if (on.trails && detailed) this.#drawTrails(rows);
-    if (on.sectors && detailed && frame.distance) this.#drawSectors(frame, rows);
+    if (frame.distance) this.#drawSectors(frame, this.#sensing(frame, rows, pointed));
     if (on.heat && frame.heat) this.#drawHeat(frame, rows);
     if (on.messages && frame.heard) this.#drawMessages(frame, rows);
     if (on.perceived && detailed && frame.kind) this.#drawPerceived(frame, rows);
@@ -310,6 +460,24 @@ export class Stage {
     this.#drawChosen(frame);
     if (on.labels) this.#drawLabels(frame);
     if (on.texts && frame.label && rows.length <= MOST_LABELLED) this.#drawTexts(frame, rows);
+    if (pointed >= 0) this.#drawPointed(frame, pointed);
+    if (this.#tool?.draw) this.#drawTool();
+  }
+
+  #drawTool() {
+    const context = this.#context;
+    context.save();
+    this.#toMap(context);
+    this.#tool.draw(context, this.#pixel);
+    context.restore();
+  }
+
+  /** Draw anew before the next picture of the screen, once, however often this is called. */
+  #redraw() {
+    this.#asked ||= requestAnimationFrame(() => {
+      this.#asked = 0;
+      this.draw();
+    });
   }
 
   get #colours() { return PALETTE[this.#theme]; }
@@ -328,22 +496,40 @@ export class Stage {
     return scalars[index % scalars.length];
   }
 
-  get #pixel() { return 1 / this.#view.scale; }
+  /** A pixel, map units; larger where lines and texts are. */
+  get #pixel() { return this.#enlarge / this.#view.scale; }
+
+  /** The radius as which a robot is drawn. */
+  #radius(frame, row) { return Math.max(this.#design(frame, row).radius, this.#leastRadius); }
+
+  /** The smallest radius of robots: not so large that they hide each other. */
+  get #leastRadius() {
+    const [x0, y0, x1, y1] = this.#world.bounds, count = this.#frame?.counts.robots || 1;
+    return Math.min(LEAST_RADIUS * this.#pixel, Math.sqrt((MOST_COVERED * (x1 - x0) * (y1 - y0)) / (Math.PI * count)));
+  }
+
+  /** Whether robots are so small that nothing can be seen on them. */
+  get #isPlain() { return Math.max(this.#largest, this.#leastRadius) * this.#view.scale < PLAIN_BELOW; }
+
+  get #largest() { return this.#designs.reduce((most, { radius }) => Math.max(most, radius), 0); }
 
   #prepare() {
     const { designs, shapes, loads } = this.#world;
-    this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow) }));
+    this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow), reach: reachOf(design), area: areaOf(design) }));
     this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark, kind: shape.kind }));
     this.#loads = loads.map(pathOf);
+    this.#reach = designs.reduce((most, design) => Math.max(most, reachOf(design)), 10);
     const least = Math.min(...designs.map(({ radius }) => radius));
     this.#small = loads.map((load) => extentOf(load) < least);
     this.#sheets.scale = 0;
   }
 
-  #look(view) {
+  #look(view, fitted = false) {
     this.#view = view;
-    this.#fitted = false;
+    this.#fitted = fitted;
     this.#still = null;
+    this.#showCursor();
+    this.onView();
     this.draw();
   }
 
@@ -366,6 +552,7 @@ export class Stage {
     this.#view = { ...this.#view, x, y };
     this.#fitted = false;
     this.#still = null;
+    this.#showCursor();
   }
 
   /** Return what stands still, drawn when the view last changed. */
@@ -424,9 +611,9 @@ export class Stage {
   }
 
   #drawScale(context) {
-    const [length, text] = this.#ruler(110 * this.#pixel), ratio = this.#ratio, pixels = length * this.#view.scale;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    const x = 14, y = this.#height - 14;
+    const larger = this.#enlarge, [length, text] = this.#ruler(110 * this.#pixel), pixels = (length * this.#view.scale) / larger;
+    this.#toPixels(context);
+    const x = 14, y = this.#height / larger - 14;
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "left";
     context.textBaseline = "alphabetic";
@@ -445,9 +632,16 @@ export class Stage {
     context.fillText(text, x, y - 8);
   }
 
+  /** Let a context draw in pixels, larger ones where texts are; return where in them a place of the map is. */
+  #toPixels(context) {
+    const size = this.#ratio * this.#enlarge;
+    context.setTransform(size, 0, 0, size, 0, 0);
+    return (x, y) => this.toCanvas(x, y).map((one) => one / this.#enlarge);
+  }
+
   #rowsInSight({ counts, pose }) {
     const { x, y, scale } = this.#view, rows = [];
-    const margin = this.#world.designs.reduce((most, design) => Math.max(most, reachOf(design)), 10);
+    const margin = this.#reach;
     const w = this.#width / 2 / scale + margin, h = this.#height / 2 / scale + margin;
     for (let i = 0; i < counts.robots; i++) {
       if (Math.abs(pose[3 * i] - x) <= w && Math.abs(pose[3 * i + 1] - y) <= h) rows.push(i);
@@ -475,8 +669,7 @@ export class Stage {
 
   /** Write below each fire what charts call it; robots stand upon that. */
   #drawNumbers({ fires, counts }) {
-    const context = this.#context, ratio = this.#ratio, colours = this.#colours;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const context = this.#context, colours = this.#colours, at = this.#toPixels(context);
     context.font = "600 12px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
@@ -485,8 +678,8 @@ export class Stage {
     context.strokeStyle = colours.ground;
     context.fillStyle = colours.label;
     for (let i = 0; i < counts.fires; i++) {
-      const [x, y, r] = fires.subarray(6 * i, 6 * i + 3), [across, down] = this.toCanvas(x, y);
-      const radius = r * this.#view.scale, text = `fire ${i + 1}`;
+      const [x, y, r] = fires.subarray(6 * i, 6 * i + 3), [across, down] = at(x, y);
+      const radius = r / this.#pixel, text = `fire ${i + 1}`;
       if (radius < SMALLEST_NUMBERED) continue;
       context.strokeText(text, across, down + radius + 9);
       context.fillText(text, across, down + radius + 9);
@@ -525,16 +718,40 @@ export class Stage {
     });
   }
 
+  /** Return the rows of robots whose sectors are drawn. */
+  #sensing(frame, rows, pointed) {
+    if (!this.#toggles.sectors) return [];
+    const dense = rows.length * frame.counts.sensors > MOST_SECTORS || this.#overlap(frame, rows) > (this.#dense ? AGAIN_OVERLAP : MOST_OVERLAP);
+    if (dense !== this.#dense) {
+      this.#dense = dense;
+      this.onDense(dense);
+    }
+    if (!dense) return rows;
+    const chosen = this.#chosen === null ? -1 : frame.ids.indexOf(this.#chosen);
+    return [...new Set([chosen, pointed])].filter((row) => row >= 0);
+  }
+
+  /** Return how many sectors lie over a place of the map in sight, on average, if robots see nothing. */
+  #overlap(frame, rows) {
+    const { x, y, scale } = this.#view, [x0, y0, x1, y1] = this.#world.bounds, w = this.#width / 2 / scale, h = this.#height / 2 / scale;
+    const left = Math.max(x0, x - w), right = Math.min(x1, x + w), low = Math.max(y0, y - h), high = Math.min(y1, y + h);
+    let sum = 0;
+    for (const i of rows) {
+      const { area, reach } = this.#design(frame, i), px = frame.pose[3 * i], py = frame.pose[3 * i + 1];
+      const across = Math.min(px + reach, right) - Math.max(px - reach, left), up = Math.min(py + reach, high) - Math.max(py - reach, low);
+      if (across > 0 && up > 0) sum += (area * across * up) / (4 * reach * reach);
+    }
+    return sum / Math.max((right - left) * (high - low), 1e-9);
+  }
+
   #drawSectors(frame, rows) {
     const context = this.#context, width = frame.counts.sensors, { distance, pose } = frame;
-    const all = rows.length * width <= MOST_BLIND;
     const blind = new Batch(context, this.#colours.sector), seeing = new Batch(context, this.#colours.seeing);
     for (const i of rows) {
       const x = pose[3 * i], y = pose[3 * i + 1], heading = pose[3 * i + 2];
       const cos = Math.cos(heading), sin = Math.sin(heading), sensors = this.#design(frame, i).rows;
       for (let s = 0; s < sensors.length && s < width; s++) {
         const { mx, my, bearing, half, range } = sensors[s], read = distance[width * i + s];
-        if (read < 0 && !all) continue;
         const px = x + cos * mx - sin * my, py = y + sin * mx + cos * my;
         addSector((read >= 0 ? seeing : blind).next(), px, py, read >= 0 ? read : range, heading + bearing, half);
       }
@@ -549,9 +766,9 @@ export class Stage {
     context.beginPath();
     for (const i of rows) {
       const heat = Math.min(frame.heat[i], 1.2);
-      if (heat < 0.02) continue;
+      if (heat < LEAST_HEAT) continue;
       const x = frame.pose[3 * i], y = frame.pose[3 * i + 1];
-      disc(context, x, y, this.#design(frame, i).radius * (1.15 + 1.1 * heat));
+      disc(context, x, y, this.#radius(frame, i) * (1.15 + 1.1 * heat));
     }
     context.fill();
   }
@@ -591,18 +808,54 @@ export class Stage {
   #drawBodies(frame, rows, rings) {
     const bodies = rows.map((i) => {
       const [x, y, heading] = frame.pose.subarray(3 * i, 3 * i + 3);
-      return { x, y, heading, radius: this.#design(frame, i).radius, layer: rings ? frame.layer[i] : -1, value: frame.value ? frame.value[i] : -1 };
+      return { x, y, heading, radius: this.#radius(frame, i), layer: rings ? frame.layer[i] : -1, value: this.#shade(frame, i) };
     });
     this.#drawDiscs(this.#context, bodies);
   }
 
-  /** Draw discs in two colours with a line ahead, and a ring in the colour of the layer, -1 for none. */
+  /** Return which colour a robot's rear has: the index of its value, `HOT`, or -1 for the usual one. */
+  #shade({ value, hot }, row) {
+    if (value && value[row] >= 0) return value[row];
+    return hot && this.#toggles.heat && hot[row] > 0 && !value ? HOT : -1;
+  }
+
+  #robotColour(shade) {
+    if (shade === HOT) return this.#colours.robot_hot;
+    return this.#values?.[shade] ?? this.#kindColour("robot", this.#colours.robot);
+  }
+
+  /** Draw robots of any size, each with the colour of its layer around it, -1 for none. */
   #drawDiscs(context, bodies) {
+    const least = DROP_BELOW / this.#view.scale, small = bodies.filter(({ radius }) => radius < least);
+    if (small.length) this.#drawDrops(context, small);
+    if (small.length < bodies.length) this.#drawHalves(context, bodies.filter(({ radius }) => radius >= least));
+  }
+
+  /** Draw drops that point ahead in the colours of layers, in each a disc in two colours. */
+  #drawDrops(context, bodies) {
+    const drops = new Map(), rears = new Map(), front = new Path2D(), lean = Math.acos(1 / TIP);
+    for (const { x, y, heading, radius, layer, value = -1 } of bodies) {
+      const outer = layer < 0 ? radius : this.#ringRadius(radius) + this.#ringWidth / 2;
+      const ring = layer < 0 ? this.#robotColour(value) : this.#layerColour(layer);
+      const drop = pathIn(drops, ring);
+      drop.moveTo(x + TIP * outer * Math.cos(heading), y + TIP * outer * Math.sin(heading));
+      drop.arc(x, y, outer, heading + lean, heading - lean);
+      drop.closePath();
+      disc(pathIn(rears, value), x, y, radius);
+      front.moveTo(x - 0.3 * radius * Math.cos(heading), y - 0.3 * radius * Math.sin(heading));
+      front.arc(x, y, radius, heading - FRONT, heading + FRONT);
+      front.closePath();
+    }
+    for (const [ring, drop] of drops) fillWith(context, ring, drop);
+    for (const [value, rear] of rears) fillWith(context, this.#robotColour(value), rear);
+    fillWith(context, this.#colours.robot_front, front);
+  }
+
+  /** Draw discs in two colours with a line ahead, and a ring in the colour of the layer. */
+  #drawHalves(context, bodies) {
     const colours = this.#colours, rears = new Map(), front = new Path2D(), edge = new Path2D();
     for (const { x, y, heading, radius, value = -1 } of bodies) {
-      if (!rears.has(value)) rears.set(value, new Path2D());
-      const rear = rears.get(value);
-      const cos = radius * Math.cos(heading), sin = radius * Math.sin(heading);
+      const rear = pathIn(rears, value), cos = radius * Math.cos(heading), sin = radius * Math.sin(heading);
       rear.moveTo(x - sin, y + cos);
       rear.arc(x, y, radius, heading + TAU / 4, heading + (3 * TAU) / 4);
       front.moveTo(x + sin, y - cos);
@@ -611,28 +864,18 @@ export class Stage {
       edge.moveTo(x, y);
       edge.lineTo(x + cos, y + sin);
     }
-    for (const [value, rear] of rears) {
-      context.fillStyle = this.#robotColour(value);
-      context.fill(rear);
-    }
-    context.fillStyle = colours.robot_front;
-    context.fill(front);
+    for (const [value, rear] of rears) fillWith(context, this.#robotColour(value), rear);
+    fillWith(context, colours.robot_front, front);
     context.strokeStyle = colours.robot_outline;
     context.lineWidth = 1.1 * this.#pixel;
     context.stroke(edge);
     this.#drawRings(context, bodies);
   }
 
-  #robotColour(value) { return this.#values?.[value] ?? this.#kindColour("robot", this.#colours.robot); }
-
   #drawRings(context, bodies) {
     const rings = new Map();
     context.lineWidth = this.#ringWidth;
-    for (const { x, y, radius, layer } of bodies) {
-      if (layer < 0) continue;
-      if (!rings.has(layer)) rings.set(layer, new Path2D());
-      disc(rings.get(layer), x, y, this.#ringRadius(radius));
-    }
+    for (const { x, y, radius, layer } of bodies) if (layer >= 0) disc(pathIn(rings, layer), x, y, this.#ringRadius(radius));
     for (const [layer, path] of rings) {
       context.strokeStyle = this.#layerColour(layer);
       context.stroke(path);
@@ -644,15 +887,14 @@ export class Stage {
   #ringRadius(radius) { return radius + this.#ringWidth / 2 + 0.4 * this.#pixel; }
 
   #copies(rows) {
-    const largest = this.#designs.reduce((most, { radius }) => Math.max(most, radius), 0);
-    return rows.length > MOST_DRAWN && largest * this.#view.scale * this.#ratio <= LARGEST_COPIED;
+    return rows.length > MOST_DRAWN && Math.max(this.#largest, this.#leastRadius) * this.#view.scale * this.#ratio <= LARGEST_COPIED;
   }
 
   #copyBodies(frame, rows, rings) {
     const context = this.#context, { pose } = frame, [s, left, top] = this.#origin();
     context.setTransform(1, 0, 0, 1, 0, 0);
     for (const i of rows) {
-      const sheet = this.#sheet(this.#design(frame, i).radius, rings ? frame.layer[i] : -1, frame.value ? frame.value[i] : -1);
+      const sheet = this.#sheet(this.#radius(frame, i), rings ? frame.layer[i] : -1, this.#shade(frame, i));
       sheet.copy(context, left + s * pose[3 * i], top - s * pose[3 * i + 1], pose[3 * i + 2]);
     }
     this.#toMap(context);
@@ -662,9 +904,9 @@ export class Stage {
   #sheet(radius, layer, value) {
     const [scale] = this.#origin();
     if (this.#sheets.scale !== scale) this.#sheets = { scale, made: new Map() };
-    const { made } = this.#sheets, key = 64 * (256 * radius + layer) + value;
+    const { made } = this.#sheets, key = `${radius} ${layer} ${value}`;
     if (!made.has(key)) {
-      const outer = this.#ringRadius(radius) + this.#ringWidth / 2;
+      const outer = TIP * (this.#ringRadius(radius) + this.#ringWidth / 2);
       made.set(key, new Sheet(scale * radius, scale * outer, (context, places) => {
         context.scale(scale, -scale);
         const bodies = places.map(({ x, y, heading }) => ({ x: x / scale, y: -y / scale, heading, radius, layer, value }));
@@ -679,11 +921,11 @@ export class Stage {
     const context = this.#context, { pose } = frame, coloured = this.#toggles.layers && frame.layer;
     const groups = new Map();
     for (const i of rows) {
-      const layer = frame.value ? frame.value[i] : coloured ? frame.layer[i] : -1;
+      const layer = frame.value || !coloured ? this.#shade(frame, i) : frame.layer[i];
       if (!groups.has(layer)) groups.set(layer, []);
       groups.get(layer).push(i);
     }
-    const small = this.#designs[0].radius * this.#view.scale < 3.5;
+    const small = Math.max(this.#designs[0].radius, this.#leastRadius) * this.#view.scale < 3.5;
     for (const [layer, members] of groups) {
       context.fillStyle = coloured && !frame.value ? this.#layerColour(layer) : this.#robotColour(layer);
       if (small) this.#fillSquares(frame, members);
@@ -694,7 +936,7 @@ export class Stage {
     context.lineWidth = 1.2 * this.#pixel;
     context.beginPath();
     for (const i of rows) {
-      const x = pose[3 * i], y = pose[3 * i + 1], h = pose[3 * i + 2], r = this.#design(frame, i).radius;
+      const x = pose[3 * i], y = pose[3 * i + 1], h = pose[3 * i + 2], r = this.#radius(frame, i);
       context.moveTo(x, y);
       context.lineTo(x + r * Math.cos(h), y + r * Math.sin(h));
     }
@@ -704,14 +946,14 @@ export class Stage {
   #fillSquares(frame, rows) {
     const context = this.#context, least = 0.8 * this.#pixel;
     for (const i of rows) {
-      const r = Math.max(0.886 * this.#design(frame, i).radius, least);
+      const r = Math.max(0.886 * this.#radius(frame, i), least);
       context.fillRect(frame.pose[3 * i] - r, frame.pose[3 * i + 1] - r, 2 * r, 2 * r);
     }
   }
 
   #fillDiscs(frame, rows) {
     const path = new Path2D();
-    for (const i of rows) disc(path, frame.pose[3 * i], frame.pose[3 * i + 1], this.#design(frame, i).radius);
+    for (const i of rows) disc(path, frame.pose[3 * i], frame.pose[3 * i + 1], this.#radius(frame, i));
     this.#context.fill(path);
   }
 
@@ -722,7 +964,7 @@ export class Stage {
     for (const i of rows) {
       const design = this.#design(frame, i), ahead = frame.command[2 * i], left = frame.command[2 * i + 1];
       if (!design.holonomic || Math.hypot(ahead, left) < 1e-3) continue;
-      const azimuth = frame.pose[3 * i + 2] + Math.atan2(left, ahead), r = design.radius;
+      const azimuth = frame.pose[3 * i + 2] + Math.atan2(left, ahead), r = this.#radius(frame, i);
       addArrow(path, frame.pose[3 * i], frame.pose[3 * i + 1], azimuth, 1.45 * r, 2.5 * r);
     }
     this.#context.fillStyle = this.#colours.travel;
@@ -732,7 +974,7 @@ export class Stage {
   #drawContacts(frame) {
     const context = this.#context, path = new Path2D();
     for (let k = 0; k < frame.counts.contacts; k++) {
-      const i = frame.contacts[2 * k], azimuth = frame.contacts[2 * k + 1], r = this.#design(frame, i).radius;
+      const i = frame.contacts[2 * k], azimuth = frame.contacts[2 * k + 1], r = this.#radius(frame, i);
       const x = frame.pose[3 * i], y = frame.pose[3 * i + 1];
       path.moveTo(x + 1.1 * r * Math.cos(azimuth - 0.75), y + 1.1 * r * Math.sin(azimuth - 0.75));
       path.arc(x, y, 1.1 * r, azimuth - 0.75, azimuth + 0.75);
@@ -745,7 +987,7 @@ export class Stage {
   #drawChosen(frame) {
     const row = this.#chosen === null ? -1 : frame.ids.indexOf(this.#chosen);
     if (row < 0) return;
-    const context = this.#context, r = this.#design(frame, row).radius;
+    const context = this.#context, r = this.#radius(frame, row);
     context.strokeStyle = this.#colours.selection;
     context.lineWidth = 2.5 * this.#pixel;
     context.beginPath();
@@ -753,24 +995,49 @@ export class Stage {
     context.stroke();
   }
 
+  /** Mark the robot that is pointed at, and name it with its layer. */
+  #drawPointed(frame, row) {
+    const context = this.#context, colours = this.#colours, x = frame.pose[3 * row], y = frame.pose[3 * row + 1], r = this.#radius(frame, row);
+    this.#toMap(context);
+    context.strokeStyle = colours.selection;
+    context.lineWidth = 1.25 * this.#pixel;
+    context.beginPath();
+    disc(context, x, y, 1.7 * r + 4 * this.#pixel);
+    context.stroke();
+    const layer = this.#world.layers[frame.layer?.[row] ?? -1], text = `robot ${frame.ids[row]}${layer ? `, ${layer}` : ""}`;
+    const [across, down] = this.#toPixels(context)(x, y), gap = (1.7 * r) / this.#pixel + 10;
+    context.font = "12px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.textBaseline = "middle";
+    const width = context.measureText(text).width + 14, edge = this.#width / this.#enlarge - 4;
+    const left = Math.min(Math.max(across - width / 2, 4), edge - width), top = down - gap - 22 < 4 ? down + gap : down - gap - 22;
+    context.beginPath();
+    context.roundRect(left, top, width, 22, 5);
+    context.fillStyle = colours.field;
+    context.strokeStyle = colours.edge;
+    context.lineWidth = 1;
+    context.fill();
+    context.stroke();
+    context.fillStyle = colours.ink;
+    context.fillText(text, left + 7, top + 11.5);
+  }
+
   #drawLabels({ fires, counts }) {
-    const context = this.#context, ratio = this.#ratio;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const context = this.#context, at = this.#toPixels(context);
     context.textAlign = "center";
     context.textBaseline = "middle";
     for (let i = 0; i < counts.fires; i++) {
-      const [x, y, r, , robots, out] = fires.subarray(6 * i, 6 * i + 6), size = Math.min(r * this.#view.scale, 22);
+      const [x, y, r, , robots, out] = fires.subarray(6 * i, 6 * i + 6), size = Math.min(r / this.#pixel, 22);
       if (size < 7) continue;
       context.font = `600 ${out ? 0.85 * size : size}px system-ui, sans-serif`;
       context.fillStyle = out ? this.#colours.on_ashes : this.#colours.on_fire;
-      context.fillText(out ? "out" : String(robots), ...this.toCanvas(x, y));
+      context.fillText(out ? "out" : String(robots), ...at(x, y));
     }
   }
 
   /** Write above each robot its text. */
   #drawTexts({ pose, label, ...frame }, rows) {
-    const context = this.#context, ratio = this.#ratio, width = label.length / frame.counts.robots;
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const context = this.#context, at = this.#toPixels(context), width = label.length / frame.counts.robots;
     context.font = "600 11px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "bottom";
@@ -782,7 +1049,7 @@ export class Stage {
       const bytes = new Uint8Array(label.buffer, label.byteOffset + width * i, width), end = bytes.indexOf(0);
       const text = DECODER.decode(bytes.subarray(0, end < 0 ? width : end));
       if (!text) continue;
-      const [x, y] = this.toCanvas(pose[3 * i], pose[3 * i + 1]), top = y - this.#design(frame, i).radius * this.#view.scale - 3;
+      const [x, y] = at(pose[3 * i], pose[3 * i + 1]), top = y - this.#radius(frame, i) / this.#pixel - 3;
       context.strokeText(text, x, top);
       context.fillText(text, x, top);
     }
@@ -803,64 +1070,140 @@ export class Stage {
   }
 
   #listen() {
-    const canvas = this.#canvas, { signal } = this.#listeners;
+    const canvas = this.#canvas, { signal } = this.#listeners, stop = (event) => event.touches.length > 1 && event.preventDefault();
     const listen = (name, act) => canvas.addEventListener(name, act, { signal, passive: false });
-    canvas.style.touchAction = "none";
-    listen("wheel", (event) => {
-      event.preventDefault();
-      const lines = event.deltaMode === 1 ? 20 : 1;
-      this.zoom(Math.exp(-0.0015 * lines * event.deltaY), this.#point(event));
-    });
-    listen("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      this.#pointers.set(event.pointerId, this.#point(event));
-      if (this.#pointers.size === 1) this.#moved = 0;
-      this.#spread = 0;
-    });
+    this.#showCursor();
+    listen("wheel", (event) => this.#turn(event));
+    listen("pointerdown", (event) => this.#press(event));
     listen("pointermove", (event) => this.#drag(event));
-    listen("pointerup", (event) => {
-      this.#pointers.delete(event.pointerId);
-      this.#spread = 0;
-      if (this.#moved <= 4) this.#pick(this.#point(event));
-    });
-    listen("pointercancel", (event) => this.#pointers.delete(event.pointerId));
-    listen("dblclick", () => this.fit());
+    listen("pointerup", (event) => this.#release(event));
+    listen("pointercancel", (event) => this.#lose(event));
+    listen("pointerleave", () => this.#point(null));
+    listen("dblclick", () => this.#tool || this.fit());
+    // Otherwise the browser would scroll by the first of two fingers.
+    listen("touchstart", stop);
+    listen("touchmove", stop);
+    const escape = (event) => event.key === "Escape" && this.#tool && (event.preventDefault(), this.#cancel());
+    window.addEventListener("keydown", escape, { signal });
   }
 
-  #point(event) {
+  #place(event) {
     const box = this.#canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   }
 
+  /** Return a place of the canvas as tools receive it: on the map, and what is there. */
+  #spot(place, seen = true) {
+    const [x, y] = this.toMap(...place);
+    return seen ? { x, y, hit: this.hit(x, y) } : { x, y };
+  }
+
+  #turn(event) {
+    const own = event.ctrlKey || event.metaKey || document.activeElement === this.#canvas || this.#takesWheel();
+    if (!own) return;
+    event.preventDefault();
+    const lines = event.deltaMode === 1 ? 20 : 1;
+    this.zoom(Math.exp(-0.0015 * lines * event.deltaY), this.#place(event));
+  }
+
+  #press(event) {
+    const place = this.#place(event);
+    this.#canvas.setPointerCapture(event.pointerId);
+    this.#pointers.set(event.pointerId, place);
+    this.#spread = 0;
+    this.#point(null);
+    if (this.#pointers.size > 1) {
+      if (this.#held !== null) this.#cancel();
+      return;
+    }
+    this.#moved = 0;
+    if (this.#tool && !event.button && this.#tool.press(this.#spot(place)) === true) this.#held = event.pointerId;
+    if (this.#tool) this.#redraw();
+  }
+
   #drag(event) {
-    const before = this.#pointers.get(event.pointerId), now = this.#point(event);
-    if (!before) return;
+    const before = this.#pointers.get(event.pointerId), now = this.#place(event);
+    if (!before) return this.#hover(event, now);
     this.#pointers.set(event.pointerId, now);
+    if (this.#held === event.pointerId) return this.#hand("move", now);
     const dx = now[0] - before[0], dy = now[1] - before[1];
     this.#moved += Math.hypot(dx, dy);
     if (this.#pointers.size > 1) return this.#pinch();
-    if (this.#moved <= 4) return undefined;
+    // The finger scrolls the page, which the browser may not have noticed yet.
+    if (this.#moved <= 4 || (event.pointerType === "touch" && this.#fitted)) return undefined;
     if (this.#followed !== null) this.follow(null);
     const { x, y, scale } = this.#view;
     return this.#look({ x: x - dx / scale, y: y + dy / scale, scale });
   }
 
-  #pinch() {
-    const [[ax, ay], [bx, by]] = this.#pointers.values(), spread = Math.hypot(ax - bx, ay - by);
-    if (this.#spread) this.zoom(spread / this.#spread, [(ax + bx) / 2, (ay + by) / 2]);
-    this.#spread = spread;
+  #release(event) {
+    if (!this.#pointers.delete(event.pointerId)) return;
+    this.#spread = 0;
+    const place = this.#place(event);
+    if (this.#held === event.pointerId) {
+      this.#held = null;
+      this.#hand("release", place);
+    } else if (this.#moved <= 4 && !this.#tool) this.#pick(place);
   }
 
-  #pick([px, py]) {
-    const frame = this.#frame;
-    if (!frame) return;
-    let best = null, least = Infinity;
-    for (let i = 0; i < frame.counts.robots; i++) {
-      const [x, y] = this.toCanvas(frame.pose[3 * i], frame.pose[3 * i + 1]), distance = Math.hypot(x - px, y - py);
-      if (distance < least && distance <= Math.max(this.#design(frame, i).radius * this.#view.scale, 9)) {
-        [best, least] = [frame.ids[i], distance];
-      }
+  #lose(event) {
+    this.#pointers.delete(event.pointerId);
+    this.#spread = 0;
+    if (this.#held === event.pointerId) this.#cancel();
+  }
+
+  #hand(what, place) {
+    this.#tool?.[what]?.(this.#spot(place, what === "hover"));
+    this.#redraw();
+  }
+
+  /** Let the tool forget its drag; without a drag only on request. */
+  #cancel(always = true) {
+    const held = this.#held !== null;
+    this.#held = null;
+    if (held || always) this.#tool?.cancel?.();
+    this.#redraw();
+  }
+
+  #hover(event, place) {
+    if (this.#tool) this.#hand("hover", place);
+    else if (event.pointerType !== "touch") this.#point(place);
+  }
+
+  /** Point at a place of the canvas, null for none. */
+  #point(place) {
+    const before = this.#pointed;
+    this.#pointed = place;
+    if (!this.#frame || (!before && !place)) return;
+    const one = before ? this.#robotAt(...this.toMap(...before)) : -1, other = place ? this.#robotAt(...this.toMap(...place)) : -1;
+    if (one !== other) this.#redraw();
+    this.#showCursor(other >= 0);
+  }
+
+  #pointedRow() { return this.#pointed ? this.#robotAt(...this.toMap(...this.#pointed)) : -1; }
+
+  /** Show what the pointer does, and leave to the page what it does itself: scroll by a finger while all is in sight. */
+  #showCursor(pointing = false) {
+    const style = this.#canvas.style, cursor = this.#tool?.cursor ?? (pointing ? "pointer" : ""), touch = this.#fitted && !this.#tool ? "pan-y" : "none";
+    if (style.cursor !== cursor) style.cursor = cursor;
+    if (style.touchAction !== touch) style.touchAction = touch;
+  }
+
+  /** Zoom by how far two fingers are apart, and pan by the place between them. */
+  #pinch() {
+    const [[ax, ay], [bx, by]] = this.#pointers.values(), spread = Math.hypot(ax - bx, ay - by), middle = [(ax + bx) / 2, (ay + by) / 2];
+    if (this.#spread) {
+      const { x, y, scale } = this.#view, [mx, my] = this.#middle;
+      this.#look({ x: x - (middle[0] - mx) / scale, y: y + (middle[1] - my) / scale, scale });
+      this.zoom(spread / this.#spread, middle);
     }
+    this.#spread = spread;
+    this.#middle = middle;
+  }
+
+  #pick(place) {
+    if (!this.#frame) return;
+    const row = this.#robotAt(...this.toMap(...place)), best = row < 0 ? null : this.#frame.ids[row];
     this.select(best);
     this.onSelect(best);
   }
@@ -893,6 +1236,31 @@ function roomy(whole, before, after) {
 
 function reachOf(design) {
   return design.radius + design.sensors.reduce((most, [, , , , range]) => Math.max(most, range), 0);
+}
+
+/** Return the area of all sectors of a design. */
+function areaOf({ sensors }) {
+  return sensors.reduce((sum, [, , , half, range]) => sum + Math.min(half, Math.PI) * range * range, 0);
+}
+
+/** Return whether anything around an element scrolls down. */
+export function scrollsAround(element) {
+  for (let one = element.parentElement; one; one = one.parentElement) {
+    const root = one === document.scrollingElement || one === document.body;
+    if (one.scrollHeight > one.clientHeight + 1 && (root ? one === document.scrollingElement && getComputedStyle(one).overflowY !== "hidden"
+      : /auto|scroll/.test(getComputedStyle(one).overflowY))) return true;
+  }
+  return false;
+}
+
+function pathIn(paths, key) {
+  if (!paths.has(key)) paths.set(key, new Path2D());
+  return paths.get(key);
+}
+
+function fillWith(context, colour, path) {
+  context.fillStyle = colour;
+  context.fill(path);
 }
 
 function disc(path, x, y, r) {
@@ -1015,27 +1383,55 @@ function fieldImage(field, colour) {
   return canvas;
 }
 
+// Forms that are bars of colours, with a range.
+const BARS = ["value", "field", "fire"];
+// How others are drawn beside their names: paths in a box of 16 by 12, each filled or (from "-" on) a line, "=" a dashed one.
+const ROUND = (r, x = 8) => `M${x - r} 6a${r} ${r} 0 1 1 ${2 * r} 0a${r} ${r} 0 1 1 ${-2 * r} 0z`, HALVES = [ROUND(5), "M8 1a5 5 0 0 1 0 10z", "-" + ROUND(5)];
+const SECTOR = "M1 6L13.5 .5A13 13 0 0 1 13.5 11.5z";
+const SIGNS = {
+  robot: HALVES, robot_hot: HALVES, heat: [ROUND(6)], ashes: [ROUND(5), "-" + ROUND(5)], layer: ["3-" + ROUND(4)], disc: [ROUND(4)], sector: [SECTOR], seeing: [SECTOR],
+  contact: ["3-M4 2a5.5 5.5 0 0 0 8 0"], message: ["=M0 6H16"], trail: ["2-M0 9C5 9 7 3 16 3"], perceived: ["-M0 6H13", ROUND(2, 13)],
+  selection: ["2-" + ROUND(4.5)], travel: ["M14 6L3 11V1z"],
+};
+
+// The namespace of SVG, which is a name only: written so that no page seems to refer to an address outside.
+const SVG = ["http:", "", "www.w3.org", "2000", "svg"].join("/");
+
 /** Fill a list with a legend: what `stage.legend()` returns. Items stay as they are where only a range has changed. */
 export function fillLegend(list, entries) {
   const is = JSON.stringify(entries.map(({ form, name, colours }) => [form, name, colours]));
   if (list.legend !== is) list.replaceChildren(...entries.map(legendItem));
   list.legend = is;
-  entries.forEach(({ colours, low, high }, index) => {
+  entries.forEach(({ form, low, high }, index) => {
     const range = list.children[index].lastChild, text = high > low ? `${digits(low)} to ${digits(high)}` : "";
-    if (colours.length > 1 && range.textContent !== text) range.textContent = text;
+    if (BARS.includes(form) && range.textContent !== text) range.textContent = text;
   });
 }
 
 function legendItem({ form, name, colours }) {
   const item = document.createElement("li"), sign = document.createElement("i"), text = document.createElement("span");
   item.dataset.form = form;
-  const bar = colours.length > 1;
-  if (form === "layer") sign.style.borderColor = colours[0];
-  else sign.style.background = bar ? `linear-gradient(${["to right", ...colours]})` : colours[0];
+  if (SIGNS[form]) sign.append(signOf(SIGNS[form], colours));
+  else sign.style.background = BARS.includes(form) ? `linear-gradient(${["to right", ...colours]})` : colours[0];
   text.textContent = name;
   text.title = name;
   item.append(sign, text, " ", document.createElement("b"));
   return item;
+}
+
+function signOf(paths, colours) {
+  const make = (tag, attributes) => {
+    const element = document.createElementNS(SVG, tag);
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    return element;
+  };
+  const picture = make("svg", { viewBox: "0 0 16 12", width: 16, height: 12, "aria-hidden": true });
+  picture.append(...paths.map((path, index) => {
+    const colour = colours[Math.min(index, colours.length - 1)], [, width, kind, d] = path.match(/^(\d?)([-=]?)(.*)$/);
+    const line = { fill: "none", stroke: colour, "stroke-width": width || 1.25, ...(kind === "=" ? { "stroke-dasharray": "4 3" } : {}) };
+    return make("path", { d, ...(kind ? line : { fill: colour }) });
+  }));
+  return picture;
 }
 
 function digits(value) { return String(Number(value.toPrecision(3))); }

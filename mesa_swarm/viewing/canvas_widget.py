@@ -37,7 +37,8 @@ class SwarmCanvas(anywidget.AnyWidget):
     _css = palette.style_sheet(".swarm-player", '.swarm-player[data-theme="dark"]') + text_of("viewing/widget.css")
     # bar: whether there are buttons; keys: "page" where keys pressed anywhere play and step, "own" where only those
     # pressed in the widget do, "" for none; toggles: what is drawn, by name; head: whether a caption and the readings
-    # stand above it; stage: False for buttons without a canvas.
+    # stand above it; stage: False for buttons without a canvas; remember: under which name the browser stores what is
+    # in sight and what is switched on, apart for each model, until its tab is closed; "" or missing for not at all.
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
     selected = traitlets.Int(None, allow_none=True).tag(sync=True)
 

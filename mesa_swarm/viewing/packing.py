@@ -40,7 +40,7 @@ LEVEL = 9
 GOES_ON, STAYS = 2, 1
 # What frames of a model are packed from.
 PACKED_FROM = (
-    *("position", "heading", "distance", "kind", "command", "temperature", "heard_from", "layer"),
+    *("position", "heading", "distance", "kind", "command", "temperature", "heard_from", "layer", "hot"),
     *("fires", "loads", "contacts", "fields"),
 )
 # Pixels of a field in each row of a chunk.
@@ -77,7 +77,9 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
     """
     known, n = frame.columns, len(frame.robots)
     position, heading = known["position"], known.get("heading", np.zeros(n))
-    drawn: Columns = {name: known[name] for name in ("distance", "kind", "command", "layer") if name in scene.columns}
+    drawn: Columns = {
+        name: known[name] for name in ("distance", "kind", "command", "layer", "hot") if name in scene.columns
+    }
     if "command" in drawn:
         drawn["command"] = drawn["command"][:, :2]  # others are of drives whose command is not drawn
     drawn["pose"] = pose = np.empty((n, 3), "<f4")

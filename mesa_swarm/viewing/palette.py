@@ -1,8 +1,9 @@
 """The colours of everything that is drawn, one set for a light and one for a dark background.
 
 Pictures, films, charts and pages take their colours from here: Python by name, style sheets as custom properties
-(`style_sheet`), scripts as the object ``PALETTE`` (`script`). ``tests/viewing/test_palette.py`` computes contrasts
-(WCAG 2.2: text 4.5:1, graphics 3:1) and how much layers and series differ with protanopia, deuteranopia and tritanopia.
+(`style_sheet`), scripts as the object ``PALETTE`` (`script`); legends name them by `MEANINGS`.
+``tests/viewing/test_palette.py`` computes contrasts (WCAG 2.2: text 4.5:1, graphics 3:1) and how much layers and series
+differ with protanopia, deuteranopia and tritanopia.
 """
 
 import json
@@ -210,6 +211,22 @@ DARK = Palette(
     scalars=("#35c9c4d9", "#eba64fd9", "#b892e0d9", "#a9c46cd9"),
 )
 PALETTES = {"light": LIGHT, "dark": DARK}
+# What colours stand for, in all legends.
+MEANINGS = {
+    "robot": "robot, its front pale",
+    "robot_hot": "robot too hot to fight",
+    "heat": "heat of a robot",
+    "fire": "fire, temperature",
+    "ashes": "fire, out",
+    "seeing": "sensor that sees something",
+    "sector": "sensor that sees nothing",
+    "travel": "direction of travel",
+    "contact": "contact",
+    "message": "message, from its sender",
+    "trail": "trail",
+    "perceived": "to the centroid that it perceives",
+    "selection": "selected robot",
+}
 
 
 def layer_colour(index: int, palette: Palette = LIGHT) -> str:
@@ -275,9 +292,10 @@ def _properties(palette: Palette) -> str:
 
 
 def script() -> str:
-    """Return the constant ``PALETTE`` for scripts: by theme ("light", "dark") and the names of `Palette`."""
-    found = {name: _colours(palette) for name, palette in PALETTES.items()}
-    return f"const PALETTE = {json.dumps(found, separators=(',', ':'))};\n"
+    """Return the constants ``PALETTE``, by theme ("light", "dark") and the names of `Palette`, and `MEANINGS`."""
+    constants = {"PALETTE": {name: _colours(palette) for name, palette in PALETTES.items()}, "MEANINGS": MEANINGS}
+    written = {name: json.dumps(value, separators=(",", ":")) for name, value in constants.items()}
+    return "".join(f"const {name} = {text};\n" for name, text in written.items())
 
 
 def _colours(palette: Palette) -> dict[str, str | tuple[str, ...]]:

@@ -37,6 +37,7 @@ from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.legend import LegendEntry
 from mesa_swarm.viewing.palette import (
     LIGHT,
+    MEANINGS,
     fire_colour,
     kind_colour,
     scalar_pixels,
@@ -346,14 +347,14 @@ def legend_of(shown: Shown) -> list[Artist]:
     frame, scene = frame_and_scene(shown)
     entries: list[Artist] = [entry_artist(entry) for entry in scene.legend(frame)]
     if len(frame.robots) and "value" not in scene.columns:
-        entries += [_robot_entry("robot, its front pale", kind_colour(scene.looks, "robot", LIGHT.robot))]
+        entries += [_robot_entry(MEANINGS["robot"], kind_colour(scene.looks, "robot", LIGHT.robot))]
     if np.isfinite(frame.columns.get("perceived", np.nan)).any():
-        entries.append(Line2D([], [], color=LIGHT.perceived, label="to the centroid that it perceives"))
+        entries.append(Line2D([], [], color=LIGHT.perceived, label=MEANINGS["perceived"]))
     if frame["hot"].any():
-        entries.append(_robot_entry("robot too hot to fight", LIGHT.robot_hot))
+        entries.append(_robot_entry(MEANINGS["robot_hot"], LIGHT.robot_hot))
     if len(frame.columns.get("fires", ())):
-        entries += [Patch(color=fire_colour(t), label=f"fire, T = {t:g}") for t in (0.0, 0.5, 1.0)]
-        entries.append(Patch(facecolor=LIGHT.ashes, edgecolor=LIGHT.border, label="fire, out"))
+        entries.append(ColourBar(LIGHT.fire[::4], f"{MEANINGS['fire']} 0 to 1"))
+        entries.append(Patch(facecolor=LIGHT.ashes, edgecolor=LIGHT.border, label=MEANINGS["ashes"]))
     return entries
 
 

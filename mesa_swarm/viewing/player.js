@@ -85,6 +85,7 @@ class Segment {
       kind: signed(of("kind", sensors)),
       layer: signed(of("layer", 1)),
       design: signed(of("design", 1)),
+      hot: signed(of("hot", 1)),
       value: signed(of("value", 1)),
       label: of("label", 12),
       fires: this.#firesAt(row),
@@ -414,8 +415,8 @@ class Player {
   }
 
   showLayers() {
-    const { layer, fields } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
-    if (fields) this.describeLayers();
+    const { layer } = this.stage.frame ?? {}, counts = this.stage.world.layers.map(() => 0);
+    this.describeLayers();
     if (!layer) return;
     for (const index of layer) if (index >= 0) counts[index] += 1;
     document.querySelectorAll("#layers li b").forEach((cell, index) => (cell.textContent = String(counts[index])));
@@ -464,7 +465,7 @@ class Player {
 
   describeLayers() {
     fillLegend(find("layers"), this.stage.layers());
-    fillLegend(find("colours"), this.stage.legend().filter(({ form }) => form !== "layer"));
+    fillLegend(find("colours"), this.stage.legend().filter(({ form }) => form !== "layer" && form !== "disc"));
     for (const name of ["layers", "colours"]) find(name).parentElement.hidden = !find(name).children.length;
   }
 

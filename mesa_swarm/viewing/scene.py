@@ -38,6 +38,7 @@ COLUMNS: dict[str, tuple[str, int | str, str]] = {
     "kind": ("robots", "sensors", "i1"),
     "layer": ("robots", 1, "i1"),
     "design": ("robots", 1, "i1"),
+    "hot": ("robots", 1, "i1"),
     "value": ("robots", 1, "i1"),
     "label": ("robots", LABEL_BYTES, "i1"),
 }
@@ -121,9 +122,13 @@ class Scene:
 
     def _own_bodies(self, scenery: dict) -> list[LegendEntry]:
         """Return the entries of bodies if there are kinds of the model's own, or colours of its own for bodies."""
-        standing, moving = {_kind_of(shape) for shape in scenery["shapes"]}, set(self.kind_of_load.values())
-        own = (standing | moving) - set(STANDARD) or (standing | moving) & self.looks.get("kinds", {}).keys()
-        return body_entries(self.looks, standing, moving) if own else []
+        kinds = {_kind_of(shape) for shape in scenery["shapes"]} | set(self.kind_of_load.values())
+        own = kinds - set(STANDARD) or kinds & self.looks.get("kinds", {}).keys()
+        return self._bodies_in(scenery) if own else []
+
+    def _bodies_in(self, scenery: dict) -> list[LegendEntry]:
+        """Return the entries of all bodies."""
+        return body_entries(self.looks, map(_kind_of, scenery["shapes"]), self.kind_of_load.values())
 
     def build(self) -> None:
         """Build all shapes and designs now; an error if one of them is described wrongly."""
@@ -218,6 +223,7 @@ class Scene:
         designs, last = scenery["designs"] or [USUAL_DESIGN], self.changes[-1][1]  # kinds are only added
         ranges = [sensor[4] for design in designs for sensor in design["sensors"]]
         return {
+            "model": self.name,
             "map": self.map,
             "bounds": list(map(float, self.bounds)),
             "shapes": scenery["shapes"],
@@ -236,7 +242,7 @@ class Scene:
                 for name in self.columns
             ],
             **({"fields": list(self.fields)} if self.fields else {}),
-            "legend": [entry.as_json() for entry in (*self._own_bodies(scenery), *self._fields_in_legend)],
+            "legend": [entry.as_json() for entry in (*self._bodies_in(scenery), *self._fields_in_legend)],
         }
 
 

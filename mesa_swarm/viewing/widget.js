@@ -20,6 +20,26 @@ const PRESSED = "button, summary, a, input[type=checkbox]";
 const WRITE_EVERY = 0.15;
 // A stage that is lower is all map, CSS pixels; and the gap between the map and what stands beside it.
 const LOW = 240, GAP = 8;
+// In a smaller stage the legend is folded at first.
+const LEAST_WITH_LEGEND = { width: 520, height: 450 };
+const LEGEND = "mesa_swarm.legend", VIEW = "mesa_swarm.view ";
+// Least time between storings of the view, s.
+const STORE_EVERY = 0.3;
+// How much larger lines and texts are on a projector.
+const PROJECTED = 1.6;
+const TOO_MANY = ": of the selected robot only, too many in sight";
+
+/** What the browser stores, and until the page is left also where it stores nothing: in some notebooks. */
+const stored = {
+  here: new Map(),
+  get(place, name) {
+    try { return JSON.parse(globalThis[place].getItem(name)) ?? this.here.get(name); } catch { return this.here.get(name); }
+  },
+  set(place, name, value) {
+    this.here.set(name, value);
+    try { globalThis[place].setItem(name, JSON.stringify(value)); } catch { /* then it is forgotten with the page */ }
+  },
+};
 
 function iconButton(icon, label, act, more = {}) {
   const button = make("button", { type: "button", title: label, "aria-label": label, click: act, ...more });
@@ -51,6 +71,7 @@ class PlayerView {
   #written = 0;
   #shown = { pushed: 0, fingerprint: "" };
   #staged = true;
+  #storing = 0;
   #leave = [];
   #parts = {};
   // Whether a pointer was used last, not the Tab key; whether the space bar was the player's; whether it waits to be seen.
@@ -72,6 +93,7 @@ class PlayerView {
   }
 
   destroy() {
+    this.#store();
     this.#leave.forEach((leave) => leave());
     cancelAnimationFrame(this.#asked);
     this.#stage?.destroy();
@@ -113,7 +135,7 @@ class PlayerView {
 
   #tools(toggles) {
     const parts = this.#parts, on = { ...Object.fromEntries(TOGGLES.map((one) => [one.name, one.on])), ...toggles };
-    parts.on = on;
+    parts.usual = parts.on = on;
     parts.follow = iconButton("follow", "Follow the selected robot", () => this.#follow(), { "aria-pressed": "false" });
     parts.boxes = make("div", {});
     const summary = make("summary", { title: "What is drawn", "aria-label": "What is drawn" });
@@ -131,19 +153,45 @@ class PlayerView {
     boxes.replaceChildren(...togglesOf(this.#world).map(({ name, label, on: usual }) => {
       const box = make("input", { type: "checkbox", change: () => this.#toggle(name, box.checked) });
       box.checked = on[name] ??= usual;
-      return make("label", {}, box, label);
+      return make("label", { "data-name": name }, box, make("span", {}, label));
     }));
   }
 
-  #key() {
-    return (this.#parts.key = make("ul", { class: "swarm-key", "aria-label": "Legend" }));
+  /** Explain in the menu why most sectors are not drawn. */
+  #showDensity(dense) {
+    const text = this.#parts.boxes.querySelector('[data-name="sectors"] span'), usual = TOGGLES.find(({ name }) => name === "sectors").label;
+    if (text) text.textContent = dense ? usual + TOO_MANY : usual;
+    requestAnimationFrame(() => this.#fillKey()); // not while the stage draws
   }
+
+  #key() {
+    const parts = this.#parts, fold = () => this.#foldLegend(!parts.legend.hidden);
+    parts.legend = make("ul", { "aria-label": "Legend" });
+    parts.fold = make("button", { type: "button", click: fold }, "Legend");
+    return (parts.key = make("div", { class: "swarm-key" }, parts.fold, parts.legend));
+  }
+
+  /** Fold the legend or unfold it, and remember that for canvases of about this size. */
+  #foldLegend(folded) {
+    stored.set("localStorage", LEGEND + this.#size, folded ? "folded" : "open");
+    this.#fillKey();
+  }
+
+  get #size() {
+    const { clientWidth: width, clientHeight: height } = this.#canvas, { width: least, height: lowest } = LEAST_WITH_LEGEND;
+    return width >= least && height >= lowest ? "" : " small";
+  }
+
+  get #folded() { return (stored.get("localStorage", LEGEND + this.#size) ?? (this.#size ? "folded" : "open")) === "folded"; }
 
   #listen({ keys }) {
     const hear = (message, buffers) => this.#hear(message, buffers), press = (event) => this.#press(event);
     this.#model.on("msg:custom", hear);
     this.#leave.push(() => this.#model.off("msg:custom", hear));
-    const choose = () => this.#stage?.select(this.#model.get("selected"));
+    const choose = () => {
+      this.#stage?.select(this.#model.get("selected"));
+      this.#fillKey();
+    };
     this.#model.on("change:selected", choose);
     this.#leave.push(() => this.#model.off("change:selected", choose));
     const where = keys === "page" ? window : this.#root;
@@ -156,6 +204,45 @@ class PlayerView {
     const close = (event) => this.#parts.menu.contains(event.target) || (this.#parts.menu.open = false);
     document.addEventListener("pointerdown", close);
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
+    const store = () => this.#store();
+    window.addEventListener("pagehide", store);
+    this.#leave.push(() => window.removeEventListener("pagehide", store));
+    const projector = new MutationObserver(() => this.#enlarge());
+    projector.observe(document.documentElement, { attributes: true, attributeFilter: ["data-projector"], subtree: true });
+    this.#leave.push(() => projector.disconnect());
+    const fold = new ResizeObserver(() => this.#parts.legend.hidden === this.#folded || this.#fillKey());
+    fold.observe(this.#canvas);
+    this.#leave.push(() => fold.disconnect());
+  }
+
+  /** Draw larger where the page is arranged for a projector. */
+  #enlarge() {
+    if (this.#stage) this.#stage.enlarge = this.#root.closest('[data-projector="1"]') ? PROJECTED : 1;
+  }
+
+  /** The name under which the view is stored, if there is one. */
+  get #stores() {
+    const { remember } = this.#model.get("options");
+    return remember && this.#world ? `${VIEW}${remember} ${this.#world.model}` : "";
+  }
+
+  #viewed() {
+    this.#storing ||= setTimeout(() => this.#store(), 1000 * STORE_EVERY);
+  }
+
+  /** Store what is in sight and what is switched on, for when this world is shown again. */
+  #store() {
+    clearTimeout(this.#storing);
+    this.#storing = 0;
+    if (!this.#stores || !this.#stage) return;
+    const { view, followed } = this.#stage, bounds = this.#world.bounds;
+    stored.set("sessionStorage", this.#stores, { bounds, view, followed, switched: this.#parts.switched });
+  }
+
+  /** Return what was stored, unless it was of another map. */
+  #restored() {
+    const found = this.#stores ? stored.get("sessionStorage", this.#stores) : null;
+    return String(found?.bounds) === String(this.#world.bounds) ? found : null;
   }
 
   #retheme() {
@@ -178,18 +265,37 @@ class PlayerView {
   #enter(world) {
     if (!this.#staged) return;
     const before = this.#stage;
+    this.#store();
     before?.destroy();
     this.#world = world;
     this.#next = null;
-    const onSelect = (id) => this.#choose(id), onFollow = (id) => this.#followed(id);
+    const onSelect = (id) => this.#choose(id), onFollow = (id) => this.#followed(id), onView = () => this.#viewed();
+    const again = this.#stores ? this.#restored() : this.#sameView(before);
+    this.#parts.switched = again?.switched ?? {};
+    this.#parts.on = { ...this.#parts.usual, ...this.#parts.switched };
     this.#fillBoxes();
-    this.#stage = new Stage(this.#canvas, world, { theme: this.#root.dataset.theme, onSelect, onFollow, covered: () => this.#covered() });
+    const calls = { onSelect, onFollow, onView, onDense: (dense) => this.#showDensity(dense), takesWheel: () => this.#takesWheel() };
+    this.#stage = new Stage(this.#canvas, world, { theme: this.#root.dataset.theme, covered: () => this.#covered(), ...calls });
     for (const [name, on] of Object.entries(this.#parts.on)) this.#stage.set(name, on);
     this.#stage.select(this.#model.get("selected"));
+    this.#enlarge();
     this.#fillKey();
+    if (again?.view) this.#stage.view = again.view;
+    if (again?.followed != null) this.#stage.follow(again.followed);
     this.#canvas.arena = () => this.#arena();
     this.#canvas.stage = this.#stage;
     this.#canvas.dispatchEvent(new Event("swarm-stage"));
+  }
+
+  /** Return what was shown before of the same model: it was reset, or something was added. */
+  #sameView(before) {
+    const is = ({ model, bounds }) => `${model} ${bounds}`, { switched } = this.#parts;
+    return before && is(before.world) === is(this.#world) ? { view: before.view, followed: before.followed, switched } : null;
+  }
+
+  /** Whether the wheel zooms without the focus: on a page that does not scroll. In a notebook what scrolls may be out of sight. */
+  #takesWheel() {
+    return Boolean(this.#root.closest(".swarm")) && !scrollsAround(this.#canvas);
   }
 
   /** Return where the map is on the canvas: left, top, right, bottom in CSS pixels. */
@@ -200,12 +306,12 @@ class PlayerView {
 
   /** Return how far from each edge buttons, legend and scale reach; in a low stage all of them stand at the sides. */
   #covered() {
-    const { tools, key } = this.#parts, stage = this.#canvas.parentElement, all = stage.getBoundingClientRect();
+    const { tools, key } = this.#parts, size = this.#stage?.enlarge ?? 1, stage = this.#canvas.parentElement, all = stage.getBoundingClientRect();
     const low = all.height < LOW, nothing = { left: 0, top: 0, bottom: 0 };
     stage.classList.toggle("swarm-low", low);
     const layers = key.getBoundingClientRect(), right = all.right - tools.getBoundingClientRect().left + GAP;
-    if (low) return { ...nothing, right, left: Math.max(SCALE.width, layers.right - all.left) + GAP };
-    return { ...nothing, right, bottom: Math.max(SCALE.height, key.hidden ? 0 : all.bottom - layers.top) + GAP };
+    if (low) return { ...nothing, right, left: Math.max(size * SCALE.width, layers.right - all.left) + GAP };
+    return { ...nothing, right, bottom: Math.max(size * SCALE.height, key.hidden ? 0 : all.bottom - layers.top) + GAP };
   }
 
   #draw() {
@@ -228,7 +334,7 @@ class PlayerView {
 
   #write({ step, readings, rate, index, length, first, last, fingerprint }) {
     const root = this.#root, parts = this.#parts;
-    if (this.#world?.fields) this.#showRanges();
+    if (this.#stage) this.#showRanges();
     root.dataset.step = step;
     root.dataset.fingerprint = fingerprint;
     const shown = [["Step", step.toLocaleString("en")], ...(rate ? [["Steps a second", rate]] : []), ...readings];
@@ -272,16 +378,20 @@ class PlayerView {
   }
 
   #fillKey() {
-    const { key } = this.#parts, entries = this.#stage?.legend() ?? [];
+    const { key, legend, fold } = this.#parts, entries = this.#stage?.legend() ?? [], folded = this.#folded;
     key.hidden = !entries.length;
-    fillLegend(key, entries);
+    legend.hidden = folded;
+    fold.setAttribute("aria-expanded", String(!folded));
+    key.classList.toggle("swarm-folded", folded);
+    fillLegend(legend, entries);
     this.#stage?.resize(); // the legend may cover more or less now
   }
 
   /** Show the ranges of fields; where they need another line, the map moves out of the way. */
   #showRanges() {
-    const { key } = this.#parts, before = key.offsetHeight;
-    fillLegend(key, this.#stage.legend());
+    const { key, legend } = this.#parts, before = key.offsetHeight;
+    if (legend.hidden) return;
+    fillLegend(legend, this.#stage.legend());
     if (key.offsetHeight !== before) this.#stage.resize();
   }
 
@@ -314,10 +424,12 @@ class PlayerView {
 
   #followed(id) {
     this.#parts.follow.setAttribute("aria-pressed", id !== null);
+    this.#viewed();
   }
 
   #toggle(name, on) {
-    this.#parts.on[name] = on;
+    this.#parts.on[name] = this.#parts.switched[name] = on;
+    this.#viewed();
     this.#stage?.set(name, on);
     this.#fillKey();
   }

@@ -124,17 +124,18 @@ def test_a_replay_switches_and_names_fields_until_they_are_removed(chromium, tmp
     page.goto((tmp_path / "run.html").as_uri())
     page.wait_for_selector("html[data-ready=true]")
     named = "[...document.querySelectorAll('#colours li')].map((item) => item.innerText.replace(/\\s+/g, ' '))"
-    bodies = ["obstacle", "nest", "puck", "number 0 to 4"]
-    assert page.evaluate(named) == [*bodies, "trail 0 to 4", "food 0 to 0.25"]
+    bodies, sectors = ["obstacle", "nest", "puck", "number 0 to 4"], ["sensor that sees nothing"]
+    assert page.evaluate(named) == [*bodies, "trail 0 to 4", "food 0 to 0.25", *sectors]
     page.get_by_label("Field food").uncheck()
-    assert page.evaluate(named) == [*bodies, "trail 0 to 4"]
+    assert page.evaluate(named) == [*bodies, "trail 0 to 4", *sectors]
     page.get_by_label("Field food").check()
     page.get_by_role("button", name="Dark").click()
     nest = "getComputedStyle(document.querySelector('#colours li:nth-child(2) i')).backgroundColor"
     assert page.evaluate(nest) == f"rgb{tuple(rgb('#d0e0f0').tolist())}"
     page.evaluate("mesaSwarmReplay.goTo(4)")
     page.wait_for_function("mesaSwarmReplay.stage.frame.step === 5")
-    assert page.evaluate(named) == [*bodies, "food 0 to 0.25"]
+    page.wait_for_function(f"{named}.length === {len(bodies) + 2}")
+    assert page.evaluate(named) == [*bodies, "food 0 to 0.25", *sectors]
     at = "mesaSwarmReplay.stage.toCanvas(250, 150).map(Math.round)"
     pixel = f"[...document.getElementById('world').getContext('2d').getImageData(...{at}, 1, 1).data].slice(0, 3)"
     assert page.evaluate(pixel) == rgb(DARK.ground).tolist()
@@ -187,16 +188,13 @@ def own_page(chromium, tmp_path):
 def test_the_page_switches_fields_and_names_them_with_kinds_of_bodies(own_page):
     own_page.wait_for_step(0)
     key = own_page.page.locator(".swarm-key")
-    assert [" ".join(text.split()) for text in key.locator("li").all_inner_texts()] == [
-        "obstacle",
-        "nest",
-        "trail 0 to 4",
-    ]
+    named = ["robot, its front pale", "obstacle", "nest", "trail 0 to 4", "sensor that sees nothing"]
+    assert [" ".join(text.split()) for text in key.locator("li").all_inner_texts()] == named
     shown = own_page.page.evaluate(AT_FIELD)
     assert shown != rgb(LIGHT.ground).tolist()
     own_page.page.locator(".swarm-tools summary").click()
     own_page.page.get_by_label("Field trail").uncheck()
-    assert key.locator("li").count() == 2
+    assert key.locator("li").count() == 4
     assert own_page.page.evaluate(AT_FIELD) == rgb(LIGHT.ground).tolist()
     own_page.page.get_by_label("Field trail").check()
     assert own_page.page.evaluate(AT_FIELD) == pytest.approx(shown, abs=2)

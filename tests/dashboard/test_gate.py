@@ -1,6 +1,7 @@
 """Admission: no request without the token, by any path; and none from another page."""
 
 import asyncio
+import gzip
 from pathlib import Path
 from urllib.parse import quote
 
@@ -23,16 +24,20 @@ async def inside(scope, receive, send):
 
 def ask(path="/", *, token=TOKEN, query=b"", kind="http", host="127.0.0.1:8765", more=(), app=inside, **headers):
     """Return what the gate answers: the first message, and all bytes."""
-    named = {"host": host, **headers}
+    return answer_of(Gate(app, token, ASSETS), path, query, kind, {"host": host, **headers}, more)
+
+
+def answer_of(gate, path, query=b"", kind="http", named=None, more=()):
     query = query or (b"session_id=1" if kind == "websocket" else b"")
     scope = {"type": kind, "path": path, "query_string": query}
-    scope["headers"] = [(name.encode(), value.encode()) for name, value in (*named.items(), *more)]
+    scope["headers"] = [(name.encode(), value.encode()) for name, value in (named or {"host": "localhost"}).items()]
+    scope["headers"] += [(name.encode(), value.encode()) for name, value in more]
     sent = []
 
     async def send(message):
         sent.append(message)
 
-    asyncio.run(Gate(app, token, ASSETS)(scope, None, send))
+    asyncio.run(gate(scope, None, send))
     return sent[0], b"".join(message.get("body", b"") for message in sent)
 
 
@@ -309,3 +314,21 @@ def test_a_packed_message_that_claims_more_parts_than_it_has_bytes_ends_the_conn
     for message in ({"bytes": bytes([0, 0, 0, 1, 0, 0, 0, 8]) + b"{}"}, {"text": "{}"}, {"bytes": None, "text": ""}):
         message["type"] = "websocket.receive"
         assert heard(message) == message
+
+
+SHEET = """/* roboto-100normal - latin */
+@font-face { font-family: 'Roboto'; src: url(a.woff2) format('woff2'), /* modern */ url(a.woff); }
+@font-face { font-family: "Material Design Icons"; src: url(b.woff2); }
+.mdi-alert::before { content: "x"; }
+"""
+
+
+def test_letters_that_the_page_does_not_use_are_left_out_of_its_fonts(tmp_path):
+    (tmp_path / "dist").mkdir()
+    (tmp_path / "dist" / "fonts.css").write_text(SHEET, encoding="utf-8")
+    gate, path = Gate(inside, "", tmp_path), "/_solara/cdn/dist/fonts.css"
+    first, body = answer_of(gate, path, more=[("Accept-Encoding", "br, gzip")])
+    assert gzip.decompress(body).decode().splitlines() == SHEET.splitlines()[2:]
+    assert (b"content-encoding", b"gzip") in first["headers"]
+    assert is_in(answer_of(gate, path)), "as it is where a browser takes no gzip"
+    assert answer_of(gate, "/_solara/cdn/dist/../../fonts.css")[0]["status"] == 404

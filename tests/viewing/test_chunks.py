@@ -95,6 +95,7 @@ def drawn_row(rng, step, n, sensors, fires, k):
         "heat": rng.uniform(0, 1.2, (n, 1)),
         "heard": np.where(heard, rng.uniform(low, high, (n, 2)), np.nan),
         "layer": rng.integers(-1, 5, (n, 1)),
+        "hot": rng.integers(0, 2, (n, 1)),
         "design": np.zeros((n, 1)),
         "value": rng.integers(-1, 17, (n, 1)),
         "label": rng.integers(-128, 128, (n, 12)),

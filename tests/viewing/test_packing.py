@@ -32,6 +32,7 @@ def test_a_packed_frame_holds_what_the_model_has_to_the_last_bit_of_32():
         "kind": swarm.kind,
         "command": swarm.command.astype(np.float32),
         "layer": swarm.layer[:, None].astype(np.int8),
+        "hot": swarm.columns["hot"][:, None].astype(np.int8),
         "heat": (swarm.temperature / model.fire_constants.leave)[:, None].astype(np.float32),
         "fires": np.column_stack([fires.position, fires.radius, fires.temperature, fires.robots, fires.out]).astype(
             np.float32
@@ -50,7 +51,7 @@ def test_recorded_and_live_frames_show_the_same(tmp_path):
     world = scene.world()
     step, replayed = unpacked_frame(packed_frame(recording.at(80), scene), world)
     assert step == 80
-    assert replayed.keys() == live.keys() - {"heard"}
+    assert replayed.keys() == live.keys() - {"heard", "hot"}
     for name in replayed:
         np.testing.assert_array_equal(replayed[name], live[name], name)
     assert {key: world[key] for key in world if key != "columns"} == {
@@ -100,7 +101,7 @@ def test_what_comes_and_goes_is_replayed_as_it_was_seen(every, tmp_path):
         replayed = drawn(frame, scene)
         for name, values in replayed.items():
             assert values == live[frame.step][name], (frame.step, name)
-        assert replayed.keys() == live[frame.step].keys() - {"heard"}
+        assert replayed.keys() == live[frame.step].keys() - {"heard", "hot"}
     worlds = [scene.world(step) for step, _ in scene.changes]
     common = [{name: world[name] for name in world.keys() - {"shapes", "layers", "leave"}} for world in worlds]
     assert all(one == common[0] for one in common)
