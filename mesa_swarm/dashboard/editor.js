@@ -179,7 +179,7 @@ class EditorView {
     };
   }
 
-  get #near() { return NEAR / this.#canvas.stage.scale; }
+  get #near() { return NEAR / this.#canvas.stage.view.scale; }
 
   #press({ x, y }) {
     this.#from = this.#to = { x, y };
@@ -210,7 +210,7 @@ class EditorView {
 
   /** Return the numbers of the tool after a drag between two places. */
   #values(from, to) {
-    const [dx, dy] = [to.x - from.x, to.y - from.y], far = Math.hypot(dx, dy), small = 3 / this.#canvas.stage.scale;
+    const [dx, dy] = [to.x - from.x, to.y - from.y], far = Math.hypot(dx, dy), small = 3 / this.#canvas.stage.view.scale;
     const radius = far > small ? far : DISC * this.#size;
     return { x: from.x, y: from.y, toX: to.x, toY: to.y, width: WALL * this.#size, radius, heading: far > small ? Math.atan2(dy, dx) : 0 };
   }
