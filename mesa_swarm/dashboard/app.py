@@ -25,6 +25,7 @@ from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE, check_page_model
 from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.experiment_view import ExperimentTab
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
@@ -181,10 +182,11 @@ class Places:
             return True
 
 
-CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
+SHEETS = ("dashboard/style.css", "dashboard/experiment.css")
+CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*SHEETS)
 WATCH, MODELS = "Watch", "Models"
 # More tabs: names, and components that are called with the session.
-MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
+MORE_TABS: dict = {"Compare": Compare, "Experiment": ExperimentTab, "Replay": Replay}
 
 PLACES = Places()
 
