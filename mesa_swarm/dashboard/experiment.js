@@ -57,12 +57,18 @@ class Plot {
     return Math.max(0, ...texts.map((text) => this.#context.measureText(text).width));
   }
 
-  #upwards(text, x, y) {
-    this.#context.save();
-    this.#context.translate(x, y);
-    this.#context.rotate(-Math.PI / 2);
-    this.#text(text, 0, 0, { colour: this.#colours.ink, bold: true });
-    this.#context.restore();
+  /** The name of an axis, and what it is with its unit if there is room for that. */
+  #named({ name, help = "" }, x, y, room, upwards = false) {
+    const context = this.#context, size = 12;
+    context.save();
+    context.translate(x, y);
+    if (upwards) context.rotate(-Math.PI / 2);
+    context.font = `600 ${size}px ${FONT}`;
+    const width = context.measureText(name).width, more = help && help !== name ? `  ${help}` : "", both = width + this.#widest([more]);
+    const start = -(more && both <= room ? both : width) / 2;
+    this.#text(name, start, 0, { align: "left", colour: this.#colours.ink, bold: true });
+    if (more && both <= room) this.#text(more, start + width, 0, { align: "left" });
+    context.restore();
   }
 
   /** Least and greatest estimate, and with `limits` those of the intervals. */
@@ -96,13 +102,15 @@ class Plot {
 
   #map({ x, y, width, height }) {
     const columns = this.#first.labels.length, rows = this.#second.labels.length, context = this.#context;
-    const left = x + 30 + this.#widest(this.#second.labels), right = x + width - 92, top = y + 6, bottom = y + height - 46;
-    const across = Math.min((right - left) / columns, 190), down = Math.min((bottom - top) / rows, 110);
-    const end = top + down * rows, range = this.#range(false), { values } = this.#colours;
+    const left = x + 30 + this.#widest(this.#second.labels), right = x + width - 100, top = y + 6, bottom = y + height - 46;
+    const across = Math.min((right - left) / columns, 240), down = Math.min((bottom - top) / rows, 140);
+    const end = top + down * rows, { values } = this.#colours;
+    const range = this.#about.share && this.#range(false) ? [0, 100] : this.#range(false);
     const colourOf = (mean) => values[range[0] === range[1] ? values.length >> 1 : Math.floor(((mean - range[0]) / (range[1] - range[0])) * (values.length - 1) + 0.5)];
     const gap = across > 14 && down > 14 ? 1 : 0;
     const size = down > 34 && across > 60 ? 13 : 11;
-    const short = this.#about.cells.map(([mean, , , text]) => (mean === null ? "–" : text.split(" [")[0]));
+    const [, part] = range ? roundNumbers(range[0], range[1] === range[0] ? range[0] + 1 : range[1], 100) : [[], 1];
+    const short = this.#about.cells.map(([mean]) => (mean === null ? "–" : withDecimals(mean, part)));
     const hasRoom = down >= size + 4 && this.#widest(short, size) <= across - 6;
     for (let i = 0; i < columns; i++) {
       for (let j = 0; j < rows; j++) {
@@ -118,6 +126,9 @@ class Plot {
           context.strokeStyle = this.#colours.bad;
           context.strokeRect(place.x + 0.5, place.y + 0.5, place.width - 1, place.height - 1);
           if (down >= 14) this.#text(across > 46 ? "error" : "!", ...middle, { colour: this.#colours.bad, size });
+        } else if (done) {
+          context.fillStyle = this.#colours.band;
+          context.fillRect(place.x, place.y, place.width, place.height);
         } else {
           this.#hatched(place.x, place.y, place.width, place.height);
         }
@@ -126,22 +137,22 @@ class Plot {
         }
       }
     }
-    this.#ticksBelow(this.#first.labels.map((label, i) => [label, left + (i + 0.5) * across]), end, left + (across * columns) / 2);
+    this.#ticksBelow(this.#first.labels.map((label, i) => [label, left + (i + 0.5) * across]), end, left, left + across * columns);
     const every = Math.ceil(15 / down);
     this.#second.labels.forEach((label, j) => {
       const place = this.places[j];
       if (j % every === 0) this.#text(label, left - 7, place.y + place.height / 2, { align: "right" });
     });
-    this.#upwards(this.#second.name, x + 9, (top + end) / 2);
+    this.#named(this.#second, x + 10, (top + end) / 2, end - top, true);
     if (range) this.#bar(left + across * columns + 16, top, Math.min(end - top, 340), range);
   }
 
   /** Labels below an axis, as many as there is room for, and its name. */
-  #ticksBelow(labels, y, middle) {
+  #ticksBelow(labels, y, left, right) {
     const distance = labels.length > 1 ? Math.abs(labels[1][1] - labels[0][1]) : Infinity;
     const every = Math.max(1, Math.ceil((this.#widest(labels.map(([label]) => label)) + 8) / distance));
     labels.forEach(([label, x], i) => i % every === 0 && this.#text(label, x, y + 14));
-    this.#text(this.#first.name, middle, y + 35, { colour: this.#colours.ink, bold: true });
+    this.#named(this.#first, (left + right) / 2, y + 35, right - left);
   }
 
   #bar(x, y, height, [low, high]) {
@@ -158,17 +169,19 @@ class Plot {
       context.fillRect(x + 14, place - 0.5, 4, 1);
       this.#text(withDecimals(mark, step), x + 21, place, { align: "left" });
     }
+    const widest = this.#widest(marks.map((mark) => withDecimals(mark, step)));
+    this.#named({ name: this.#about.measure }, x + 36 + widest, y + height / 2, height, true);
   }
 
   #lines({ x, y, width, height }) {
     const { series } = this.#colours, context = this.#context, rows = this.#second.labels.length, labels = this.#first.labels;
-    const range = this.#range(true) ?? [0, 1];
-    let [low, high] = range;
+    const range = this.#about.share ? [0, 100] : this.#range(true);
+    let [low, high] = range ?? [0, 1];
     if (low >= 0 && low < high * 0.6) low = 0;
     if (low === high) [low, high] = [low - (low ? 0.5 : 0), high + 0.5];
-    const [, step] = roundNumbers(low, high, Math.max(2, height / 70));
-    [low, high] = [Math.floor(low / step + 1e-9) * step, Math.ceil(high / step - 1e-9) * step];
-    const [marks] = roundNumbers(low, high, (high - low) / step), texts = marks.map((mark) => withDecimals(mark, step));
+    const beyond = (high - low) * 0.03;
+    [low, high] = [low && low - beyond, this.#about.share ? high : high + beyond];
+    const [marks, step] = range ? roundNumbers(low, high, Math.max(2, height / 70)) : [[], 1], texts = marks.map((mark) => withDecimals(mark, step));
     const named = rows > 1 ? 24 : 0, left = x + 34 + this.#widest(texts), right = x + width - 16, top = y + 10 + named, bottom = y + height - 48;
     const numbers = labels.length > 1 ? this.#first.numbers : null, [from, to] = numbers ? [Math.min(...numbers), Math.max(...numbers)] : [0, 0];
     const inset = numbers ? 14 : 0, slot = (right - left) / labels.length;
@@ -180,9 +193,9 @@ class Plot {
       context.fillRect(left, Math.round(up(mark)) - 0.5, right - left, 1);
       this.#text(texts[k], left - 7, up(mark), { align: "right" });
     });
-    this.#upwards(this.#about.measure, x + 9, (top + bottom) / 2);
+    this.#named({ name: this.#about.measure }, x + 10, (top + bottom) / 2, bottom - top, true);
     const order = labels.map((_, i) => i).sort((a, b) => across(a) - across(b));
-    this.#ticksBelow(order.map((i) => [labels[i], across(i)]), bottom, (left + right) / 2);
+    this.#ticksBelow(order.map((i) => [labels[i], across(i)]), bottom, left, right);
     let edge = left;
     for (let j = 0; j < rows; j++) {
       const colour = series[j % series.length], aside = (j - (rows - 1) / 2) * Math.min(5, slot / (rows + 1));

@@ -23,7 +23,7 @@ from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.gallery import is_address, short_name
 from mesa_swarm.world.map import Map
 
-MEAN, SHARE = "mean", "share of runs with a value"
+MEAN, SHARE = "mean", "share of runs in which it occurred"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,11 +122,10 @@ class GridResults:
             failed[place] += outcome.error is not None
             if (value := outcome.numbers.get(measure)) is not None:
                 numbers[place].append(value)
-        estimate = _share if summary == SHARE else _mean
-        return [
-            Cell(estimate(one, runs - wrong), len(one), runs, wrong)
-            for one, runs, wrong in zip(numbers, done.tolist(), failed.tolist(), strict=True)
-        ]
+        counts = zip(numbers, done.tolist(), failed.tolist(), strict=True)
+        if summary == SHARE:
+            return [Cell(_share(len(one), runs - wrong), runs - wrong, runs, wrong) for one, runs, wrong in counts]
+        return [Cell(mean_interval(one), len(one), runs, wrong) for one, runs, wrong in counts]
 
     def errors(self) -> dict[int, str]:
         """Return the first error at each point that has one."""
@@ -207,9 +206,5 @@ def _in_the_same_folder(model: str) -> str:
     return f"./{Path(file).name}{ending}{class_name}"
 
 
-def _mean(numbers: list[float], runs: int) -> Interval:
-    return mean_interval(numbers)
-
-
-def _share(numbers: list[float], runs: int) -> Interval:
-    return share_interval(len(numbers), runs) if runs else Interval(math.nan, math.nan, math.nan)
+def _share(happened: int, runs: int) -> Interval:
+    return share_interval(happened, runs) if runs else Interval(math.nan, math.nan, math.nan)

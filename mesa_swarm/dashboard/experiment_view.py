@@ -221,7 +221,7 @@ def picture_of(experimenting: Experimenting) -> dict[str, Any]:
     known = experimenting.parameters if results.model == experimenting.name else {}
     axes = [_axis(name, values, known.get(name)) for name, values in results.values.items()]
     return {
-        "title": f"{measure}: {summary} by {' and '.join(axis['name'] for axis in axes)}",
+        "title": f"{title_of(measure, summary)}, by {' and '.join(axis['name'] for axis in axes)}",
         "about": about_of(results),
         "stale": "" if experimenting.found is None or experimenting.is_current else STALE,
         "axes": axes,
@@ -258,6 +258,11 @@ def _measure_axis(measure: str, summary: str) -> str:
     return f"{measure}, steps" if measure.endswith(TIME) else measure
 
 
+def title_of(measure: str, summary: str) -> str:
+    """Return what is shown."""
+    return f"{measure}: {summary}" if summary == SHARE else f"{measure}: {summary} over seeds"
+
+
 def about_of(results: GridResults) -> str:
     """Return a line about what was run."""
     experiment = results.experiment
@@ -269,9 +274,9 @@ def about_of(results: GridResults) -> str:
 
 def note_of(measure: str, summary: str, seeds: int) -> str:
     """Return what the picture shows, and of which kind the intervals are."""
-    what = "Share of the runs in which it occurred" if summary == SHARE else "Mean"
+    what = "Shares of the runs in which it occurred" if summary == SHARE else "Means"
     left_out = " Runs in which it did not occur are left out." if summary == MEAN and measure.endswith(TIME) else ""
-    return f"{what} over n = {seeds} seeds, with 95 % intervals ({INTERVALS[summary]}).{left_out}"
+    return f"{what} over n = {seeds} seeds at each setting, with 95 % intervals ({INTERVALS[summary]}).{left_out}"
 
 
 def fault_of(results: GridResults) -> str:

@@ -315,7 +315,7 @@ class Experimenting:
             return []
 
     def map_names(self) -> list[str]:
-        """Return the maps that may be chosen for the model."""
+        """Return the maps that may be chosen for the model: those that it offers, else all, and uploaded ones."""
         own = self.parameters["map"].control if "map" in self.parameters else None
         offered = own.options if isinstance(own, Choice) else builtin_maps()
         return list(dict.fromkeys([*offered, *self.session.uploads]))
