@@ -102,8 +102,9 @@ class Plot {
 
   #map({ x, y, width, height }) {
     const columns = this.#first.labels.length, rows = this.#second.labels.length, context = this.#context;
-    const left = x + 30 + this.#widest(this.#second.labels), right = x + width - 100, top = y + 6, bottom = y + height - 46;
-    const across = Math.min((right - left) / columns, 240), down = Math.min((bottom - top) / rows, 140);
+    const widest = this.#widest(this.#second.labels), from = x + 30 + widest, right = x + width - 100, top = y + 6, bottom = y + height - 46;
+    const across = Math.min((right - from) / columns, 240), down = Math.min((bottom - top) / rows, 200);
+    const left = from + (right - from - across * columns) / 2;
     const end = top + down * rows, { values } = this.#colours;
     const range = this.#about.share && this.#range(false) ? [0, 100] : this.#range(false);
     const colourOf = (mean) => values[range[0] === range[1] ? values.length >> 1 : Math.floor(((mean - range[0]) / (range[1] - range[0])) * (values.length - 1) + 0.5)];
@@ -143,7 +144,7 @@ class Plot {
       const place = this.places[j];
       if (j % every === 0) this.#text(label, left - 7, place.y + place.height / 2, { align: "right" });
     });
-    this.#named(this.#second, x + 10, (top + end) / 2, end - top, true);
+    this.#named(this.#second, left - widest - 20, (top + end) / 2, end - top, true);
     if (range) this.#bar(left + across * columns + 16, top, Math.min(end - top, 340), range);
   }
 
@@ -198,7 +199,7 @@ class Plot {
     this.#ticksBelow(order.map((i) => [labels[i], across(i)]), bottom, left, right);
     let edge = left;
     for (let j = 0; j < rows; j++) {
-      const colour = series[j % series.length], aside = (j - (rows - 1) / 2) * Math.min(5, slot / (rows + 1));
+      const colour = series[j % series.length], aside = (j - (rows - 1) / 2) * Math.min(numbers ? 5 : 18, slot / (rows + 1));
       const points = order.map((i) => [across(i) + aside, this.#cell(i, j), i]);
       this.#line(points.filter(([, cell]) => cell[0] !== null), up, colour, { joined: Boolean(numbers), banded: rows === 1 });
       for (const [px, cell, i] of points) this.places[i * rows + j] = this.#point(px, cell, up, colour, bottom, top);
@@ -378,7 +379,8 @@ class ExperimentView {
   #words(index) {
     const { cells, errors, measure, interval, seeds, runs } = this.#about, [mean, , , text, counted, done, failed] = cells[index];
     const lines = [this.#setting(index)];
-    if (mean !== null) lines.push(`${measure}: ${text}`, interval);
+    if (mean !== null) lines.push(`${measure}: ${text}`);
+    if (cells[index][1] !== null) lines.push(interval);
     lines.push(`n = ${counted}: ${done} of ${seeds} runs done`);
     if (done - failed - counted > 0) lines.push(`in ${done - failed - counted} without a value`);
     if (failed) lines.push(`${failed} ended in an error: ${errors[index] ?? ""}`);

@@ -6,6 +6,7 @@ import re
 import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,15 @@ from mesa_swarm.experiments.jobs import job_text
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.reports import parts_of
 from mesa_swarm.experiments.runs import Run
-from mesa_swarm.experiments.statistics import Interval, mean_interval, share_interval
+from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, share_interval
 from mesa_swarm.experiments.sweep import run_experiment, stored_runs
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.gallery import is_address, short_name
 from mesa_swarm.world.map import Map
 
 MEAN, SHARE = "mean", "share of runs in which it occurred"
+# Intervals that are stored, of all experiments of this server.
+MOST_STORED = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +62,7 @@ class GridRuns:
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class GridCell:
     """A measure at one point: an estimate with its interval over `counted` of `done` runs, `failed` of which failed."""
 
     interval: Interval
@@ -112,7 +115,7 @@ class GridResults:
             point[name] = values[k]
         return dict(reversed(point.items()))
 
-    def cells(self, measure: str, summary: str) -> list[Cell]:
+    def cells(self, measure: str, summary: str) -> list[GridCell]:
         """Return the estimate of a measure at each point."""
         numbers: list[list[float]] = [[] for _ in self.experiment.points]
         done, failed = np.zeros((2, len(numbers)), int)
@@ -124,8 +127,8 @@ class GridResults:
                 numbers[place].append(value)
         counts = zip(numbers, done.tolist(), failed.tolist(), strict=True)
         if summary == SHARE:
-            return [Cell(_share(len(one), runs - wrong), runs - wrong, runs, wrong) for one, runs, wrong in counts]
-        return [Cell(mean_interval(one), len(one), runs, wrong) for one, runs, wrong in counts]
+            return [GridCell(_share(len(one), runs - wrong), runs - wrong, runs, wrong) for one, runs, wrong in counts]
+        return [GridCell(_mean(tuple(one)), len(one), runs, wrong) for one, runs, wrong in counts]
 
     def errors(self) -> dict[int, str]:
         """Return the first error at each point that has one."""
@@ -204,6 +207,12 @@ def _in_the_same_folder(model: str) -> str:
         return model
     file, ending, class_name = model.rpartition(".py")
     return f"./{Path(file).name}{ending}{class_name}"
+
+
+@lru_cache(maxsize=MOST_STORED)
+def _mean(numbers: tuple[float, ...]) -> Interval:
+    """Return a mean with its interval, which takes milliseconds: only that of a cell with a new run is computed."""
+    return bootstrap_mean(numbers)
 
 
 def _share(happened: int, runs: int) -> Interval:

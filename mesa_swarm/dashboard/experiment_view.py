@@ -13,12 +13,12 @@ from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard import page_models
 from mesa_swarm.dashboard.controls import ControlPanel, label_of, value_text, with_faults
-from mesa_swarm.dashboard.experiment_results import MEAN, SHARE, Cell, GridResults
+from mesa_swarm.dashboard.experiment_results import MEAN, SHARE, GridCell, GridResults
 from mesa_swarm.dashboard.experimenting import Experimenting, options_of
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Downloads, Link, Linked
 from mesa_swarm.experiments.reports import OF, REDUCTIONS, parts_of
-from mesa_swarm.experiments.statistics import TIME
+from mesa_swarm.experiments.statistics import FEWEST, TIME
 from mesa_swarm.experiments.tables import percent, with_limits
 from mesa_swarm.parameters import Parameter
 from mesa_swarm.viewing import palette, text_of
@@ -30,7 +30,7 @@ EVERY = 0.5
 MOST_SLID = 100
 NO_OTHER = "(no other)"
 EACH_STEP = " (each step)"
-INTERVALS = {MEAN: "Student's t", SHARE: "Wilson"}
+INTERVALS = {MEAN: "bootstrap, BCa", SHARE: "Wilson"}
 LONGEST_LIST = 3
 
 
@@ -276,7 +276,8 @@ def note_of(measure: str, summary: str, seeds: int) -> str:
     """Return what the picture shows, and of which kind the intervals are."""
     what = "Shares of the runs in which it occurred" if summary == SHARE else "Means"
     left_out = " Runs in which it did not occur are left out." if summary == MEAN and measure.endswith(TIME) else ""
-    return f"{what} over n = {seeds} seeds at each setting, with 95 % intervals ({INTERVALS[summary]}).{left_out}"
+    few = f" Fewer than {FEWEST} numbers have no interval." if summary == MEAN else ""
+    return f"{what} over n = {seeds} seeds at each setting, 95 % intervals ({INTERVALS[summary]}).{few}{left_out}"
 
 
 def fault_of(results: GridResults) -> str:
@@ -290,7 +291,7 @@ def fault_of(results: GridResults) -> str:
     return f"{what}: {'; '.join(different[:LONGEST_LIST])}{more}"
 
 
-def _numbers(cell: Cell, summary: str) -> list:
+def _numbers(cell: GridCell, summary: str) -> list:
     """Return a cell for the browser: estimate, limits, what they are as text, and the numbers of runs."""
     interval, scale = cell.interval, 100.0 if summary == SHARE else 1.0
     parts = [interval.estimate, interval.low, interval.high]
@@ -299,7 +300,7 @@ def _numbers(cell: Cell, summary: str) -> list:
     return [*numbers, text, cell.counted, cell.done, cell.failed]
 
 
-def cell_text(cell: Cell, summary: str) -> str:
+def cell_text(cell: GridCell, summary: str) -> str:
     """Return an estimate with its interval, with digits according to its width."""
     if summary == SHARE:
         return f"{100 * cell.interval.estimate:.0f} % [{percent(cell.interval)}]"
@@ -328,13 +329,14 @@ def StartOrStop(experimenting: Experimenting) -> None:
     with solara.Div(classes=["swarm-start"]):
         if runs.running:
             about = {"max": str(runs.total), "value": str(runs.done), "aria-label": "Runs done"}
-            rv.Html(tag="progress", attributes=about)
-            rv.Html(tag="p", children=[f"{runs.done:,} of {runs.total:,} runs, {runs.left or 'starting ...'}"])
-            Button("Stop", experimenting.stop)
+            rv.Html(tag="progress", attributes=about).key("progress")
+            text = f"{runs.done:,} of {runs.total:,} runs, {runs.left or 'starting ...'}"
+            rv.Html(tag="p", children=[text]).key("text")
+            Button("Stop", experimenting.stop).key("stop")
         else:
-            rv.Html(tag="p", attributes={"role": "status"}, children=[experimenting.size_in_words()])
+            rv.Html(tag="p", attributes={"role": "status"}, children=[experimenting.size_in_words()]).key("size")
             label, enabled = experimenting.next_action()
-            Button(label, experimenting.start, "swarm-do", enabled=enabled)
+            Button(label, experimenting.start, "swarm-do", enabled=enabled).key("start")
         fault = experimenting.faults.get("runs") or runs.error
         if fault:
-            rv.Html(tag="p", class_="swarm-fault", attributes={"role": "alert"}, children=[fault])
+            rv.Html(tag="p", class_="swarm-fault", attributes={"role": "alert"}, children=[fault]).key("fault")

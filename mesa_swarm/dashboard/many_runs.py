@@ -31,7 +31,7 @@ _under_way = threading.BoundedSemaphore(MOST_AT_ONCE)
 Send = Callable[[str, object], None]
 
 
-class Work(Protocol):
+class BackgroundTask(Protocol):
     """Runs to be done in the background; it is sent to a process there by pickle."""
 
     def __len__(self) -> int:
@@ -42,12 +42,12 @@ class Work(Protocol):
 
 
 class ManyRuns:
-    """Does many runs in the background, one `Work` at a time; notifies from another thread.
+    """Does many runs in the background, one `BackgroundTask` at a time; notifies from another thread.
 
     Parameters
     ----------
     name : str
-        Of such a work, in messages.
+        Of such a task, in messages.
     """
 
     def __init__(self, name: str = "comparison") -> None:
@@ -63,7 +63,7 @@ class ManyRuns:
 
     @property
     def running(self) -> bool:
-        """Whether a work is under way."""
+        """Whether a task is under way."""
         return self._process is not None
 
     @property
@@ -79,10 +79,10 @@ class ManyRuns:
         fresh = self.done - self.before
         return (self._last - self._began) / fresh if fresh else 0.0
 
-    def start(self, work: Work, heard: Callable[[Any], object] = lambda run: None) -> None:
-        """Begin with a work, unless one is under way or too many are on this server.
+    def start(self, task: BackgroundTask, heard: Callable[[Any], object] = lambda run: None) -> None:
+        """Begin with a task, unless one is under way or too many are on this server.
 
-        `heard` is called, in another thread, with what the work sends of each run.
+        `heard` is called, in another thread, with what the task sends of each run.
         """
         with self._lock:
             if self.running:
@@ -90,13 +90,13 @@ class ManyRuns:
             if not _under_way.acquire(blocking=False):
                 what = f"{MOST_AT_ONCE} comparisons or experiments are under way on this server"
                 raise SwarmError(f"{what}; try again when one is done")
-            self.done, self.before, self.total, self.report, self.error = 0, 0, len(work), None, ""
+            self.done, self.before, self.total, self.report, self.error = 0, 0, len(task), None, ""
             self._began = self._last = time.monotonic()
             try:
-                self._process = _begun(work)
+                self._process = _begun(task)
             except Exception as error:
                 _under_way.release()
-                if not isinstance(error, OSError):  # a work with a user's objects may not be picklable
+                if not isinstance(error, OSError):  # a task with a user's objects may not be picklable
                     raise
                 raise SwarmError(f"no process could be started ({error.strerror})") from error
             about = (self._process, heard)
@@ -164,14 +164,14 @@ def _one(name: str) -> str:
     return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 
-def workers_for(work: Work) -> int:
-    """Return the number of processes for a work: one less than the number of cores, which is left to the page."""
-    return max(1, min(cpu_count() - 1, len(work)))
+def workers_for(task: BackgroundTask) -> int:
+    """Return the number of processes for a task: one less than the number of cores, which is left to the page."""
+    return max(1, min(cpu_count() - 1, len(task)))
 
 
-def _begun(work: Work) -> subprocess.Popen:
-    """Start the process, in its own group, and send it the work."""
-    message = pickle.dumps((imported(), work, workers_for(work)))  # what is imported comes first
+def _begun(task: BackgroundTask) -> subprocess.Popen:
+    """Start the process, in its own group, and send it the task."""
+    message = pickle.dumps((imported(), task, workers_for(task)))  # what is imported comes first
     process = subprocess.Popen(
         [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
         stdin=subprocess.PIPE,
@@ -213,8 +213,8 @@ def _end(process: subprocess.Popen) -> None:
 
 
 def main() -> None:
-    """Do the work on stdin, and send the results."""
-    _, work, workers = pickle.load(sys.stdin.buffer)
+    """Do the task that stdin has, and send the results."""
+    _, task, workers = pickle.load(sys.stdin.buffer)
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what models print goes elsewhere
     if hasattr(os, "nice"):
@@ -224,12 +224,12 @@ def main() -> None:
         pickle.dump((kind, value), out)
         out.flush()
 
-    do_work(work, workers, send)
+    do_task(task, workers, send)
 
 
-def do_work(work: Work, workers: int, send: Send) -> None:
-    """Do a work, and send the error that ends it."""
+def do_task(task: BackgroundTask, workers: int, send: Send) -> None:
+    """Do a task, and send the error that ends it."""
     try:
-        work.do(workers, send)
+        task.do(workers, send)
     except Exception as problem:  # a model may raise anything
         send("error", in_words(problem))

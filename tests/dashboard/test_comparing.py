@@ -26,7 +26,7 @@ from mesa_swarm.dashboard.compare_view import (
 )
 from mesa_swarm.dashboard.comparing import ComparedRuns, Comparing, two_values
 from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, do_work, workers_for
+from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, do_task, workers_for
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError
@@ -179,7 +179,7 @@ def test_the_chart_is_drawn_when_there_is_something_new_and_no_more_when_closed(
 def test_the_runs_send_each_completed_one_and_then_the_report():
     sent = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
-    do_work(ComparedRuns(plan), 1, lambda kind, value: sent.append((kind, value)))
+    do_task(ComparedRuns(plan), 1, lambda kind, value: sent.append((kind, value)))
     assert [kind for kind, _ in sent] == ["run"] * 4 + ["report"]
     assert (ManyRuns().running, ManyRuns().left) == (False, "")
     report, found = sent[-1][1], compare("fire_fighting", seeds=2, steps=5, jobs=1)
@@ -193,7 +193,7 @@ def test_an_error_of_a_model_in_a_run_is_sent():
     sent = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
     plan.settings["n_robots"] = -1
-    do_work(ComparedRuns(plan), 1, lambda kind, value: sent.append((kind, value)))
+    do_task(ComparedRuns(plan), 1, lambda kind, value: sent.append((kind, value)))
     assert sent[0][0] == "error"
     assert "n_robots is -1" in sent[0][1]
 

@@ -25,7 +25,7 @@ from mesa_swarm.dashboard.experiment_view import (
     values_of,
 )
 from mesa_swarm.dashboard.experimenting import Experimenting, checked_values, spaced, usual_values
-from mesa_swarm.dashboard.many_runs import do_work
+from mesa_swarm.dashboard.many_runs import do_task
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.jobs import job_text, read_job
@@ -278,7 +278,7 @@ def test_results_are_of_what_was_started_whatever_is_chosen_later(experimenting,
     assert picture_of(experimenting)["cells"] == before["cells"]
 
 
-def test_a_cell_has_the_mean_with_students_interval_or_the_share_with_wilsons(experimenting):
+def test_a_cell_has_the_mean_with_a_bootstrap_interval_or_the_share_with_wilsons(experimenting):
     experimenting.set("values", "2, 3")
     experimenting.set("seeds", "3")
     found = experimenting.preview()
@@ -294,9 +294,8 @@ def test_a_cell_has_the_mean_with_students_interval_or_the_share_with_wilsons(ex
     assert [cell[3] for cell in picture_of(experimenting)["cells"]] == ["67 % [21-94 %]", "0 % [0-56 %]"]
     experimenting.set("summary", MEAN)
     note = picture_of(experimenting)["note"]
-    assert note.startswith(
-        "Means over n = 3 seeds at each setting, with 95 % intervals (Student's t). Runs in which it"
-    )
+    assert note.startswith("Means over n = 3 seeds at each setting, 95 % intervals (bootstrap, BCa). Fewer than 6")
+    assert note.endswith("Runs in which it did not occur are left out.")
 
 
 def test_a_cell_opens_its_setting_on_watch_with_the_first_seed(experimenting, session, tmp_path):
@@ -431,7 +430,7 @@ def test_an_error_of_the_process_is_shown(experimenting, monkeypatch, tmp_path):
     sent = []
     found = experimenting._results(experimenting._experiment())
     (tmp_path / "ledger.jsonl").write_text("another file\n")
-    do_work(GridRuns(found.experiment, tmp_path), 1, lambda kind, value: sent.append((kind, value)))
+    do_task(GridRuns(found.experiment, tmp_path), 1, lambda kind, value: sent.append((kind, value)))
     assert sent[-1][0] == "error"
     assert "is not a ledger" in sent[-1][1]
     monkeypatch.setattr(experimenting_module, "GridRuns", lambda *_: 1 / 0)
