@@ -5,9 +5,10 @@ import math
 import re
 import zipfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from sys import intern
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,9 @@ class GridResults:
     def take(self, numbered: tuple[int, Outcome]) -> None:
         """Store the outcome of a run."""
         number, outcome = numbered
-        self.outcomes[number] = outcome
+        # Names arrive anew with each outcome: thousands of runs share them.
+        shared = {intern(name): value for name, value in outcome.numbers.items()}
+        self.outcomes[number] = replace(outcome, results=None if outcome.results is None else shared)
 
     @property
     def signature(self) -> tuple:

@@ -14,13 +14,13 @@ from reacton import ipyvuetify as rv
 from mesa_swarm.dashboard import page_models
 from mesa_swarm.dashboard.controls import ControlPanel, label_of, value_text, with_faults
 from mesa_swarm.dashboard.experiment_results import MEAN, SHARE, GridCell, GridResults
-from mesa_swarm.dashboard.experimenting import Experimenting, options_of
+from mesa_swarm.dashboard.experimenting import Experimenting, options_of, values_in_words
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Downloads, Link, Linked
 from mesa_swarm.experiments.reports import OF, REDUCTIONS, parts_of
 from mesa_swarm.experiments.statistics import FEWEST, TIME
 from mesa_swarm.experiments.tables import percent, with_limits
-from mesa_swarm.parameters import Parameter
+from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.play_loop import use_changes
 
@@ -147,9 +147,9 @@ def values_of(experimenting: Experimenting) -> dict[str, dict[str, Any]]:
     values["seeds"]["place"] = min(experimenting.seeds, MOST_SLID)
     for name, listed in (("values", experimenting.values), ("q_values", experimenting.q_values)):
         numbers = [value for value in listed if isinstance(value, (int, float))]
-        span = [value_text(min(numbers)), value_text(max(numbers)), len(numbers)] if numbers else ["", "", ""]
+        span = [min(numbers), max(numbers), len(numbers)] if numbers else ["", "", ""]
         about = {"ticked": list(map(str, listed)), "span": list(map(str, span))}
-        values[name] = {"text": ", ".join(map(value_text, listed)), **about}
+        values[name] = {"text": values_in_words(listed), **about}
     return with_faults(values, experimenting)
 
 
@@ -218,8 +218,8 @@ def picture_of(experimenting: Experimenting) -> dict[str, Any]:
     results, measure = shown_results(experimenting), shown_measure(experimenting)
     summary = experimenting.summary if measure.endswith(TIME) else MEAN
     cells, seeds = results.cells(measure, summary), len(results.experiment.seeds)
-    known = experimenting.parameters if results.model == experimenting.name else {}
-    axes = [_axis(name, values, known.get(name)) for name, values in results.values.items()]
+    known = parameters_of(results.experiment.model_class)
+    axes = [_axis(known[name], values) for name, values in results.values.items()]
     return {
         "title": f"{title_of(measure, summary)}, by {' and '.join(axis['name'] for axis in axes)}",
         "about": about_of(results),
@@ -242,11 +242,11 @@ def picture_of(experimenting: Experimenting) -> dict[str, Any]:
 STALE = "The choices changed after this experiment was started: the picture shows the experiment described here."
 
 
-def _axis(name: str, values: list, parameter: Parameter | None) -> dict[str, Any]:
+def _axis(parameter: Parameter, values: list) -> dict[str, Any]:
     numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
     return {
-        "name": label_of(name),
-        "help": parameter.help if parameter else "",
+        "name": label_of(parameter.name),
+        "help": parameter.help,
         "labels": [value_text(value) for value in values],
         "numbers": values if numbers else None,
     }

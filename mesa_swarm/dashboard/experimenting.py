@@ -31,13 +31,15 @@ USUAL_SEEDS = 20
 USUAL_VALUES = 5
 # No second parameter.
 ONLY_ONE = ""
+# Choices that a link may set, in the order in which one depends on another.
+LINKED = ("model", "p", "values", "q", "q_values", "seeds", "steps", "measure")
 
 
 class Experimenting:
     """An experiment that one user chooses, starts, stops and continues.
 
-    All other parameters are those set for the same model on the Watch page. A link may set `model`, `p`, `values`,
-    `q`, `q_values`, `seeds`, `steps` and `measure`, by `set`, in this order.
+    All other parameters are those set for the same model on the Watch page. A link may set the choices in `LINKED` by
+    `set`, in this order; `words` returns them.
 
     Attributes
     ----------
@@ -78,6 +80,21 @@ class Experimenting:
         return {
             name: one for name, one in self.parameters.items() if one.control or one.kind in (bool, int, float, str)
         }
+
+    @property
+    def words(self) -> dict[str, str]:
+        """The choices as text, which `set` reads back."""
+        chosen = {
+            "model": self.name,
+            "p": self.p,
+            "values": values_in_words(self.values),
+            "q": self.q,
+            "q_values": values_in_words(self.q_values),
+            "seeds": str(self.seeds),
+            "steps": str(self.steps),
+            "measure": self.measure,
+        }
+        return {name: text for name, text in chosen.items() if self.q or name not in ("q", "q_values")}
 
     @property
     def varied(self) -> dict[str, list]:
@@ -175,8 +192,8 @@ class Experimenting:
         elif name == "measure":
             self.measure = check_choice(name, text, self.measures)
             self.summary = self.summary if self.can_be_missing else MEAN
-        else:
-            self.summary = check_choice("summary", text, (MEAN, SHARE))
+        elif check_choice("choice", name, (*LINKED, "summary")) == "summary":
+            self.summary = check_choice(name, text, (MEAN, SHARE))
 
     def set_values(self, name: str, values: Sequence) -> None:
         """Set "values" or "q_values", given as text or as they are."""
@@ -342,6 +359,11 @@ def options_of(parameter: Parameter, maps: Sequence[str]) -> list[str]:
     if isinstance(parameter.control, Choice):
         return list(parameter.control.options)
     return ["False", "True"] if parameter.kind is bool else []
+
+
+def values_in_words(values: Sequence) -> str:
+    """Return values as one types them."""
+    return ", ".join(map(str, values))
 
 
 def usual_values(parameter: Parameter, maps: Sequence[str]) -> list:

@@ -355,6 +355,20 @@ def test_the_model_is_that_of_watch_until_another_is_chosen(experimenting, sessi
     assert experimenting.name == "foraging"
 
 
+def test_the_choices_as_words_are_read_back_by_another_page(experimenting):
+    choose(experimenting, q_values="0.123456789, 0.5", measure="maximum of robots_at_fires")
+    other = Session("boids")
+    read = other.companion(Experimenting)
+    for name, text in experimenting.words.items():
+        read.set(name, text)
+    assert (read.faults, read.words, read.varied) == ({}, experimenting.words, experimenting.varied)
+    read.set("q", "")
+    assert list(read.words) == ["model", "p", "values", "seeds", "steps", "measure"]
+    read.set("colour", "red")
+    assert "unknown choice 'colour'" in read.faults["colour"]
+    other.close()
+
+
 def test_files_are_sent_under_names_of_the_experiment(experimenting, tmp_path):
     widget, sent = ExperimentPicture(), []
     link = PictureLink(widget, experimenting)
