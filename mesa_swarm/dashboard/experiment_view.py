@@ -148,7 +148,7 @@ def values_of(experimenting: Experimenting) -> dict[str, dict[str, Any]]:
     for name, listed in (("values", experimenting.values), ("q_values", experimenting.q_values)):
         numbers = [value for value in listed if isinstance(value, (int, float))]
         span = [min(numbers), max(numbers), len(numbers)] if numbers else ["", "", ""]
-        about = {"ticked": list(map(str, listed)), "span": list(map(str, span))}
+        about = {"ticked": list(map(str, listed)), "span": [values_in_words([end]) for end in span]}
         values[name] = {"text": values_in_words(listed), **about}
     return with_faults(values, experimenting)
 

@@ -21,6 +21,7 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.world.map import Map, builtin_maps
+from mesa_swarm.world.map_toml import number_text
 
 MOST_VALUES = 100
 MOST_POINTS = 2_500
@@ -362,8 +363,14 @@ def options_of(parameter: Parameter, maps: Sequence[str]) -> list[str]:
 
 
 def values_in_words(values: Sequence) -> str:
-    """Return values as one types them."""
-    return ", ".join(map(str, values))
+    """Return values as one types them, numbers exactly.
+
+    Examples
+    --------
+    >>> values_in_words([0.0, 0.1, 2.5e-7])
+    '0, 0.1, 2.5e-07'
+    """
+    return ", ".join(number_text(value) if isinstance(value, float) else str(value) for value in values)
 
 
 def usual_values(parameter: Parameter, maps: Sequence[str]) -> list:
