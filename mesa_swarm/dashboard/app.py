@@ -23,6 +23,8 @@ from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.editing import Editing, Editor
+from mesa_swarm.dashboard.experiment_view import ExperimentTab
+from mesa_swarm.dashboard.experimenting import Experimenting
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
@@ -67,13 +69,19 @@ class Places:
             return True
 
 
-STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "editing", "frame"))
+STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "editing", "experiment", "frame"))
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
 MODELS = "models"
 # More tabs: names, and components that are called with the session.
-MORE_TABS: dict = {"compare": Compare, "replay": Replay}
+MORE_TABS: dict = {"compare": Compare, "experiment": ExperimentTab, "replay": Replay}
 # The state of tabs that is written into links.
-COMPANIONS: dict = {WATCH: None, MODELS: None, "compare": Comparing, "replay": Replaying}
+COMPANIONS: dict = {
+    WATCH: None,
+    MODELS: None,
+    "compare": Comparing,
+    "experiment": Experimenting,
+    "replay": Replaying,
+}
 
 PLACES = Places()
 

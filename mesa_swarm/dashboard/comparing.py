@@ -1,22 +1,11 @@
 """Comparison of two worlds on one page, and comparisons over many seeds in their own processes."""
 
-import os
-import pickle
-import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
-from datetime import timedelta
-from typing import IO, Any, cast
-
-from joblib import cpu_count
+from typing import Any
 
 from mesa_swarm.dashboard import check_page_model
 from mesa_swarm.dashboard.inputs import LARGEST_SEED, checked_setting, whole_number
+from mesa_swarm.dashboard.many_runs import ManyRuns, Send
 from mesa_swarm.dashboard.pair import NAMES, Pair
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
@@ -24,22 +13,14 @@ from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS
 from mesa_swarm.experiments.figures import comparison_figure, main_measure
 from mesa_swarm.experiments.plan import Plan, checked_plan
-from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
-from mesa_swarm.gallery import find_model, imported
+from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
 
-# Largest number of comparisons at the same time, of all users of this server.
-MOST_AT_ONCE = 2
-# Shortest time between notifications of progress, s.
-NOTIFY_EVERY = 0.2
-# The processes of comparisons have a lower priority than the page.
-NICENESS = 10
 # Of the picture, inches: small, so that its text is large beside the table.
 SIZE = (8.6, 6.8)
-_under_way = threading.BoundedSemaphore(MOST_AT_ONCE)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,166 +51,18 @@ def report_of(comparison: Comparison) -> Report:
     )
 
 
-class ManyRuns:
-    """Carries out the runs of a plan in the background, one plan at a time; notifies from another thread."""
+@dataclass(frozen=True, slots=True)
+class ComparedRuns:
+    """The runs of a comparison, to be done in the background."""
 
-    def __init__(self) -> None:
-        self.changed = Listeners()
-        self.done = self.total = 0
-        self.report: Report | None = None
-        self.error = ""
-        self._process: subprocess.Popen | None = None
-        self._began = self._notified = 0.0
-        self._lock = threading.Lock()
+    plan: Plan
 
-    @property
-    def running(self) -> bool:
-        """Whether a plan is under way."""
-        return self._process is not None
+    def __len__(self) -> int:
+        return len(self.plan)
 
-    @property
-    def left(self) -> str:
-        """The time left, empty before the first run is done."""
-        if not self.running or not self.done:
-            return ""
-        seconds = (time.monotonic() - self._began) / self.done * (self.total - self.done)
-        return f"about {timedelta(seconds=round(seconds))} left"
-
-    def start(self, plan: Plan) -> None:
-        """Begin with a plan, unless one is under way or too many are on this server."""
-        with self._lock:
-            if self.running:
-                raise SwarmError("a comparison is under way; cancel it first")
-            if not _under_way.acquire(blocking=False):
-                raise SwarmError(f"{MOST_AT_ONCE} comparisons are under way on this server; try again when one is done")
-            self.done, self.total, self.report, self.error = 0, len(plan), None, ""
-            self._began = time.monotonic()
-            try:
-                self._process = _begun(plan)
-            except Exception as error:
-                _under_way.release()
-                if not isinstance(error, OSError):  # a plan of a user's objects may not be picklable
-                    raise
-                raise SwarmError(f"no process could be started ({error.strerror})") from error
-            threading.Thread(target=self._follow, args=(self._process,), name="many runs", daemon=True).start()
-        self.changed.notify()
-
-    def cancel(self) -> None:
-        """Stop what is under way, at once and without results."""
-        with self._lock:
-            process, self._process = self._process, None
-            if process is not None:
-                _end(process)
-        if process is not None:
-            self.error = f"cancelled after {self.done} of {self.total} runs"
-            self.changed.notify()
-
-    def close(self) -> None:
-        """Stop what is under way, and remove all listeners."""
-        self.changed.clear()
-        self.cancel()
-        self.report = None
-
-    def _follow(self, process: subprocess.Popen) -> None:
-        """Receive the messages of the process until it ends, and clean up after it."""
-        try:
-            for kind, value in _received(process):
-                if self._process is process:
-                    self._take(kind, value)
-        finally:
-            _end(process)
-            for pipe in _pipes(process):
-                with suppress(OSError):
-                    pipe.close()
-            _under_way.release()
-        with self._lock:
-            ended_by_itself = self._process is process
-            if ended_by_itself:
-                self._process = None
-        if ended_by_itself:
-            self.error = self.error or ("" if self.report else "the runs ended without a result; try again")
-            self.changed.notify()
-
-    def _take(self, kind: str, value: Any) -> None:
-        if kind == "run":
-            self.done += 1
-            if time.monotonic() - self._notified > NOTIFY_EVERY:
-                self._notified = time.monotonic()
-                self.changed.notify()
-        elif kind == "report":
-            self.report = value
-        else:
-            self.error = value
-
-
-def workers_for(plan: Plan) -> int:
-    """Return the number of processes for a plan: one less than the number of cores, which is left to the page."""
-    return max(1, min(cpu_count() - 1, len(plan)))
-
-
-def _begun(plan: Plan) -> subprocess.Popen:
-    """Start the process, in its own group, and send it the plan."""
-    message = pickle.dumps((imported(), plan, workers_for(plan)))  # what is imported comes first
-    process = subprocess.Popen(
-        [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        start_new_session=True,
-    )
-    with suppress(BrokenPipeError):  # it has ended already, which is noticed soon
-        to_it, _ = _pipes(process)
-        to_it.write(message)
-        to_it.flush()
-    return process
-
-
-def _pipes(process: subprocess.Popen) -> tuple[IO[bytes], IO[bytes]]:
-    """Return the pipes to and from the process, which `_begun` has made."""
-    return cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
-
-
-def _received(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
-    """Yield the messages of the process."""
-    _, from_it = _pipes(process)
-    while True:
-        try:
-            yield pickle.load(from_it)
-        except Exception:  # its end, or half of a message when it was killed
-            return
-
-
-def _end(process: subprocess.Popen) -> None:
-    """End the process and all that it has started, unless this was done: its number may be another's by now."""
-    if process.returncode is not None:
-        return
-    with suppress(ProcessLookupError, PermissionError):  # it has ended by itself
-        if hasattr(os, "killpg"):
-            os.killpg(process.pid, signal.SIGKILL)
-        else:  # on Windows
-            process.kill()
-    process.wait()
-
-
-def main() -> None:
-    """Carry out the runs of the plan on stdin, and send the results."""
-    _, plan, workers = pickle.load(sys.stdin.buffer)
-    out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what models print goes elsewhere
-    if hasattr(os, "nice"):
-        os.nice(NICENESS)
-
-    def send(kind: str, value: object) -> None:
-        pickle.dump((kind, value), out)
-        out.flush()
-
-    _do(plan, workers, send)
-
-
-def _do(plan: Plan, workers: int, send: Callable[[str, object], None]) -> None:
-    try:
-        send("report", report_of(run_plan(plan, workers, heard=lambda run: send("run", run.rng))))
-    except Exception as problem:  # a model may raise anything
-        send("error", in_words(problem))
+    def do(self, workers: int, send: Send) -> None:
+        """Do all runs, and send a message for each, and the report."""
+        send("report", report_of(run_plan(self.plan, workers, heard=lambda run: send("run", run.rng))))
 
 
 FEWEST_SEEDS, MOST_SEEDS, USUAL_SEEDS = 2, 1000, 30
@@ -244,7 +77,7 @@ class Comparing:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.pair, self.runs = Pair(), ManyRuns()
+        self.pair, self.runs = Pair(), ManyRuns("comparison")
         self.pair.set_speed(session.own_speed)
         self.seed, self.seeds = session.seed, USUAL_SEEDS
         # Why a setting was refused, by "A", "B", "worlds", "seed", "seeds", "steps" or "runs".
@@ -329,7 +162,7 @@ class Comparing:
         """Begin to compare over many seeds, in the background."""
         self.pair.pause()
         try:
-            self.runs.start(self.plan())
+            self.runs.start(ComparedRuns(self.plan()))
             self.faults.pop("runs", None)
         except Exception as problem:  # as in `reset`
             self.faults["runs"] = in_words(problem)

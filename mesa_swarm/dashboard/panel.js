@@ -73,6 +73,8 @@ class PanelView {
   #field(field) {
     if (field.kind === "choice") return this.#choice(field);
     if (field.kind === "text") return this.#typed(field);
+    if (field.kind === "ticks") return this.#ticks(field);
+    if (field.kind === "span") return this.#span(field);
     const id = `swarm-${field.name}`;
     const send = () => this.#sendPlace(field.name, Number(slider.value));
     const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: send });
@@ -91,6 +93,29 @@ class PanelView {
   #typed(field) {
     const text = this.#text(field.name, field.label);
     return this.#frame(field, make("div", { class: "swarm-row" }, text), text);
+  }
+
+  /** Boxes to tick, of which several may be; Python sends the ticked ones. */
+  #ticks(field) {
+    const boxes = field.options.map((name) => make("input", { type: "checkbox", value: name, change: () => send() }));
+    const send = () => this.#send({ do: "tick", name: field.name, value: boxes.filter((box) => box.checked).map((box) => box.value) });
+    const labels = boxes.map((box) => make("label", {}, box, box.value));
+    const list = make("div", { class: "swarm-ticks", role: "group", "aria-label": field.label }, ...labels);
+    const text = make("output", { hidden: true }), frame = this.#frame(field, list, text);
+    this.#fields.get(field.name).more = ({ ticked }) => boxes.forEach((box) => { box.checked = ticked.includes(box.value); });
+    return frame;
+  }
+
+  /** A list of numbers: typed, or a number of them from one end to another. */
+  #span(field) {
+    const send = () => this.#send({ do: "span", name: field.name, value: parts.map((part) => part.value) });
+    const part = (label) => make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${field.label}, ${label}`, change: send });
+    const parts = [part("from"), part("to"), part("number")];
+    const words = ["from", "to", "number"].map((word, k) => make("label", {}, word, parts[k]));
+    const list = this.#text(field.name, field.label), box = make("div", { class: "swarm-span" }, make("div", { class: "swarm-row" }, ...words), list);
+    const frame = this.#frame(field, box, list);
+    this.#fields.get(field.name).more = ({ span }) => parts.forEach((one, k) => { if (document.activeElement !== one) one.value = span[k]; });
+    return frame;
   }
 
   #choice(field) {
@@ -137,6 +162,7 @@ class PanelView {
       const { text, place, waits, fault } = values[name] ?? { text: "", waits: false, fault: "" };
       if (field.slider && !field.slider.matches(":active")) field.slider.value = place;
       field.slider?.setAttribute("aria-valuetext", text);
+      if (values[name]) field.more?.(values[name]);
       if (field.text.tagName === "OUTPUT") field.text.textContent = text;
       else if (!this.#isTypedIn(field.text, fault)) field.text.value = text;
       const reset = field.live === undefined ? "waits for Apply" : "waits for reset";

@@ -10,6 +10,7 @@ from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
 from mesa_swarm.experiments.fingerprints import fingerprint, source_hash
+from mesa_swarm.experiments.reports import check_report, parts_of
 from mesa_swarm.experiments.runs import Run, check_results
 from mesa_swarm.experiments.sampling import Points, Sample, as_list, grid_columns
 from mesa_swarm.gallery import address_of, find_model
@@ -56,7 +57,16 @@ class Experiment:
         for point in self.points:
             settings = {**self.settings, **point}
             for rng in self.seeds:
-                yield Run(self.model_class, settings, rng, self.steps, self.key(settings, rng))
+                yield self.run(settings, rng)
+
+    def run(self, settings: Mapping[str, Any], rng: int) -> Run:
+        """Return one run, with these settings of all parameters that are set."""
+        return Run(self.model_class, settings, rng, self.steps, self.key(settings, rng), self.reports)
+
+    @property
+    def reports(self) -> tuple[str, ...]:
+        """The measures that are reports of the model, each reduced to one number."""
+        return tuple(name for name in self.measures if parts_of(name))
 
     def key(self, settings: Mapping[str, Any], rng: int) -> str:
         """Return the fingerprint of all that decides a run: model, source, version, parameters, seed and steps."""
@@ -166,10 +176,15 @@ def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> 
 def _check_measures(experiment: Experiment) -> None:
     """Refuse results that are unknown, not numbers, or named as another column of the table."""
     model = first_built(experiment)
-    check_results(model)
-    results = model.results()
+    results: Mapping[str, Any] = {}
+    if hasattr(model, "results") or not experiment.reports:
+        check_results(model)
+        results = model.results()
     for name in experiment.measures:
-        check_choice(f"result of {experiment.model_class.__name__}", name, results)
+        if name not in results and parts_of(name):
+            check_report(name, model)
+        else:
+            check_choice(f"result of {experiment.model_class.__name__}", name, results)
     check_columns(results, {*FIXED, *experiment.columns})
 
 

@@ -1,8 +1,9 @@
 """Job files: their tables, their paths, their checks; never executed."""
 
+import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib import resources
@@ -28,6 +29,7 @@ from mesa_swarm.world.map import builtin_name
 from mesa_swarm.world.map_parts import file_content, text_of
 from mesa_swarm.world.map_toml import parsed_toml
 
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 
 
@@ -184,6 +186,53 @@ def read_job(path: str | os.PathLike[str]) -> Job:
         job = Job(file.stem, *zip(*runs, strict=True))
         _check_names("two runs are named", [experiment.name for experiment in job.experiments])
         return _with_different_recordings(job)
+
+
+def job_text(model: str, about: Sequence[str] = (), **keys: Any) -> str:
+    """Return the text of a job file with one run, which `read_job` reads back.
+
+    Parameters
+    ----------
+    model : str
+        Its name or address.
+    about : sequence of str
+        Lines of comment at the beginning.
+    **keys
+        Of the run, without those that are empty; tables such as `grid` are mappings of names to numbers, texts, or
+        lists of them.
+
+    Examples
+    --------
+    >>> print(job_text("boids", steps=50, grid={"n_robots": [5, 10]}))
+    model = "boids"
+    steps = 50
+    <BLANKLINE>
+    [grid]
+    n_robots = [5, 10]
+    <BLANKLINE>
+    """
+    given = {name: value for name, value in {"model": model, **keys}.items() if value or value == 0}
+    tables = {name: table for name, table in given.items() if isinstance(table, Mapping)}
+    lines = [f"# {line}" for line in about]
+    lines += [f"{name} = {_toml(value)}" for name, value in given.items() if name not in tables]
+    for name, table in tables.items():
+        lines += ["", f"[{name}]", *(f"{_toml_key(key)} = {_toml(value)}" for key, value in table.items())]
+    return "\n".join([*lines, ""])
+
+
+def _toml_key(name: str) -> str:
+    return name if BARE_KEY.fullmatch(name) else _toml(name)
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML that reads back as the same."""
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, (bool, str)):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (int, float)):
+        return repr(value)
+    raise InvalidValueError(f"{shortened(value)} has no place in a job file; expected a number, a text, or a list")
 
 
 def recorded_to(job: Job, file: Path) -> Job:

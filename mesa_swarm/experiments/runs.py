@@ -14,6 +14,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
 from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
+from mesa_swarm.experiments.reports import reduced
 from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
@@ -36,6 +37,8 @@ class Run:
     rng: int
     steps: int = 0
     key: str = ""
+    # Measures besides the model's results: see `experiments.reports`.
+    reports: tuple[str, ...] = ()
 
     def made(self) -> Any:
         """Return the model before its first step, or the numbers of the function."""
@@ -118,9 +121,10 @@ def simulate(run: Run) -> Outcome:
     return outcome_of(run.made().run(run.steps))
 
 
-def outcome_of(model: SwarmModel, measures: Sequence[str] = ()) -> Outcome:
-    """Return the outcome of a model that has run: these results of it, all by default."""
-    results = results_of(model)
+def outcome_of(model: SwarmModel, measures: Sequence[str] = (), reports: Sequence[str] = ()) -> Outcome:
+    """Return the outcome of a model that has run: these results of it, all by default, and these of its reports."""
+    own = {} if reports and not hasattr(model, "results") else results_of(model)
+    results = {**own, **{name: number for name, number in reduced(model, reports).items() if name not in own}}
     return Outcome(model.steps, model.state_hash(), numbers_of({name: results[name] for name in measures or results}))
 
 
@@ -138,7 +142,7 @@ def attempt(
         model = run.made()
         with observed(model):
             model.run(run.steps, progress=progress)
-        outcome = outcome_of(model)
+        outcome = outcome_of(model, reports=run.reports)
         results = {name: None if value is None else float(value) for name, value in outcome.numbers.items()}
         return replace(outcome, results=results)
     except beyond:

@@ -1,7 +1,7 @@
 """Many runs that a kill only interrupts, and their table as Parquet."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -100,7 +100,8 @@ def sweep(
     settings : mapping, optional
         Other parameters, the same in all runs.
     measure : sequence of str
-        The results that are wanted, all of them by default.
+        The results that are wanted, all of them by default; reports too, as "final value of NAME", "mean of NAME",
+        "minimum of NAME", "maximum of NAME" or "sum of NAME" of the model's `model_reporters`.
     out : path
         Folder of the ledger and the table.
     jobs : int
@@ -158,6 +159,7 @@ def run_experiment(
     progress: bool = False,
     record: Mapping[str, Any] | None = None,
     retry_failed: bool = False,
+    heard: Callable[[Run, Outcome], object] = lambda run, outcome: None,
 ) -> Sweep:
     """Do the outstanding runs of an experiment, and write its table.
 
@@ -170,10 +172,12 @@ def run_experiment(
         Processes, from `checked_jobs`.
     progress, record, retry_failed
         See `sweep`; `record` are options, or None.
+    heard : function
+        Called with each new run and its outcome, after it was stored.
     """
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    taken = _taken(experiment, archive)
-    with Ledger(folder / LEDGER, retry_failed=retry_failed, fits=partial(_has_row, taken)) as ledger:
+    taken, reports = _taken(experiment, archive), set(experiment.reports)
+    with Ledger(folder / LEDGER, retry_failed=retry_failed, fits=partial(_has_row, taken, reports)) as ledger:
         before = sum(_is_done(run.key, ledger, archive) for run in experiment.runs())
         for run, outcome in do_runs(
             (run for run in experiment.runs() if not _is_done(run.key, ledger, archive)),
@@ -187,6 +191,7 @@ def run_experiment(
         ):
             if archive is not None and outcome.error is not None:
                 archive.clear(run.key)
+            heard(run, outcome)
         path = write_table(experiment, ledger, folder / TABLE, archive)
         failed, errors = _failures(experiment, ledger)
     return Sweep(path, len(experiment), failed, before, errors)
@@ -216,9 +221,23 @@ def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] 
     if not (folder / LEDGER).exists():
         return 0
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    fits = partial(_has_row, _taken(experiment, archive))
+    fits = partial(_has_row, _taken(experiment, archive), set(experiment.reports))
     with Ledger(folder / LEDGER, read_only=True, fits=fits) as ledger:
         return sum(_is_done(run.key, ledger, archive) for run in experiment.runs())
+
+
+def stored_runs(experiment: Experiment, folder: Path) -> Iterator[tuple[Run, Outcome]]:
+    """Yield the runs of an experiment that are done in a folder with their outcomes, without changing anything there.
+
+    Examples
+    --------
+    >>> list(stored_runs(checked_experiment("fire_fighting", seeds=2, steps=5), Path("nowhere")))
+    []
+    """
+    if (folder / LEDGER).exists():
+        fits = partial(_has_row, _taken(experiment, None), set(experiment.reports))
+        with Ledger(folder / LEDGER, read_only=True, fits=fits) as ledger:
+            yield from _stored(experiment, ledger)
 
 
 def check_recorded(experiment: Experiment) -> None:
@@ -231,9 +250,14 @@ def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
     return {*FIXED, *experiment.columns, *(() if archive is None else (RECORDING,))}
 
 
-def _has_row(taken: set[str], outcome: Outcome) -> bool:
-    """Return whether an outcome can be a row of the table: single numbers, named differently from other columns."""
+def _has_row(taken: set[str], reports: set[str], outcome: Outcome) -> bool:
+    """Return whether an outcome can be a row of the table: single numbers, named differently from other columns.
+
+    An outcome that lacks a report is of an earlier sweep that did not need it.
+    """
     results = outcome.numbers
+    if outcome.error is None and not reports <= results.keys():
+        return False
     return results.keys().isdisjoint(taken) and not any(isinstance(value, list) for value in results.values())
 
 

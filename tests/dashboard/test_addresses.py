@@ -10,10 +10,12 @@ from mesa_swarm.dashboard.addresses import address_from, query_of
 from mesa_swarm.dashboard.compare_view import groups_of as compared_fields
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import groups_of, values_of
+from mesa_swarm.dashboard.experimenting import Experimenting
 from mesa_swarm.dashboard.gallery_view import thumbnail, title
 from mesa_swarm.dashboard.replaying import Replaying
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.experiments.jobs import read_job
 from mesa_swarm.gallery import find_model
 from support.own_models import BARE, install_package, write_model
 from support.waiting import threads
@@ -125,6 +127,29 @@ def test_runs_of_a_comparison_on_the_page_are_those_of_the_file():
     assert comparing.runs.report is not None
     session.close()
     comparing.close()
+
+
+def test_an_experiment_with_a_model_of_a_file_has_a_job_for_the_folder_of_the_file(folder, monkeypatch):
+    address = f"{folder}/bare.py:Bare"
+    (folder / "bare.py").write_text(BARE)
+    monkeypatch.setenv(MODEL_VARIABLE, address)
+    session = Session(address)
+    experimenting = session.companion(Experimenting)
+    assert (experimenting.faults, experimenting.measure) == ({}, "final value of collisions")
+    for name, text in {"p": "n_robots", "values": "2, 3", "q": "flag", "seeds": "2", "steps": "5"}.items():
+        experimenting.set(name, text)
+    experimenting.start()
+    assert experimenting.faults == {}
+    for thread in threads("many runs"):
+        thread.join(60)
+    found = experimenting.found
+    assert [cell.counted for cell in found.cells(experimenting.measure, "mean")] == [2, 2, 2, 2]
+    name, content = found.job_file(experimenting.measure)
+    assert str(folder).encode() not in content
+    (folder / name).write_bytes(content)
+    (read,) = read_job(folder / name).experiments
+    assert {run.key for run in read.runs()} == {run.key for run in found.experiment.runs()}
+    session.close()
 
 
 def test_a_parameter_without_a_slider_is_compared_if_the_model_names_it(folder, monkeypatch):

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from mesa_swarm.dashboard import comparing as comparing_module
+from mesa_swarm.dashboard import many_runs
 from mesa_swarm.dashboard.compare_view import (
     ComparePanel,
     CurveThread,
@@ -24,8 +24,9 @@ from mesa_swarm.dashboard.compare_view import (
     series_of,
     values_of,
 )
-from mesa_swarm.dashboard.comparing import MOST_AT_ONCE, Comparing, ManyRuns, two_values, workers_for
+from mesa_swarm.dashboard.comparing import ComparedRuns, Comparing, two_values
 from mesa_swarm.dashboard.controls import ControlPanel
+from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, do_task, workers_for
 from mesa_swarm.dashboard.pair import Pair
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError
@@ -78,7 +79,7 @@ def test_a_setting_waits_for_a_reset_and_an_impossible_one_is_refused(comparing)
     comparing.set_value("A", "20000")
     assert "at most 10000" in comparing.faults["A"]
     comparing.set_count("seed", "many")
-    assert comparing.faults["seed"] == "seed is 'many'; expected a whole number from 0 to 9007199254740991"
+    assert comparing.faults["seed"] == "seed is 'many'; expected a whole number at least 0 and at most 9007199254740991"
     comparing.reset()
     assert comparing.waiting == frozenset()
     assert [len(side.model.swarm) for side in comparing.pair.sides] == [10, 20]
@@ -115,7 +116,7 @@ def test_the_panel_carries_out_messages(comparing):
     panel.act({"do": "text", "name": "steps", "value": "700"})
     assert (comparing.seeds, comparing.steps) == (12, 700)
     panel.act({"do": "text", "name": "steps", "value": "0"})
-    assert "expected a whole number from 1" in values_of(comparing)["steps"]["fault"]
+    assert "expected a whole number at least 1" in values_of(comparing)["steps"]["fault"]
     panel.act({"do": "random"})
     assert comparing.built["seed"] == comparing.seed
     panel.act({"do": "choose", "name": "model", "value": "boids"})
@@ -180,7 +181,7 @@ def test_the_chart_is_drawn_when_there_is_something_new_and_no_more_when_closed(
 def test_the_runs_send_each_completed_one_and_then_the_report():
     sent = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
-    comparing_module._do(plan, 1, lambda kind, value: sent.append((kind, value)))
+    do_task(ComparedRuns(plan), 1, lambda kind, value: sent.append((kind, value)))
     assert [kind for kind, _ in sent] == ["run"] * 4 + ["report"]
     assert (ManyRuns().running, ManyRuns().left) == (False, "")
     report, found = sent[-1][1], compare("fire_fighting", seeds=2, steps=5, jobs=1)
@@ -194,7 +195,7 @@ def test_an_error_of_a_model_in_a_run_is_sent():
     sent = []
     plan = checked_plan("fire_fighting", seeds=2, steps=5)
     plan.settings["n_robots"] = -1
-    comparing_module._do(plan, 1, lambda kind, value: sent.append((kind, value)))
+    do_task(ComparedRuns(plan), 1, lambda kind, value: sent.append((kind, value)))
     assert sent[0][0] == "error"
     assert "n_robots is -1" in sent[0][1]
 
@@ -202,8 +203,8 @@ def test_an_error_of_a_model_in_a_run_is_sent():
 def test_one_core_is_left_to_the_page(monkeypatch):
     plan = checked_plan("fire_fighting", seeds=30, steps=5)
     for cores, workers in ((1, 1), (2, 1), (8, 7), (500, 60)):
-        monkeypatch.setattr(comparing_module, "cpu_count", lambda cores=cores: cores)
-        assert workers_for(plan) == workers
+        monkeypatch.setattr(many_runs, "cpu_count", lambda cores=cores: cores)
+        assert workers_for(ComparedRuns(plan)) == workers
 
 
 def group_of(pid: int) -> list[int]:
@@ -223,10 +224,10 @@ def group_of(pid: int) -> list[int]:
 def test_runs_in_the_background_give_what_they_give_in_the_foreground():
     runs, progress = ManyRuns(), []
     runs.changed.add(lambda: progress.append((runs.done, runs.total)))
-    runs.start(checked_plan("fire_fighting", seeds=3, steps=50))
+    runs.start(ComparedRuns(checked_plan("fire_fighting", seeds=3, steps=50)))
     assert runs.running
     with pytest.raises(SwarmError, match="cancel it first"):
-        runs.start(checked_plan("fire_fighting", seeds=3, steps=50))
+        runs.start(ComparedRuns(checked_plan("fire_fighting", seeds=3, steps=50)))
     wait_until(lambda: not runs.running)
     assert (runs.error, progress[-1]) == ("", (6, 6))
     assert runs.report.finding == compare("fire_fighting", seeds=3, steps=50, jobs=1).finding()
@@ -235,11 +236,11 @@ def test_runs_in_the_background_give_what_they_give_in_the_foreground():
 
 def test_a_plan_that_cannot_be_sent_takes_no_place_on_the_server(monkeypatch):
     plan = checked_plan("fire_fighting", "strategy", ["A", "B"], 2, steps=3)
-    monkeypatch.setattr(comparing_module, "workers_for", lambda plan: lambda: 1)
+    monkeypatch.setattr(many_runs, "workers_for", lambda plan: lambda: 1)
     runs = ManyRuns()
     for _ in range(MOST_AT_ONCE + 1):
         with pytest.raises((AttributeError, pickle.PicklingError)):
-            runs.start(plan)
+            runs.start(ComparedRuns(plan))
     assert not runs.running
 
 
@@ -247,18 +248,18 @@ def test_a_process_that_has_been_ended_is_not_ended_again(monkeypatch):
     process = subprocess.Popen([sys.executable, "-c", ""], start_new_session=True)
     process.wait()
     monkeypatch.setattr(os, "killpg", lambda group, signal: pytest.fail("this group may be another's by now"))
-    comparing_module._end(process)
+    many_runs._end(process)
     assert process.returncode == 0
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no process groups")
 def test_cancelling_ends_all_processes_before_a_run_is_done_and_makes_room_for_the_next(monkeypatch):
-    monkeypatch.setattr(comparing_module, "cpu_count", lambda: 3)
+    monkeypatch.setattr(many_runs, "cpu_count", lambda: 3)
     plan = checked_plan("fire_fighting", seeds=10, steps=1_000_000)
     for _ in range(MOST_AT_ONCE + 1):
         runs = ManyRuns()
-        runs.start(plan)
+        runs.start(ComparedRuns(plan))
         pid = runs._process.pid
         wait_until(lambda pid=pid: len(group_of(pid)) >= 3)
         runs.cancel()
@@ -283,10 +284,11 @@ def test_closing_a_session_ends_its_runs_and_too_many_at_once_are_refused():
 
 PAGE = """
 import time
-from mesa_swarm.dashboard import comparing
+from mesa_swarm.dashboard import many_runs
+from mesa_swarm.dashboard.comparing import ComparedRuns
 from mesa_swarm.experiments.plan import checked_plan
-comparing.cpu_count = lambda: 3
-process = comparing._begun(checked_plan("fire_fighting", seeds=2, steps=1_000_000))
+many_runs.cpu_count = lambda: 3
+process = many_runs._begun(ComparedRuns(checked_plan("fire_fighting", seeds=2, steps=1_000_000)))
 print(process.pid, flush=True)
 time.sleep(1000)
 """

@@ -305,11 +305,12 @@ if __name__ == "__main__":
 """,
     "of the page's comparison": """
 import time
-from mesa_swarm.dashboard import comparing
+from mesa_swarm.dashboard import many_runs
+from mesa_swarm.dashboard.comparing import ComparedRuns
 from mesa_swarm.experiments.plan import checked_plan
-comparing.cpu_count = lambda: 3
-runs = comparing.ManyRuns()
-runs.start(checked_plan("fire_fighting", seeds=20, steps=1_000_000))
+many_runs.cpu_count = lambda: 3
+runs = many_runs.ManyRuns()
+runs.start(ComparedRuns(checked_plan("fire_fighting", seeds=20, steps=1_000_000)))
 time.sleep(1000)
 """,
 }
