@@ -328,7 +328,7 @@ export class Stage {
 
   #shades(rear) { return [rear, this.#colours.robot_front, this.#colours.robot_outline]; }
 
-  /** Note what there is: what comes and goes stays in the legend, which would otherwise never rest. */
+  /** Note what there is: it stays in the legend, which would otherwise change all the time. */
   #see({ counts, fires, distance, contacts, heard, heat, hot, kind }) {
     const seen = this.#seen, holonomic = this.#designs.some((design) => design.holonomic);
     const note = (form, is) => seen.has(form) || (is() && seen.add(form));
