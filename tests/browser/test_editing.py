@@ -62,7 +62,7 @@ def test_a_robot_is_dragged_and_put_back_by_undo(editing):
 
 
 def test_walls_discs_bodies_fires_and_robots_are_added_by_mouse(editing):
-    shapes, robots = count(editing, "shapes"), editing.page.evaluate(f"{STAGE}.frame.counts.robots")
+    shapes, robots = count(editing, "shapes"), editing.page.evaluate(f"{STAGE}.frame?.counts.robots")
     tool(editing, "wall")
     drag(editing, (200, 480), (330, 540))
     wait_until(lambda: count(editing, "shapes") == shapes + 1)
@@ -77,7 +77,7 @@ def test_walls_discs_bodies_fires_and_robots_are_added_by_mouse(editing):
     wait_until(lambda: editing.reading("Fires burning") == "8 of 8")
     tool(editing, "robot")
     editing.page.mouse.click(*on_page(editing, 420, 80))
-    wait_until(lambda: editing.page.evaluate(f"{STAGE}.frame.counts.robots") == robots + 1)
+    wait_until(lambda: editing.page.evaluate(f"{STAGE}.frame?.counts.robots") == robots + 1)
     editing.press("Step")
     editing.wait_for_step(2)
 
