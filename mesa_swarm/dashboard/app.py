@@ -25,6 +25,7 @@ from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE, check_page_model
 from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.events_view import EventList
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
@@ -181,7 +182,9 @@ class Places:
             return True
 
 
-CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
+CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(
+    "dashboard/style.css", "dashboard/charts.css"
+)
 WATCH, MODELS = "Watch", "Models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
@@ -268,6 +271,7 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
         with solara.Div(classes=["swarm-side"]):
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)
+            EventList(session)
             OwnPanels(session)
             Linked(Exporter, ExportDesk, session)
 
