@@ -8,7 +8,9 @@
    Before this text stands the constant PALETTE, see `script` in viewing/palette.py. */
 
 const DASHED = [[], [5, 3], [1.5, 2.5]];
-const MARGIN = { left: 40, right: 9, top: 19, bottom: 17 };
+const MARGIN = { left: 40, right: 9, top: 22 };
+// Below: numbers, and in charts of long names these in a line of their own.
+const BOTTOM = { "over time": 17, histogram: 31, "phase plot": 31 };
 const KINDS = ["over time", "histogram", "phase plot"];
 const LOG_AXES = { "over time": ["y"], histogram: ["x"], "phase plot": ["x", "y"] };
 // Of values at the pointer; others are in the key.
@@ -80,7 +82,7 @@ class Content {
     context.strokeStyle = colour;
     context.beginPath();
     context.moveTo(Math.round(x) + 0.5, MARGIN.top);
-    context.lineTo(Math.round(x) + 0.5, place.height - MARGIN.bottom);
+    context.lineTo(Math.round(x) + 0.5, place.bottom);
     context.stroke();
   }
 }
@@ -205,7 +207,7 @@ class Histogram extends Content {
     const [edges] = this.arrays, left = place.x(edges[at]), width = place.x(edges[at + 1]) - left;
     context.strokeStyle = palette.soft;
     context.lineWidth = 1;
-    context.strokeRect(left, MARGIN.top, width, place.height - MARGIN.bottom - MARGIN.top);
+    context.strokeRect(left, MARGIN.top, width, place.bottom - MARGIN.top);
   }
 
   near(place, x) {
@@ -383,7 +385,7 @@ class ChartView {
   }
 
   #axes(context, width, height, palette) {
-    const content = this.#content, { x, y, degrees } = content.news, ranges = content.ranges, { left, right, top, bottom } = MARGIN;
+    const content = this.#content, { x, y, degrees } = content.news, ranges = content.ranges, { left, right, top } = MARGIN, bottom = BOTTOM[this.kind];
     context.fillStyle = palette.soft;
     context.strokeStyle = palette.line;
     context.lineWidth = 1;
@@ -398,12 +400,12 @@ class ChartView {
     const place = {
       x: scaleOf(...ranges.x, x.log, left, width - right),
       y: scaleOf(ranges.y[0], top1, y.log, height - bottom, top),
-      width, height,
+      width, height, bottom: height - bottom,
     };
     context.fillText(this.#cut(context, y.label, width - 10), 2, 11);
-    context.textAlign = "right";
-    context.fillText(this.#cut(context, x.label, width * 0.6), width - 2, height - 4);
-    const taken = width - 2 - Math.min(context.measureText(x.label).width, width * 0.6) - 8;
+    const beside = this.kind === "over time", taken = beside ? width - context.measureText(x.label).width - 10 : width;
+    context.textAlign = beside ? "right" : "center";
+    context.fillText(this.#cut(context, x.label, width - left), beside ? width - 2 : (left + width - right) / 2, height - 4);
     context.textBaseline = "middle";
     context.beginPath();
     for (const value of y.log ? rises : ticks(ranges.y[0], top1, 3)) {
@@ -421,17 +423,23 @@ class ChartView {
   /** Write the numbers of the x axis, as far as there is room beside its name. */
   #marksBelow(context, place, [low, high], { log, degrees, taken }) {
     const content = this.#content, over = this.kind === "over time", seconds = over ? content.seconds ?? 1 : 1;
-    const found = log ? logTicks(low, high) : degrees ? [-180, -90, 0, 90, 180] : ticks(low * seconds, high * seconds, 4);
+    const fitting = (values) => {
+      const found = [];
+      let free = 0;
+      for (const value of values) {
+        if (over && content.seconds === null && !Number.isInteger(value)) continue;
+        const text = short(value), half = context.measureText(text).width / 2, x = Math.max(place.x(value / seconds), half + 1);
+        if (x - half < free || x + half > taken) continue;
+        found.push([text, x]);
+        free = x + half + 6;
+      }
+      return found;
+    };
     context.textBaseline = "alphabetic";
     context.textAlign = "center";
-    let free = 0;
-    for (const value of found) {
-      if (over && content.seconds === null && !Number.isInteger(value)) continue;
-      const text = short(value), half = context.measureText(text).width / 2, x = Math.max(place.x(value / seconds), half + 1);
-      if (x - half < free || x + half > taken) continue;
-      context.fillText(text, x, place.height - 4);
-      free = x + half + 6;
-    }
+    const even = (parts) => fitting(ticks(low * seconds, high * seconds, parts)), few = log || degrees ? [] : even(4);
+    const found = log ? fitting(logTicks(low, high)) : degrees ? fitting([-180, -90, 0, 90, 180]) : few.length < 3 ? even(8) : few;
+    for (const [text, x] of found) context.fillText(text, x, place.bottom + 13);
   }
 
   #cut(context, text, width) {
@@ -470,7 +478,7 @@ class ChartView {
     if (this.kind === "phase plot") {
       const ramp = make("i", { class: "swarm-ramp" });
       ramp.style.background = `linear-gradient(to right, ${palette.values.join(", ")})`;
-      items.push(make("li", {}, make("span", {}, "first"), ramp, make("span", {}, "last step")));
+      items.push(make("li", {}, make("span", {}, "first step"), ramp, make("span", {}, "last step")));
     }
     this.#parts.key.replaceChildren(...items, make("li", { class: "swarm-summary" }));
   }

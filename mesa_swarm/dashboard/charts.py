@@ -82,7 +82,7 @@ class ChosenChart:
             parts = json.loads(text[:LONGEST_TEXT])
             if len(parts) == 4 and all(isinstance(part, str) for part in parts) and parts[0] in LOG_AXES:
                 return cls(*parts[:3], "".join(axis for axis in LOG_AXES[parts[0]] if axis in parts[3]))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, RecursionError):
             pass
         raise InvalidValueError(f"chart is {text!r:.60}; expected kind, what, against and logarithmic axes")
 

@@ -27,7 +27,7 @@ from mesa_swarm.viewing.scene import Scene
 
 # Rows after which what was read so far is shown.
 SHOWN_ROWS = 2000
-WITHOUT_REPORTERS = "Reporters of the model are recorded with its complete states; this recording has none of them."
+WITHOUT_REPORTERS = "Reporters of the model are recorded with its complete states, of which this recording has none."
 
 
 class RecordedSeries(ChartTable):
@@ -93,8 +93,7 @@ class RecordedSeries(ChartTable):
     def read(self, recording: Recording, frames: Iterable[Frame], show: Callable[[], object] = lambda: None) -> None:
         """Fill it with the frames of all rows; `show` is called now and then, and at the end."""
         reporters = collected_reporters(recording)
-        if not reporters.keys() - {"collisions", "total_collisions"}:
-            self.note = WITHOUT_REPORTERS
+        self.note = _note_on(reporters, self._rows and recording[self._rows - 1].step)
         events: dict[str, int] = {}
         for row, frame in enumerate(frames):
             if not row:
@@ -227,6 +226,15 @@ def collected_reporters(recording: Recording) -> dict[str, tuple[np.ndarray, np.
     except (RecordingError, LookupError, TypeError, ValueError, OSError, MemoryError):  # a file may contain anything
         return {}
     return {name: line for name, line in found.items() if line is not None and np.isfinite(line[1]).any()}
+
+
+def _note_on(reporters: dict[str, tuple[np.ndarray, np.ndarray]], last: int) -> str:
+    """Return why reporters are missing, or are known up to an earlier step than the last one."""
+    if not reporters:
+        return WITHOUT_REPORTERS
+    known = max(int(steps[-1]) for steps, _ in reporters.values())
+    end = f"Reporters of the model are recorded with its complete states, up to step {known:,}."
+    return end if known < last and reporters.keys() - {"collisions", "total_collisions"} else ""
 
 
 def reporters_in(content: list) -> list:

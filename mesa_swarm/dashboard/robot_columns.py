@@ -23,6 +23,8 @@ INTERNAL = ("looks.", LASTING)
 # A reading of more numbers has no histogram.
 MOST_PARTS = 8
 MOST_BINS, MOST_WHOLE = 20, 40
+# Beyond this a half is lost beside a whole number, in the end.
+LARGEST_WHOLE = 1e9
 # Degrees of a bin of headings.
 SECTOR = 15.0
 
@@ -94,7 +96,8 @@ def _edges(known: np.ndarray, log: bool, is_direction: bool) -> np.ndarray:
     low, high = float(known.min()), float(known.max())
     if is_direction and low >= -180.0 and high <= 180.0:
         return np.arange(-180.0, 180.0 + SECTOR, SECTOR)
-    if not log and high - low < MOST_WHOLE and (known == np.rint(known)).all():
+    is_whole = max(-low, high) < LARGEST_WHOLE and bool((known == np.rint(known)).all())
+    if not log and is_whole and high - low < MOST_WHOLE:
         return np.arange(low - 0.5, high + 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
         edges = np.geomspace(low, high, MOST_BINS + 1) if log else np.linspace(low, high, MOST_BINS + 1)
