@@ -515,7 +515,7 @@ class AddChart {
     parts.against = make("select", { "aria-label": "Against, on the x axis" });
     parts.name = make("span", {}, "what");
     parts.x = field("x", parts.against);
-    const form = make("form", { submit: (event) => (event.preventDefault(), this.#add()) },
+    const form = make("form", { submit: (event) => (event.preventDefault(), this.#request()) },
       field("kind", parts.kind), parts.x, make("label", {}, parts.name, parts.what), make("button", { type: "submit" }, "Add"));
     this.element = make("details", { class: "swarm-choice" }, make("summary", {}, "Add chart"), form);
     this.fill();
@@ -535,7 +535,7 @@ class AddChart {
     name.textContent = x.hidden ? "what" : "y";
   }
 
-  #add() {
+  #request() {
     const { kind, what, against } = this.#parts;
     if (!what.value) return;
     this.#send({ do: "add", value: JSON.stringify([kind.value, what.value, kind.value === "phase plot" ? against.value : "", ""]) });
@@ -546,7 +546,7 @@ class AddChart {
 
 /** All charts of a board, and the control that adds one. */
 class BoardView {
-  #model; #root; #views = new Map(); #add; #stack; #fault; #downloads; #leave = [];
+  #model; #root; #views = new Map(); #adding; #stack; #fault; #downloads; #leave = [];
 
   constructor(model, root) {
     this.#model = model;
@@ -555,15 +555,15 @@ class BoardView {
     root.classList.add("swarm-charts");
     this.#stack = make("div", {});
     this.#fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
-    this.#add = new AddChart(model, (message) => this.#send(message));
-    root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Charts"), this.#add.element), this.#fault, this.#stack);
-    this.#follow("choices", () => this.#add.fill());
+    this.#adding = new AddChart(model, (message) => this.#send(message));
+    root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Charts"), this.#adding.element), this.#fault, this.#stack);
+    this.#follow("choices", () => this.#adding.fill());
     this.#follow("shown", () => this.#build());
     this.#follow("fault", () => this.#warn());
     const receive = (message, buffers) => this.#receive(message, buffers);
     model.on("msg:custom", receive);
     this.#leave.push(() => model.off("msg:custom", receive));
-    const close = (event) => this.#add.element.contains(event.target) || (this.#add.element.open = false);
+    const close = (event) => this.#adding.element.contains(event.target) || (this.#adding.element.open = false);
     document.addEventListener("pointerdown", close);
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
     const sized = new ResizeObserver(() => this.#redraw()), seen = () => this.#look();

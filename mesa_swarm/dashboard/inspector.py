@@ -157,7 +157,8 @@ class ReplayInspecting(Link):
     def refresh(self) -> None:
         """Show the selected robot; of a row that cannot be read, which the page reports, nothing."""
         self._shown = time.monotonic()
-        player, inspected = self.player, {}
+        player = self.player
+        inspected: dict[str, Any] = {}
         with player.capture_errors():
             frame = player.rows.frame
             if frame is not None and player.selected is not None and not player.error:
@@ -296,16 +297,17 @@ def recorded_moment(design: RobotDesign, columns: dict[str, Any], kinds: tuple[s
 
 def recorded_facts(frame: Frame, scene: Scene, row: int, columns: dict[str, Any]) -> list[tuple[str, str]]:
     """Return the other recorded values of a robot, each with its name, and at the end what was not recorded."""
-    facts, fires = [], len(frame.columns.get("fires", ()))
+    facts: list[tuple[str, str]] = []
+    fires = len(frame.columns.get("fires", ()))
     if fires and "temperature" in columns:
         heat = f", {columns['heat']:+.2f} a step" if "heat" in columns else ""
         hot = columns["hot"] if "hot" in columns else columns["temperature"] >= scene.limits(frame.step)[0]
         facts.append(("Heat", f"{columns['temperature']:.1f}{heat}{' (too hot to fight)' if hot else ''}"))
     if fires and "fire" in columns:
         facts.append(("Fights", fire_name(int(columns["fire"]))))
-    readings = {name: columns[name] for name in ("radiation", "line") if name in columns}
-    own = {name: value for name, value in columns.items() if name not in SHOWN_APART and not name.startswith("looks.")}
-    for name, value in {**readings, **own}.items():
+    own = [name for name in columns if name not in SHOWN_APART and not name.startswith("looks.")]
+    for name in [*(name for name in ("radiation", "line") if name in columns), *own]:
+        value = columns[name]
         if np.asarray(value).dtype.kind in "biuf":
             facts.append((capitalised(column_title(name)), _numbers(value)))
     met = collided_in(frame)

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from mesa_swarm.dashboard.session import Session, custom_columns
-from mesa_swarm.looks import VALUE, looks_of
+from mesa_swarm.looks import VALUE, ColourMap, looks_of
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.layout import is_table
 from mesa_swarm.robots.design import RobotDesign
@@ -132,7 +133,7 @@ def values_of_session(session: Session, *, at_present: bool = False) -> RobotVal
     if step == model.completed and (swarm.battery_life > 0 or any(one.battery > 0 for one in designs)):
         found["battery"] = Quantity("battery", "share of a charge", lambda: swarm.battery)
     looks = looks_of(model)
-    if looks is not None and looks.column is not None and step == model.completed:
+    if looks is not None and isinstance(looks.column, ColourMap) and step == model.completed:
         label = looks.column.label
         found.setdefault(label, Quantity(label, "", lambda: np.ravel(looks.columns_of(model)[VALUE]).astype(float)))
     return RobotValues(step, found, f"at step {step:,} it is not known; the present step has it")
@@ -237,9 +238,6 @@ def _parts(name: str, column: np.ndarray, unit: str) -> list[Quantity]:
     """Return the quantities of a column of numbers, one for each number that a robot has; parts are numbered from 1."""
     if column.dtype.kind not in "biuf" or not len(column) or not 0 < column.size // len(column) <= MOST_PARTS:
         return []
-    flat, title = column.reshape(len(column), -1), column_title(name).replace("_", " ")
-    many = flat.shape[1] > 1
-    return [
-        Quantity(f"{title} {k + 1}" if many else title, unit, lambda k=k: flat[:, k].astype(float))
-        for k in range(flat.shape[1])
-    ]
+    flat, title = column.reshape(len(column), -1).T.astype(float), column_title(name).replace("_", " ")
+    names = [title] if len(flat) == 1 else [f"{title} {k}" for k in range(1, len(flat) + 1)]
+    return [Quantity(name, unit, partial(np.asarray, part)) for name, part in zip(names, flat, strict=True)]

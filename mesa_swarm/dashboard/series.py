@@ -110,6 +110,9 @@ class Series(ChartTable, Observer):
         self.model: SwarmModel | None = None
         self._charts: dict[str, Plot] = {}
         self._form: tuple = ()
+        self._count, self.since = 0, 0
+        self._steps: np.ndarray = np.empty(0, np.int64)
+        self._collided: np.ndarray = np.empty(0, np.int64)
         self._forget()
 
     def __len__(self) -> int:

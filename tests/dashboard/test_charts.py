@@ -6,19 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mesa_swarm.dashboard.charts import (
+from mesa_swarm.dashboard.chart_content import (
     HISTOGRAM,
     MOST_POINTS,
-    MOST_SHOWN,
     OVER_TIME,
     PHASE_PLOT,
-    ChartBoard,
-    Charting,
     ChosenChart,
     csv_of,
     figure_of,
-    message_of,
 )
+from mesa_swarm.dashboard.charts import MOST_SHOWN, ChartBoard, Charting, message_of
 from mesa_swarm.dashboard.robot_columns import RobotValues
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import Session

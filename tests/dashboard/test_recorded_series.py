@@ -7,7 +7,8 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.dashboard import replaying
-from mesa_swarm.dashboard.charts import HISTOGRAM, OVER_TIME, ChartBoard, Charting, ChosenChart, HistogramContent
+from mesa_swarm.dashboard.chart_content import HISTOGRAM, OVER_TIME, ChosenChart, HistogramContent
+from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.inspector import Inspector, ReplayInspecting, inspect
 from mesa_swarm.dashboard.recorded_series import WITHOUT_REPORTERS, RecordedSeries, collected_reporters
 from mesa_swarm.dashboard.replaying import ReplayPlayer, is_recording, recordings_in
