@@ -23,6 +23,7 @@ from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.editing import Editing, Editor
+from mesa_swarm.dashboard.events_view import EventList
 from mesa_swarm.dashboard.experiment_view import ExperimentTab
 from mesa_swarm.dashboard.experimenting import Experimenting
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
@@ -69,7 +70,7 @@ class Places:
             return True
 
 
-STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "editing", "experiment", "frame"))
+STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "charts", "editing", "experiment", "frame"))
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
 MODELS = "models"
 # More tabs: names, and components that are called with the session.
@@ -169,6 +170,7 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
         with solara.Div(classes=["swarm-side"]):
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)
+            EventList(session)
             OwnPanels(session)
             Linked(Exporter, ExportDesk, session)
 

@@ -3,7 +3,7 @@
 import base64
 import secrets
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from html import escape
 from typing import Any
@@ -49,8 +49,8 @@ SIZE, DOTS_PER_INCH = (10.4, 2.05), 150
 STYLES = tuple(zip(LIGHT.series, ("-", "--"), strict=False))
 _DRAWING = threading.Lock()
 
-# Steps and numbers by name, shapes (m,) and (m,).
-Reports = dict[str, tuple[np.ndarray, np.ndarray]]
+# Steps and numbers by name, shapes (m,) and (m,), with the title and the unit.
+Reports = dict[str, tuple[np.ndarray, np.ndarray, str, str]]
 
 
 def series_of(pair: Pair) -> tuple[Reports, Reports]:
@@ -63,20 +63,21 @@ def series_of(pair: Pair) -> tuple[Reports, Reports]:
 def _reports_of(side: Side) -> Reports:
     if side.model is None:
         return {}
-    collected, charts = side.model.datacollector.model_vars, side.series.charts()
-    tables = {chart.key: side.series.rows(chart.key) for chart in charts if chart.key in collected}
-    found = {name: (steps, numbers[:, 0]) for name, (steps, numbers) in tables.items()}
+    found: Reports = {}
+    for label, (key, k) in side.series.labels().items():
+        (steps, numbers), chart = side.series.rows(key), side.series.chart(key)
+        found[label if len(chart.names) > 1 else key] = steps, numbers[:, k], label, chart.unit
     # A report that was never a number is left out.
     return {name: line for name, line in found.items() if not len(line[0]) or np.isfinite(line[1]).any()}
 
 
-def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
-    """Return a chart as PNG: a panel for each of the first three reports, in it a line for each world."""
-    names = main_reports(series)
+def curves_png(series: Sequence[Reports], labels: Sequence[str], chosen: Sequence[str] = ()) -> bytes:
+    """Return a chart as PNG: a panel for each chosen report, by default the first three, with a line for each world."""
+    names = main_reports(series, chosen)
     with _DRAWING:
         figure = Figure(figsize=SIZE)
         panels = figure.subplots(1, max(len(names), 1), squeeze=False)[0]
-        figure.subplots_adjust(left=0.045, right=0.985, top=0.77, bottom=0.22, wspace=0.17)
+        figure.subplots_adjust(left=0.055, right=0.985, top=0.77, bottom=0.22, wspace=0.2)
         for name, axes in zip(names, panels, strict=False):
             draw(axes, name, series, labels)
         lines = panels[0].get_legend_handles_labels()
@@ -84,10 +85,21 @@ def curves_png(series: Sequence[Reports], labels: Sequence[str]) -> bytes:
         return png(figure, DOTS_PER_INCH)
 
 
-def main_reports(series: Sequence[Reports]) -> list[str]:
-    """Return the names of the reports to draw: those of the model before those of all models."""
-    names = dict.fromkeys(name for one in series for name in one)
-    return sorted(names, key=lambda name: LAST.index(name) if name in LAST else -1)[:MOST_PANELS]
+def main_reports(series: Sequence[Reports], chosen: Sequence[str] = ()) -> list[str]:
+    """Return the names of the reports to draw: the chosen ones, or the first ones of all."""
+    names = in_order(dict.fromkeys(name for one in series for name in one))
+    return [name for name in names if name in chosen] or names[:MOST_PANELS]
+
+
+def in_order(names: Iterable[str]) -> list[str]:
+    """Return the names of reports: those of the model, those of all models, then curves of charts of several."""
+    return sorted(names, key=lambda name: (": " in name, LAST.index(name) if name in LAST else -1))
+
+
+def names_of(pair: Pair) -> dict[str, str]:
+    """Return the titles of all reports of both worlds by name, in order."""
+    found = {name: line[2] for reports in series_of(pair) for name, line in reports.items()}
+    return {name: found[name] for name in in_order(found)}
 
 
 def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]) -> None:
@@ -95,19 +107,21 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
     lines = [one[name] for one in series if name in one]
     for one, label, (colour, style) in zip(series, labels, STYLES, strict=True):
         if name in one:
-            middles, means = (window_means(part.astype(float), CORNERS)[1] for part in one[name])
+            middles, means = (window_means(part.astype(float), CORNERS)[1] for part in one[name][:2])
             axes.plot(middles, means, style, color=colour, linewidth=1.8, label=literal(label))
-    axes.set_title(literal(name.replace("_", " ")), fontsize=11, loc="left", color=LIGHT.ink)
+    title, unit = lines[0][2:] if lines else (name, "")
+    axes.set_title(literal(title), fontsize=11, loc="left", color=LIGHT.ink)
+    axes.set_ylabel(literal(unit), fontsize=9, labelpad=2)
     axes.set_xlabel("step", fontsize=9, labelpad=1)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    known = [numbers[np.isfinite(numbers)] for _, numbers in lines]
+    known = [numbers[np.isfinite(numbers)] for _, numbers, *_ in lines]
     counts = all((numbers == np.round(numbers)).all() for numbers in known)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=counts, min_n_ticks=1))
     axes.tick_params(labelsize=9)
     axes.grid(axis="y", color=LIGHT.line, linewidth=0.7)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_xlim(0, max([1, *(steps[-1] for steps, _ in lines if len(steps))]))
+    axes.set_xlim(0, max([1, *(steps[-1] for steps, *_ in lines if len(steps))]))
     if all(numbers.min(initial=0.0) >= 0.0 for numbers in known):
         axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)
 
@@ -115,8 +129,14 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
 class CurveThread:
     """Draws the chart of a pair after changes, at most every `EVERY` seconds."""
 
-    def __init__(self, pair: Pair, labels: Callable[[], Sequence[str]], take: Callable[[bytes], None]) -> None:
-        self._pair, self._labels, self._take = pair, labels, take
+    def __init__(
+        self,
+        pair: Pair,
+        labels: Callable[[], Sequence[str]],
+        take: Callable[[bytes], None],
+        chosen: Callable[[], Sequence[str]] = tuple,
+    ) -> None:
+        self._pair, self._labels, self._take, self._chosen = pair, labels, take, chosen
         self._stop = threading.Event()
         threading.Thread(target=self._run, name="curves", daemon=True).start()
 
@@ -127,11 +147,11 @@ class CurveThread:
     def _run(self) -> None:
         drawn: tuple = ()
         while not self._stop.is_set():
-            labels = tuple(self._labels())
-            now = labels, *((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
+            labels, chosen = tuple(self._labels()), tuple(self._chosen())
+            now = labels, chosen, *((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
             if now != drawn:
                 drawn = now
-                self._take(curves_png(series_of(self._pair), labels))
+                self._take(curves_png(series_of(self._pair), labels, chosen))
             self._stop.wait(EVERY)
 
 
@@ -302,10 +322,29 @@ def Trouble(comparing: Comparing) -> None:
 
 @solara.component
 def Curves(comparing: Comparing) -> None:
-    """Show the chart of both worlds."""
+    """Show the chart of both worlds, and what can be chosen for it: the choice stays, as that of Watch does."""
     picture, take = solara.use_state(b"")
+    _, draw_anew = solara.use_state(0)
+    use_changes(comparing.pair.changed)
+    stored = comparing.session.chosen_charts
 
-    solara.use_effect(lambda: CurveThread(comparing.pair, lambda: captions(comparing), take).close, [])
+    def chosen() -> list[str]:
+        return stored.get(f"compare {comparing.name}", [])
+
+    def choose(name: str) -> None:
+        others = [one for one in shown if one != name]
+        stored[f"compare {comparing.name}"] = others if name in shown else [*others, name]
+        draw_anew(lambda count: count + 1)
+
+    solara.use_effect(lambda: CurveThread(comparing.pair, lambda: captions(comparing), take, chosen).close, [])
+    titles = names_of(comparing.pair)
+    shown = main_reports(series_of(comparing.pair), chosen())
+    with rv.Html(tag="details", class_="swarm-reports"):
+        rv.Html(tag="summary", children=[f"Choose up to {MOST_PANELS} reports"])
+        with solara.Div():
+            for name, title in titles.items():
+                has_room = name in shown or len(shown) < MOST_PANELS
+                Button(title, partial(choose, name), pressed=name in shown, enabled=has_room).key(name)
     Image(picture, "Reports of both worlds over time", "swarm-curves")
 
 

@@ -112,7 +112,8 @@ class InspectorView {
     parts.why.replaceChildren(...(inspected.does ? [make("b", {}, inspected.layer || "No layer"), make("span", {}, ` ${inspected.does}${inspected.reason ? `: ${inspected.reason}` : ""}`)] : []));
     parts.facts.replaceChildren(...inspected.facts.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
     this.#worth(inspected.worth);
-    if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = inspected.pose[name];
+    parts.move.hidden = inspected.movable === false;
+    if (!parts.pose.contains(document.activeElement)) for (const [name, field] of Object.entries(this.#fields)) field.value = inspected.pose[name] ?? "\u2013";
   }
 
   /** Show the values of actions as bars from the least to the greatest, the best one highlighted. */

@@ -11,15 +11,23 @@ import numpy as np
 import traitlets
 
 from mesa_swarm.control.explain import moment_of
+from mesa_swarm.dashboard.recorded_series import collided_in
+from mesa_swarm.dashboard.replaying import ReplayPlayer
+from mesa_swarm.dashboard.robot_columns import column_title
 from mesa_swarm.dashboard.session import WATCHED, Session, custom_columns
 from mesa_swarm.dashboard.widgets import Link
 from mesa_swarm.errors import InvalidValueError, check_number, in_words
-from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE
+from mesa_swarm.fire.strategy import FightFire
+from mesa_swarm.recording.frames import Frame
+from mesa_swarm.recording.layout import is_table
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, DesignTable, RobotDesign
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.player import PackedFrame
+from mesa_swarm.viewing.scene import Scene
+from mesa_swarm.world.statics import KINDS
 
 # Of the numbers of one custom sensor.
 MOST_SHOWN = 12
@@ -124,6 +132,50 @@ class Inspecting(Link):
         self.refresh()
 
 
+class ReplayInspecting(Link):
+    """Connects an inspector and the selected robot of a recording that is played; it moves no robot."""
+
+    ready = False
+
+    def __init__(self, inspector: Inspector, player: ReplayPlayer) -> None:
+        self.inspector, self.player = inspector, player
+        self._shown = 0.0
+        leave_view = partial(player.remove_viewer, self)
+        self.connect(inspector, player.selection.add(self.refresh), player.changed.add(self.refresh), leave_view)
+        player.add_viewer(self)
+
+    def push(self, number: int, frame: PackedFrame) -> None:
+        """Show the robot in the displayed row, if an update is due."""
+        if not self.player.playing or time.monotonic() - self._shown >= EVERY:
+            self.refresh()
+
+    def refresh(self) -> None:
+        """Show the selected robot; of a row that cannot be read, which the page reports, nothing."""
+        self._shown = time.monotonic()
+        player = self.player
+        inspected: dict[str, Any] = {}
+        with player.capture_errors():
+            frame = player.rows.frame
+            if frame is not None and player.selected is not None and not player.error:
+                inspected = inspect_frame(frame, player.rows.scene, player.selected)
+        self.inspector.inspected = inspected
+
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
+        player, value = self.player, message.get("value")
+        match message.get("do"):
+            case "next" | "previous" as which:
+                with player.lock:
+                    frame = player.rows.frame
+                if frame is not None and len(frame.robots):
+                    ids, by = frame.robots.tolist(), 1 if which == "next" else -1
+                    known = player.selected in ids
+                    row = ids.index(player.selected) + by if known else (0 if by > 0 else -1)
+                    player.select(ids[row % len(ids)])
+            case "select" if value is None or isinstance(value, int):
+                player.select(value)
+
+
 def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
     """Return the robot with this id, None if there is none."""
     return next((robot for robot in model.swarm.agents if robot.unique_id == number), None)
@@ -173,6 +225,94 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     }
 
 
+# What the inspector shows of a live robot, by the recorded column that it needs.
+RECORDED = {
+    "command": "its command",
+    "layer": "the layer that drives it",
+    "distance": "proximity readings",
+    "kind": "what its sensors see",
+    "temperature": "its temperature",
+    "fire": "the fire that it fights",
+    "radiation": "radiation readings",
+    "line": "line sensors",
+    "heard_from": "messages",
+    "contacts": "collisions",
+}
+# Columns with lines of their own, or without any.
+SHOWN_APART = {*RECORDED, "position", "heading", "hot", "heat", "collided", "design", "number", "heard_goal", "task"}
+
+
+def inspect_frame(frame: Frame, scene: Scene, number: int) -> dict[str, Any]:
+    """Return the description of a robot in a recorded row, as far as columns were recorded; others are named."""
+    rows, when = np.flatnonzero(frame.robots == number), f"step {frame.step:,}"
+    if not len(rows):
+        return {"id": number, "when": f"at {when} there is not such a robot", "known": False, "movable": False}
+    row, names = int(rows[0]), tuple(scene.world(frame.step)["layers"])
+    design = scene.designs[int(scene.design_of(frame.robots[rows])[0])]
+    columns = {name: column[row] for name, column in frame.columns.items() if not is_table(name)}
+    moment = recorded_moment(design, columns, tuple(scene.world(frame.step).get("kinds", KINDS)))
+    layer = int(columns.get("layer", -1))
+    moved = "command" in columns and len(moment.command) == 2
+    decided = moved and "layer" in columns and frame.step > 0
+    return {
+        "id": number,
+        "when": when,
+        "known": True,
+        "movable": False,
+        "radius": design.radius,
+        "sensors": sensors_of(moment, ()),
+        "does": moment.motion if decided else "",
+        "layer": names[layer] if decided and 0 <= layer < len(names) else "",
+        "reason": "",
+        "facts": recorded_facts(frame, scene, row, columns),
+        "worth": [],
+        "pose": pose_of(columns["position"], columns["heading"]) if "heading" in columns else {},
+        "present": False,
+    }
+
+
+def recorded_moment(design: RobotDesign, columns: dict[str, Any], kinds: tuple[str, ...]) -> Moment:
+    """Return what a robot of a design read and did in a recorded row; no sensors if readings were not recorded."""
+    table, count = DesignTable.of((design,)), len(design.proximity)
+    if "distance" not in columns or "kind" not in columns or len(columns["distance"]) < count:
+        count = 0
+    front, left, right = (int(index) if index < count else -1 for index in table.forward[0])
+    return Moment(
+        distance=np.asarray(columns.get("distance", ()), float)[:count],
+        kind=np.asarray(columns.get("kind", ()), int)[:count],
+        sensors=table.proximity[0, :count],
+        bearing=table.bearing[0, :count],
+        forward=(front, left, right),
+        command=np.asarray(columns.get("command", ()), float),
+        turns=bool(design.turns),
+        columns=columns,
+        kinds=kinds,
+    )
+
+
+def recorded_facts(frame: Frame, scene: Scene, row: int, columns: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return the other recorded values of a robot, each with its name, and at the end what was not recorded."""
+    facts: list[tuple[str, str]] = []
+    fires = len(frame.columns.get("fires", ()))
+    if fires and "temperature" in columns:
+        heat = f", {columns['heat']:+.2f} a step" if "heat" in columns else ""
+        hot = columns["hot"] if "hot" in columns else columns["temperature"] >= scene.limits(frame.step)[0]
+        facts.append(("Heat", f"{columns['temperature']:.1f}{heat}{' (too hot to fight)' if hot else ''}"))
+    if fires and "fire" in columns:
+        facts.append(("Fights", fire_name(int(columns["fire"]))))
+    own = [name for name in columns if name not in SHOWN_APART and not name.startswith("looks.")]
+    for name in [*(name for name in ("radiation", "line") if name in columns), *own]:
+        value = columns[name]
+        if np.asarray(value).dtype.kind in "biuf":
+            facts.append((capitalised(column_title(name)), _numbers(value)))
+    met = collided_in(frame)
+    if met is not None:
+        facts.append(("Collided", "yes" if frame.robots[row] in met else "no"))
+    relevant = {name: text for name, text in RECORDED.items() if fires or name not in ("temperature", "fire")}
+    missing = [text for name, text in relevant.items() if name not in frame.columns]
+    return [*facts, ("Not recorded", ", ".join([*missing, "reasons"]))]
+
+
 def sensors_of(moment: Moment, triggered: Sequence[int]) -> list[dict[str, Any]]:
     """Return sector (in the robot's frame), reading and triggering state of each proximity sensor."""
     return [
@@ -199,7 +339,7 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
         state = " (too hot to fight)" if columns["hot"] else ""
         facts.append(("Heat", f"{columns['temperature']:.1f}, {columns['heat']:+.2f} a step{state}"))
         fire = int(columns["fire"])
-        facts.append(("Fights", f"fire {fire + 1}" if fire >= 0 else "no fire"))
+        facts.append(("Fights", fire_name(fire)))
     radiation, line = columns["radiation"], columns["line"]
     if len(robot.design.radiation):
         readings = radiation[: len(robot.design.radiation)]
@@ -215,6 +355,11 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     return facts
 
 
+def fire_name(index: int) -> str:
+    """Return a fire's name by its index, which is below 0 for no fire: fires are numbered from 1 everywhere."""
+    return f"fire {index + 1}" if index >= 0 else "no fire"
+
+
 def body_of(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
     """Return the present state of a robot's battery, if it has one, and what of it failed."""
     has_battery = robot.design.battery > 0 or model.swarm.battery_life > 0
@@ -225,13 +370,12 @@ def body_of(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
 def custom_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
     """Return what custom sensors read, actuators were set to, and messages held, each with its name."""
     names = [name for name in custom_columns(model) if name in columns]
-    return [(_title(name), _numbers(columns[name])) for name in names]
+    return [(capitalised(column_title(name)), _numbers(columns[name])) for name in names]
 
 
-def _title(column: str) -> str:
-    """Return a column's name in words; that of a memory begins with the index of its layer."""
-    first, *rest = column.split(".")
-    return f"{rest[0]} remembers {' '.join(rest[1:])}" if first.isdigit() else " ".join((first, *rest)).capitalize()
+def capitalised(text: str) -> str:
+    """Return a title with a capital; the name of a layer, which may be a name in code, stays as it is."""
+    return text if " remembers " in text else text.capitalize()
 
 
 def _numbers(values: Any) -> str:
@@ -245,12 +389,19 @@ def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, s
     """Return the messages that a robot received."""
     messages = []
     if columns["heard_task"] >= 0:
-        layer = int(columns["heard_layer"])
-        name = model.control.names[layer] if layer >= 0 and model.control is not None else "no layer"
-        messages.append(("Hears", f"a robot {where(columns['heard_from'])}: {name}, task {int(columns['heard_task'])}"))
+        messages.append(("Hears", f"a robot {where(columns['heard_from'])}: {_task_of(model, columns)}"))
     if np.isfinite(columns["heard_goal"]).all():
         messages.append(("Hears", f"a goal {where(columns['heard_goal'])}"))
     return messages or [("Hears", "nothing")]
+
+
+def _task_of(model: SwarmModel, columns: dict[str, Any]) -> str:
+    """Return the layer that drives the robot that was heard, and its task; of FightFire it is always the same."""
+    layer, task = int(columns["heard_layer"]), int(columns["heard_task"])
+    if layer < 0 or model.control is None:
+        return f"no layer, task {task}"
+    name = model.control.names[layer]
+    return name if isinstance(model.control.layers[layer], FightFire) else f"{name}, task {task}"
 
 
 def where(place: np.ndarray) -> str:

@@ -7,9 +7,11 @@ from typing import Any
 import solara
 from reacton import ipyvuetify as rv
 
+from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, value_at, value_of, value_text
 from mesa_swarm.dashboard.gallery_view import title
-from mesa_swarm.dashboard.replaying import ENDING, MOST_EVENTS, Replaying, ReplayPlayer
+from mesa_swarm.dashboard.inspector import Inspector, ReplayInspecting
+from mesa_swarm.dashboard.replaying import MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, FilePicker, Link, Linked, TroubleCard
 from mesa_swarm.gallery import find_model
@@ -83,7 +85,7 @@ class BranchPanel(Link):
 
 @solara.component
 def Replay(session: Session) -> None:
-    """Show the recordings on the left, the open one in the middle, its events and branching on the right."""
+    """Show the recordings on the left, the open one in the middle, and on the right a robot, charts and events."""
     replaying = solara.use_memo(lambda: session.companion(Replaying), [])
     use_changes(replaying.changed)
     player = replaying.player
@@ -100,8 +102,14 @@ def Replay(session: Session) -> None:
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
         if player:
             with solara.Div(classes=["swarm-side"]):
-                Events(replaying, player).key(f"events {id(player)}")
-                Branch(replaying).key(f"branch {id(player)}")
+                Linked(Inspector, ReplayInspecting, player).key(f"inspector {id(player)}")
+                with solara.Div():
+                    Linked(ChartBoard, Charting, player, player.robots_shown).key(f"charts {id(player)}")
+                    Missing(player).key(f"missing {id(player)}")
+                with solara.Div():
+                    Events(replaying, player).key(f"events {id(player)}")
+                with solara.Div():
+                    Branch(replaying).key(f"branch {id(player)}")
 
 
 @solara.component
@@ -109,7 +117,7 @@ def Recordings(replaying: Replaying) -> None:
     """Show the listed recordings, the upload, and facts of the open recording."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Recordings")
-    Linked(FilePicker, Upload, replaying, label="Upload a recording", accept=ENDING)
+    Linked(FilePicker, Upload, replaying, label="Upload a recording")
     for text, kind in ((replaying.busy, "swarm-hint"), (replaying.fault, "swarm-fault")):
         if text:
             rv.Html(tag="p", class_=kind, attributes={"role": "status"}, children=[text])
@@ -150,6 +158,15 @@ def Trouble(player: ReplayPlayer) -> None:
     if player.error:
         way_out = "Go to the first step", player.rewind
         TroubleCard("This step cannot be read", player.error, way_out=way_out)
+
+
+@solara.component
+def Missing(player: ReplayPlayer) -> None:
+    """Show what charts cannot show because it was not recorded."""
+    use_changes(player.changed)
+    text = player.series.note if player.series.complete else "Reading the recording ..."
+    if text:
+        rv.Html(tag="p", class_="swarm-hint", children=[text])
 
 
 @solara.component

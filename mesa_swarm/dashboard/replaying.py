@@ -4,13 +4,19 @@ import os
 import threading
 from bisect import bisect_left
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 from typing import Any, cast
 
+import numpy as np
+import pyarrow as pa
+
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE, page_models
 from mesa_swarm.dashboard.edits import MOST_ROBOTS
 from mesa_swarm.dashboard.inputs import LARGEST_SEED
+from mesa_swarm.dashboard.recorded_series import RecordedSeries, collided_in
+from mesa_swarm.dashboard.robot_columns import RobotValues, values_of_frame
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Incoming
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, in_words
@@ -30,9 +36,14 @@ from mesa_swarm.viewing.replay_page import damage_notes
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
 from mesa_swarm.world.map import Map, builtin_maps
 
-ENDING = ".arrow"
 LARGEST_RECORDING = 200_000_000
 MOST_LISTED = 500
+# Files of which it is remembered whether they are recordings.
+MOST_KNOWN = 20_000
+# Recordings begin with an Arrow schema, whose metadata have these names; a larger one is not looked into.
+MESSAGE = b"\xff\xff\xff\xff"
+METADATA = frozenset({b"format", b"model", b"parameters", b"versions"})
+LARGEST_SCHEMA = 64_000_000
 MOST_EVENTS = 500
 # Shortest time between messages about background work, s.
 SHOWN_EVERY = 0.5
@@ -46,7 +57,8 @@ class RecordedPast(Past):
         self._recording: Recording | None = recording
         self._rows = range(rows)
         self._scene = scene_of_recording(recording)
-        self._last: tuple[int, PackedFrame] | None = None
+        self._last: tuple[tuple, PackedFrame] | None = None
+        self.series = RecordedSeries(recording, self._scene, rows)
         self._ends = tuple(recording[row].step if rows else 0 for row in (0, rows - 1))
 
     def __len__(self) -> int:
@@ -74,10 +86,28 @@ class RecordedPast(Past):
         """The picture of the displayed row, None if there are no rows."""
         if not self._rows:
             return None
-        if self._last is None or self._last[0] != self.index:
+        total = self.series.collisions_until(self.index)
+        if self._last is None or self._last[0] != (self.index, total):
             frame = self.recording[self.index]
-            self._last = self.index, packed_with_readings(frame, self._scene)
+            self._last = (self.index, total), packed_with_readings(frame, self._scene, total)
         return self._last[1]
+
+    @property
+    def frame(self) -> Frame | None:
+        """The displayed row as it was recorded, None if there are no rows."""
+        return self.recording[self.index] if self._rows else None
+
+    def robots_shown(self) -> RobotValues:
+        """Return the quantities of the robots of the displayed row."""
+        frame = self.frame
+        if frame is None:
+            return RobotValues(0)
+        return values_of_frame(frame, self._scene, self.series.collisions_of(frame.robots, self.index))
+
+    @property
+    def scene(self) -> Scene:
+        """What stands behind the rows."""
+        return self._scene
 
     def step_of(self, row: int) -> int:
         """Return the step of a row."""
@@ -106,6 +136,10 @@ class ReplayPlayer(Player):
         super().__init__()
         self.provenance = recording.provenance  # also once the recording is closed
         self.past = self.rows = RecordedPast(recording, rows)
+        # By this name charts are chosen, as on the Watch page; both share the choice.
+        self.name = _page_name(recording.provenance) or recording.provenance["model"]["name"]
+        self.series = self.rows.series
+        self.chosen_charts: dict[str, list[str]] = {}
         self._waited = 0
         self.rest()
 
@@ -113,6 +147,11 @@ class ReplayPlayer(Player):
     def recording(self) -> Recording:
         """The recording that is played."""
         return self.rows.recording
+
+    def robots_shown(self) -> RobotValues:
+        """Return the quantities of the robots of the displayed row."""
+        with self.lock:
+            return self.rows.robots_shown()
 
     @property
     def finished(self) -> bool:
@@ -143,6 +182,12 @@ class ReplayPlayer(Player):
             self._waited = 0
             self.rows.look_at(step)
         self.rest()
+
+    def show_numbers(self) -> None:
+        """Show what was read of the whole recording meanwhile: numbers above the picture, charts."""
+        if not self.playing:
+            self._push()
+        self.changed.notify()
 
     def rewind(self) -> None:
         """Pause, clear the error, and display the first row."""
@@ -179,20 +224,23 @@ class ReplayPlayer(Player):
         return None  # the reason is in `error`
 
 
-def packed_with_readings(frame: Frame, scene: Scene) -> PackedFrame:
-    """Return the picture of a recorded frame."""
-    world = scene.world(frame.step)
-    return PackedFrame(frame.step, packed_frame(frame, scene), world, readings_of_frame(frame), frame.state_hash or "")
+def packed_with_readings(frame: Frame, scene: Scene, total: int | None = None) -> PackedFrame:
+    """Return the picture of a recorded frame; `total` is the number of collisions so far, if known."""
+    world, readings = scene.world(frame.step), readings_of_frame(frame, total)
+    return PackedFrame(frame.step, packed_frame(frame, scene), world, readings, frame.state_hash or "")
 
 
-def readings_of_frame(frame: Frame) -> tuple[tuple[str, str], ...]:
-    """Return the numbers above the picture, each with its name; only recorded ones."""
-    readings = [("Robots", f"{len(frame.robots):,}")]
+def readings_of_frame(frame: Frame, total: int | None = None) -> tuple[tuple[str, str], ...]:
+    """Return the numbers above the picture, each with its name as on the Watch page; only recorded ones."""
+    robots, met = f"{len(frame.robots):,}", collided_in(frame)
     if len(frame.columns.get("fires", ())):
         fires = frame["fires"]
-        readings.append(("Fires burning", f"{int((~fires['out']).sum())} of {len(fires)}"))
-    if "contacts" in frame.columns:
-        readings.append(("Contacts", f"{len(frame['contacts']):,}"))
+        burning = ("Fires burning", f"{int((~fires['out']).sum())} of {len(fires)}")
+        readings = [burning, ("Robots at fires", f"{int(np.maximum(fires['robots'], 0).sum())} of {robots}")]
+    else:
+        readings = [("Robots", robots)]
+    if met is not None:
+        readings.append(("Collisions", f"{len(met):,} now" + ("" if total is None else f", {total:,} in all")))
     return tuple(readings)
 
 
@@ -228,9 +276,7 @@ class Replaying:
         place = recordings_place()
         if place is None:
             return []
-        found = [place] if place.is_file() else [path for path in place.glob(f"*{ENDING}") if path.is_file()]
-        found.sort(key=lambda path: (-path.stat().st_mtime, path.name))
-        return [path.name for path in found[:MOST_LISTED]]
+        return [place.name] if place.is_file() else recordings_in(place)
 
     @property
     def busy(self) -> str:
@@ -409,16 +455,19 @@ class Replaying:
             self._fail(in_words(problem).replace(str(path), name))
             return False
         player.set_speed(self.session.own_speed)
+        player.chosen_charts = self.session.chosen_charts
         self._leave(player)
         self._path, self.name, self._own = path, name, own
         self.events, self.notes = None, list(damage_notes(player.recording))
         rows = _Rows(path, len(player.past), self._stop)
-        threading.Thread(target=self._find_events, args=(rows,), name="events", daemon=True).start()
+        threading.Thread(target=self._search, args=(rows, player), name="events", daemon=True).start()
         self.changed.notify()
         return True
 
-    def _find_events(self, rows: "_Rows") -> None:
+    def _search(self, rows: "_Rows", player: ReplayPlayer) -> None:
+        """Read the numbers of charts, which are shown while they are read, then the events."""
         try:
+            player.series.read(rows.recording, rows, player.show_numbers)
             found = events_of(rows)
         except StoppedError:
             return
@@ -456,19 +505,63 @@ class _Rows:
     """The frames of a recording, opened again: two threads must not read the same one."""
 
     def __init__(self, path: Path, rows: int, stop: threading.Event) -> None:
-        self._recording, self._rows, self.stop = Recording(path), rows, stop
+        self.recording, self._rows, self.stop = Recording(path), rows, stop
 
     def __iter__(self) -> Iterator[Frame]:
         for row in range(self._rows):
             if self.stop.is_set():
                 raise StoppedError
-            yield self._recording[row]
+            yield self.recording[row]
 
 
 def recordings_place() -> Path | None:
     """Return the recording or the folder of recordings of the server, None without one."""
     place = os.environ.get(RECORDINGS_VARIABLE, "")
     return Path(place) if place else None
+
+
+# Whether a file is a recording, by its path, time of change and size.
+_KNOWN: dict[tuple[str, int, int], bool] = {}
+
+
+def recordings_in(folder: Path) -> list[str]:
+    """Return the names of the recordings in a folder, whatever they are called, the latest first."""
+    files = []
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            with suppress(OSError):  # it may have been deleted meanwhile
+                if entry.is_file() and not entry.name.startswith("."):
+                    status = entry.stat()
+                    files.append((-status.st_mtime_ns, entry.name, status.st_size))
+    found: list[str] = []
+    for time, name, size in sorted(files):
+        key = str(folder / name), time, size
+        if key not in _KNOWN:
+            if len(_KNOWN) >= MOST_KNOWN:
+                _KNOWN.clear()
+            _KNOWN[key] = is_recording(folder / name)
+        if _KNOWN[key]:
+            found.append(name)
+            if len(found) == MOST_LISTED:
+                break
+    return found
+
+
+def is_recording(path: Path) -> bool:
+    """Return whether a file begins as a recording does: with an Arrow schema that has its metadata.
+
+    It may still be damaged, which is found when it is opened.
+    """
+    try:
+        with path.open("rb") as file:
+            begin = file.read(8)
+            size = int.from_bytes(begin[4:], "little")
+            if begin[:4] != MESSAGE or not 0 < size <= LARGEST_SCHEMA:
+                return False
+            schema = pa.ipc.read_schema(pa.py_buffer(begin + file.read(size)))
+    except (OSError, pa.ArrowException, ValueError, MemoryError):
+        return False
+    return set(schema.metadata or ()) >= METADATA
 
 
 def _page_name(provenance: dict[str, Any]) -> str:

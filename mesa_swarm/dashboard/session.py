@@ -283,7 +283,6 @@ class Session(Player):
         """Let observers continue with a model; after a way back in time only the measurements do."""
         if model.completed < old.completed:
             self.recent.cut(model.completed)
-            self.series.cut(model.completed)
             old.observers = [self.series]
         hand_over(old, model, ["state before a change by hand"])
 

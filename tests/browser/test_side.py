@@ -8,7 +8,7 @@ from PIL import Image
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing.scene import scene_of
-from support.visits import settle
+from support.visits import add_chart, settle
 from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -75,9 +75,8 @@ def test_charts_grow_while_it_plays_are_cleared_by_a_reset_and_downloaded(visito
 
 def test_charts_are_chosen_and_stay_chosen(visitor):
     page = visitor.page
-    page.locator(".swarm-choice summary").click()
-    page.get_by_role("checkbox", name="Temperature of each fire").check()
-    page.get_by_role("checkbox", name="Collisions in a step").uncheck()
+    add_chart(page, "over time", "fire_temperature")
+    visitor.press("Remove Collisions in a step")
     titles = page.locator(".swarm-chart figcaption span")
     wait_until(lambda: "Temperature of each fire" in titles.all_inner_texts())
     visitor.press("Models")

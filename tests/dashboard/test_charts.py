@@ -6,7 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mesa_swarm.dashboard.charts import MOST_POINTS, ChartBoard, Charting, csv_of, curves_message, figure_of
+from mesa_swarm.dashboard.chart_content import (
+    HISTOGRAM,
+    MOST_POINTS,
+    OVER_TIME,
+    PHASE_PLOT,
+    ChosenChart,
+    csv_of,
+    figure_of,
+)
+from mesa_swarm.dashboard.charts import MOST_SHOWN, ChartBoard, Charting, message_of
+from mesa_swarm.dashboard.robot_columns import RobotValues
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, pieces_of
@@ -34,7 +44,16 @@ def curves_sent(charting) -> list[dict]:
 
 def last_steps(charting) -> list[float]:
     content, buffers = next(one for one in reversed(charting.board.sent) if one[0]["kind"] == "curves")
-    return np.frombuffer(buffers[0], "<f4")[: content["charts"][0]["points"]].tolist()
+    points = content["charts"][0]["points"]
+    return np.frombuffer(buffers[0], "<f8")[points : 2 * points].tolist()
+
+
+def keys_shown(charting) -> list[str]:
+    return [ChosenChart.of(one["id"]).what for one in charting.board.shown]
+
+
+def asks(charting, request: str, kind: str, what: str, against: str = "", **more) -> None:
+    charting.act({"do": request, "value": ChosenChart(kind, what, against).text, **more})
 
 
 def test_nothing_is_sent_to_a_hidden_page(charting):
@@ -96,23 +115,69 @@ def test_a_reset_sends_empty_charts(charting):
 
 
 def test_the_user_chooses_and_the_choice_is_kept_for_the_model(charting):
-    assert charting.board.shown == ["at_fires", "layers", "collisions"]
-    charting.act({"do": "choose", "value": ["fire_temperature", "nonsense"]})
-    assert charting.board.shown == ["fire_temperature"]
+    assert keys_shown(charting) == ["at_fires", "layers", "collisions"]
+    for key in ("at_fires", "layers", "collisions"):
+        asks(charting, "remove", OVER_TIME, key)
+    assert keys_shown(charting) == []
+    for what in ("fire_temperature", "nonsense", "fire_temperature"):
+        asks(charting, "add", OVER_TIME, what)
+    assert keys_shown(charting) == ["fire_temperature"]
     charting.session.choose("flocking")
-    assert charting.board.shown == ["alignment", "polarization", "layers"]
+    assert keys_shown(charting) == ["alignment", "polarization", "layers"]
     charting.session.choose("fire_fighting")
-    assert charting.board.shown == ["fire_temperature"]
+    assert keys_shown(charting) == ["fire_temperature"]
+
+
+def test_charts_of_every_kind_are_added_and_sent(charting):
+    charting.act({"do": "look", "value": True})
+    charting.session.step()
+    asks(charting, "add", HISTOGRAM, "heading")
+    asks(charting, "add", PHASE_PLOT, "Collisions in all", "Layers that drive: Avoid")
+    charting.act({"do": "drawn"})
+    assert [one["kind"] for one in charting.board.shown] == [OVER_TIME] * 3 + [HISTOGRAM, PHASE_PLOT]
+    sent = curves_sent(charting)[-1]["charts"]
+    assert [one["id"] for one in sent] == [one["id"] for one in charting.board.shown]
+    assert sent[3]["x"]["label"] == "heading (degrees)"
+    assert sent[4]["x"]["label"] == "Layers that drive: Avoid (% of robots)"
+
+
+def test_only_what_there_is_is_added_and_no_more_than_can_be_drawn(charting):
+    for kind, what in ((HISTOGRAM, "mood"), (PHASE_PLOT, "Collisions in all"), (OVER_TIME, "../layers")):
+        asks(charting, "add", kind, what)
+        assert "choose one of the list" in charting.board.fault
+    for text in ("[", '["histogram"]', '["pie", "a", "b", ""]', "[1, 2, 3, 4]", "[" * 5000):
+        charting.act({"do": "add", "value": text})
+        assert charting.board.fault.startswith("chart is ")
+    assert len(charting.board.shown) == 3
+    for name, _ in charting.board.choices[HISTOGRAM]:
+        asks(charting, "add", HISTOGRAM, name)
+    assert len(charting.board.shown) == MOST_SHOWN
+    assert "remove one first" in charting.board.fault
+
+
+def test_a_log_axis_is_chosen_and_left_for_a_chart_alone(charting):
+    asks(charting, "log", OVER_TIME, "collisions", axis="y")
+    asks(charting, "log", OVER_TIME, "layers", axis="x")
+    assert [one["log"] for one in charting.board.shown] == ["", "", "y"]
+    asks(charting, "log", OVER_TIME, "collisions", axis="y")
+    assert [one["log"] for one in charting.board.shown] == ["", "", ""]
+
+
+def test_a_choice_stored_as_a_key_or_damaged_shows_what_there_is(charting):
+    charting.session.chosen_charts["fire_fighting"] = ["layers", "[broken", ChosenChart(HISTOGRAM, "x").text]
+    charting.refresh()
+    assert keys_shown(charting) == ["layers", "x"]
 
 
 def test_few_points_are_sent_of_long_runs():
     series, model = Series(), FireFighting(rng=1)
     series.follow(model)
     model.run(1_200)
-    (news, _), (buffer, _) = curves_message(series, ["layers", "collisions"])
+    charts = [ChosenChart(OVER_TIME, key) for key in ("layers", "collisions")]
+    (news, _), (buffer, _) = message_of(series, charts, RobotValues(0), None)
     assert MOST_POINTS / 2 < news["points"] <= MOST_POINTS
     assert news["banded"]
-    assert len(buffer) == 4 * news["points"] * (1 + 3 * len(news["names"]))
+    assert len(buffer) == 8 * news["points"] * (2 + 3 * len(news["names"]))
 
 
 def test_a_csv_has_the_whole_series_with_units_in_the_header():
@@ -130,15 +195,27 @@ def test_a_csv_has_the_whole_series_with_units_in_the_header():
 
 def test_files_are_handed_over(charting):
     charting.session.step()
-    charting.act({"do": "csv", "value": "layers"})
-    charting.act({"do": "png", "value": "layers"})
-    charting.act({"do": "png", "value": "../layers"})
-    wait_until(lambda: sum(content["kind"] == "file" for content, _ in charting.board.sent) == 2)
+    asks(charting, "add", HISTOGRAM, "smallest distance reading")
+    asks(charting, "add", PHASE_PLOT, "Collisions in all", "Layers that drive: Avoid")
+    for request in ("csv", "png"):
+        asks(charting, request, OVER_TIME, "layers")
+        asks(charting, request, OVER_TIME, "../layers")
+        asks(charting, request, HISTOGRAM, "smallest distance reading")
+        asks(charting, request, PHASE_PLOT, "Collisions in all", "Layers that drive: Avoid")
+    wait_until(lambda: sum(content["kind"] == "file" for content, _ in charting.board.sent) == 6)
     files = {
         content["name"]: b"".join(buffers) for content, buffers in charting.board.sent if content["kind"] == "file"
     }
     assert files["fire_fighting_layers.csv"].startswith(b"step,Avoid (% of robots)")
-    assert files["fire_fighting_layers.png"].startswith(b"\x89PNG")
+    histogram = "fire_fighting_smallest_distance_reading_histogram_step_1"
+    phase = "fire_fighting_Collisions_in_all_against_Layers_that_drive_Avoid"
+    label = "smallest distance reading (map units)"
+    assert files[f"{histogram}.csv"].startswith(f"{label} from,{label} to,robots\n".encode())
+    assert files[f"{phase}.csv"].splitlines()[0] == (
+        b"step,Layers that drive: Avoid (% of robots),Collisions in all (collisions)"
+    )
+    for name in ("fire_fighting_layers", histogram, phase):
+        assert files[f"{name}.png"].startswith(b"\x89PNG")
 
 
 def test_a_figure_is_drawn_before_anything_was_measured():

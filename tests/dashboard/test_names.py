@@ -59,7 +59,7 @@ def test_names_in_tables_are_text():
 @pytest.mark.parametrize("name", HOSTILE_NAMES)
 def test_names_in_pictures_are_text(name):
     assert png(world_figure({name: SwarmModel(rng=1)})).startswith(b"\x89PNG")
-    numbers = {name: (np.arange(1, 4), np.arange(3.0))}
+    numbers = {name: (np.arange(1, 4), np.arange(3.0), name, name)}
     assert curves_png([numbers, numbers], [name, name]).startswith(b"\x89PNG")
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.controls import ControlPanel
+from mesa_swarm.dashboard.recorded_series import RecordedSeries
 from mesa_swarm.dashboard.replay_view import BranchPanel, Upload
 from mesa_swarm.dashboard.replaying import LARGEST_RECORDING, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
@@ -43,7 +44,10 @@ def folder(tmp_path_factory):
     boids = Boids(n_robots=5, rng=1)
     with boids.record(place / "boids.arrow"):
         boids.run(3)
-    (place / "text.arrow").write_text("no recording at all")
+    (place / "text.arrow").write_text("not a recording at all")
+    other = Boids(n_robots=3, rng=2)
+    with other.record(place / "evening run"):
+        other.run(2)
     return place
 
 
@@ -159,7 +163,7 @@ def test_an_unreadable_row_is_reported(folder, monkeypatch):
 
 
 def test_recordings_of_the_folder_are_listed_and_nothing_else_is_opened(replaying, folder):
-    assert set(replaying.listed) == {"boids.arrow", "fires.arrow", "own.arrow", "text.arrow"}
+    assert set(replaying.listed) == {"boids.arrow", "fires.arrow", "own.arrow", "evening run"}
     for name in ("../fires.arrow", str(folder / "fires.arrow"), "missing.arrow", ""):
         replaying.open_listed(name)
         assert replaying.player is None
@@ -180,8 +184,8 @@ def test_a_single_recording_is_opened_at_once(folder, monkeypatch):
     replaying.close()
 
 
-def test_a_file_that_is_not_a_recording_is_refused_in_one_line(replaying):
-    replaying.open_listed("text.arrow")
+def test_a_file_that_is_not_a_recording_is_refused_in_one_line(replaying, folder):
+    replaying._open(folder / "text.arrow", "text.arrow")
     assert replaying.player is None
     assert replaying.fault.startswith("text.arrow is not a recording")
     assert "\n" not in replaying.fault
@@ -415,8 +419,9 @@ def test_events_that_are_found_when_a_recording_is_closed_are_not_those_of_the_n
         raise RecordingError("torn")
 
     monkeypatch.setattr("mesa_swarm.dashboard.replaying.events_of", late)
-    rows = SimpleNamespace(stop=replaying._stop)
-    replaying._find_events(rows)
+    monkeypatch.setattr(RecordedSeries, "read", lambda *given: None)
+    rows = SimpleNamespace(stop=replaying._stop, recording=None)
+    replaying._search(rows, replaying.player)
     assert (replaying.fault, replaying.events) == ("", [])
 
 

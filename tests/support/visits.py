@@ -58,6 +58,16 @@ def resize(page, width: int, height: int) -> None:
     settle(page)
 
 
+def add_chart(page, kind: str, what: str, against: str = "") -> None:
+    """Add a chart beside the canvas."""
+    page.locator(".swarm-choice summary").click()
+    page.get_by_label("Kind of chart").select_option(kind)
+    if against:
+        page.get_by_label("Against, on the x axis").select_option(against)
+    page.get_by_label("What the chart shows").select_option(what)
+    page.get_by_role("button", name="Add", exact=True).click()
+
+
 class Visit:
     """One user's page."""
 
