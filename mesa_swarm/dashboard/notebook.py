@@ -26,7 +26,7 @@ PAGE = ("dashboard/style.css",)
 
 
 def in_notebooks(rules: str) -> str:
-    """Return rules of the page, such as ``.swarm .swarm-side``, for what stands in a notebook instead of in the page."""
+    """Return rules of the page, such as those of ``.swarm .swarm-side``, for what stands in a notebook."""
     return re.sub(r"\.swarm(?![-\w])", LIGHT, rules)
 
 

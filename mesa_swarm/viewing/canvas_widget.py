@@ -331,7 +331,7 @@ def show(model: FireModel, *, speed: float = 60.0, width: int | None = None, hei
 
 
 def show_on(canvas: SwarmCanvas, player: Player, speed: float, reset: Callable[[], None] | None = None) -> None:
-    """Show a player on a canvas in a notebook: also what a program does with its model, and a picture where none works."""
+    """Show a player on a canvas of a notebook, with steps that a program takes, and a picture where no widget works."""
     player.set_speed(check_number("speed", speed, above=0, maximum=1000))
     Connection(canvas, player, reset)
     canvas.caught_up = Watcher(player).catch_up

@@ -11,7 +11,8 @@ _providers: list[Callable[[], Callable[..., Any]]] = []
 def provide_composer(provider: Callable[[], Callable[..., Any]]) -> None:
     """Have panels composed by what this function returns when they are first shown.
 
-    The composer is called with a model, a `canvas_widget.Beside`, and speed, width and height as `SwarmModel.show` takes them.
+    The composer is called with a model, a `canvas_widget.Beside`, and the speed, width and height of
+    `SwarmModel.show`.
     """
     _providers[:] = [provider]
 
