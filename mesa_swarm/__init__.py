@@ -7,9 +7,9 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from mesa_swarm.composer import provide_composer
 from mesa_swarm.lazy import lazy_names
 from mesa_swarm.moved import MovedFinder
-from mesa_swarm.viewing.composer import provide_composer
 
 __version__ = "0.1.0"
 

@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self
 
+from mesa_swarm.composer import composer
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import find_model
@@ -221,7 +222,6 @@ class SwarmModel(FireModel):
         """
         try:
             from mesa_swarm.viewing.canvas_widget import Beside, show  # noqa: PLC0415 - optional
-            from mesa_swarm.viewing.composer import composer  # noqa: PLC0415 - only where it is used
         except ModuleNotFoundError as error:
             raise SwarmError(
                 f"show needs {error.name}; install it with: pip install 'mesa-swarm[dashboard]'"

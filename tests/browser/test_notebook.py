@@ -11,14 +11,18 @@ from support.visits import blank_page, settle
 
 pytestmark = pytest.mark.slow
 
+LONGER = "(all) => all.forEach((one) => (one.textContent += ' 123,456'))"
+SIZE = "(one, [width, height]) => { one.style.width = `${width}px`; one.style.height = `${height}px`; }"
+OVERFLOWING = "(all) => all.filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.className)"
 IMAGE = "(one) => one.querySelector('canvas').toDataURL()"
 # Every edge of the readings and of what stands below them, and whether anything is wider or higher than the output.
 PLACES = """(one) => {
   const place = (name) => one.querySelector(name).getBoundingClientRect();
-  const readings = place(".swarm-readings"), stage = place(".swarm-stage"), past = place(".swarm-past"), all = one.getBoundingClientRect();
+  const readings = place(".swarm-readings"), stage = place(".swarm-stage"), past = place(".swarm-past");
+  const fits = one.scrollWidth <= one.clientWidth && one.scrollHeight <= one.clientHeight;
   return {
     lines: Math.round(readings.height / 20), gap: stage.top - readings.bottom, stage: stage.height,
-    inside: past.bottom <= all.bottom + 0.5 && one.scrollWidth <= one.clientWidth && one.scrollHeight <= one.clientHeight,
+    inside: fits && past.bottom <= one.getBoundingClientRect().bottom + 0.5,
   };
 }"""
 PANELS = """async ({ scripts, traits }) => {
@@ -148,17 +152,14 @@ def test_at_every_size_the_readings_have_one_line_and_the_world_has_its_place(no
     output = view.locator("..")
     for width in (360, 500, 700, 1000, 1400):
         for height, least in ((300, 150), (560, 400)):
-            size = f"(one) => {{ one.style.width = '{width}px'; one.style.height = '{height}px'; }}"
-            output.evaluate(size)
+            output.evaluate(SIZE, [width, height])
             settle(notebook.page)
             places = view.evaluate(PLACES)
             assert (places["lines"], places["inside"]) == (1, True), (width, height)
             assert places["gap"] >= 0
             assert places["stage"] >= least, (width, height)
             output.screenshot(path=shots / f"notebook_{theme}_{width}x{height}.png")
-            view.locator(".swarm-readings dd").evaluate_all(
-                "all => all.forEach((one) => (one.textContent += ' 123,456'))"
-            )
+            view.locator(".swarm-readings dd").evaluate_all(LONGER)
             assert view.evaluate(PLACES)["stage"] == places["stage"]
             press(view, "Step")
             notebook.wait(view, "player.rest === 'true' && !one.querySelector('dd').textContent.includes('123,456')")
@@ -181,15 +182,11 @@ def test_panels_stand_beside_the_world_or_below_it_by_the_width_of_the_output(pa
     page.evaluate(PANELS, {"scripts": [one._esm for one in widgets], "traits": traits})
     notebook.wait(view, "player.rest === 'true'")
     for width, columns in ((500, 1), (800, 2), (1400, 3)):
-        page.locator(".output").evaluate(
-            "(one, width) => { one.style.width = `${width}px`; one.style.height = '560px'; }", width
-        )
+        page.locator(".output").evaluate(SIZE, [width, 560])
         settle(page)
         page.locator(".output").screenshot(path=shots / f"notebook_panels_{theme}_{width}.png")
         lefts = [page.locator(name).bounding_box() for name in (".swarm-player", ".swarm-panel", ".swarm-charts")]
         assert len({round(box["x"] / 60) for box in lefts}) == columns, lefts
         assert lefts[0]["width"] >= 400
         assert lefts[0]["height"] >= 300
-        assert page.evaluate(
-            "[...document.querySelectorAll('.swarm-notebook, .swarm-panel, .swarm-side')].every((one) => one.scrollWidth <= one.clientWidth)"
-        )
+        assert page.locator(".swarm-notebook, .swarm-panel, .swarm-side").evaluate_all(OVERFLOWING) == []

@@ -8,6 +8,7 @@ from support.waiting import wait_until
 
 # What JupyterLab does for a widget: `kernel` is the other side, `open_view` an output.
 PAGE = """async ({ script, css, traits }) => {
+  const GONE = "jupyter-widgets-disconnected"; // of views without a kernel
   const { default: widget } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
   const style = document.createElement("style"), listeners = {}, model = {
     get: (name) => traits[name] ?? null,
@@ -17,16 +18,17 @@ PAGE = """async ({ script, css, traits }) => {
     off: (name, act) => listeners[name]?.delete(act),
     send: (message) => kernel.outbox.push(message),
   };
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   style.textContent = css;
   document.head.append(style);
   const fire = (name, ...given) => [...(listeners[name] ?? [])].forEach((act) => act(...given));
   window.kernel = {
     outbox: [], live: true,
-    deliver: (message, buffers) => fire("msg:custom", message, buffers.map((one) => Uint8Array.from(atob(one), (c) => c.charCodeAt(0)))),
+    deliver: (message, buffers) => fire("msg:custom", message, buffers.map(bytes)),
     change: (name, value) => { traits[name] = value; fire(`change:${name}`); },
     set_live: (live) => {
       kernel.live = live;
-      document.querySelectorAll(".output > *").forEach((one) => one.classList.toggle("jupyter-widgets-disconnected", !live));
+      document.querySelectorAll(".output > *").forEach((one) => one.classList.toggle(GONE, !live));
       fire("comm_live_update");
     },
   };
@@ -34,7 +36,7 @@ PAGE = """async ({ script, css, traits }) => {
     const output = document.createElement("div"), el = document.createElement("div");
     output.className = "output";
     output.style.cssText = `width: ${width}px; height: ${height}px`;
-    el.classList.toggle("jupyter-widgets-disconnected", !kernel.live);
+    el.classList.toggle(GONE, !kernel.live);
     output.append(el);
     document.body.append(output);
     el.stop = widget.render({ model, el });
