@@ -112,10 +112,10 @@ class NotebookView(ipywidgets.Box):
         """The model that is shown."""
         return self.session.model
 
-    def _repr_mimebundle_(self, **wanted: Any) -> dict[str, Any]:
+    def _repr_mimebundle_(self, **wanted: Any) -> dict[str, Any] | None:
         """Return the widget, and a PNG for places that show no widgets."""
         bundle = super()._repr_mimebundle_(**wanted)
-        return bundle if bundle is None else bundle | {"image/png": self.canvas.still()}
+        return bundle | {"image/png": self.canvas.still()} if bundle and self.canvas.still else bundle
 
 
 def _box(name: str, children: Sequence[ipywidgets.Widget]) -> ipywidgets.Box:

@@ -39,7 +39,7 @@ class LastPicture:
         self._drawn: tuple | None = None  # the state that was drawn last, None before the widget is displayed
         self._due: asyncio.TimerHandle | None = None
         self._loop = running_loop()
-        self._shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+        self._shell: Any = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
         canvas.still = self.still
         if self._shell is not None:
             self._shell.events.register("post_run_cell", self.after_cell)
