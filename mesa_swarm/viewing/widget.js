@@ -243,7 +243,8 @@ class PlayerView {
     if (this.#world?.fields) this.#showRanges();
     root.dataset.step = step;
     root.dataset.fingerprint = fingerprint;
-    const shown = [["Step", step.toLocaleString("en")], ...(rate ? [["Steps a second", rate]] : []), ...readings];
+    const pace = rate ? [["Steps a second", rate]] : [], steps = ["Step", step.toLocaleString("en")];
+    const compact = root.classList.contains("swarm-compact"), shown = compact ? [steps, ...readings, ...pace] : [steps, ...pace, ...readings];
     shown.forEach(([name, value], k) => {
       const row = parts.readings.children[k] ?? parts.readings.appendChild(make("div", {}, make("dt"), make("dd")));
       if (row.firstChild.textContent !== name) row.firstChild.textContent = name;

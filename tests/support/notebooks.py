@@ -61,7 +61,8 @@ class FakeNotebook:
     def open_view(self, width: int = 800, height: int = 500) -> Any:
         """Show the canvas in another output, and return its element."""
         self.page.evaluate("([width, height]) => open_view(width, height)", [width, height])
-        return self.page.locator(".output > .swarm-player").last
+        views = self.page.locator(".output .swarm-player")
+        return views.nth(views.count() - 1)
 
     def exchange(self) -> None:
         """Deliver what Python has sent, and hear what the page has."""
