@@ -4,8 +4,10 @@ Names are imported when they are first used, so that ``import mesa_swarm`` is qu
 """
 
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
+from mesa_swarm.composer import provide_composer
 from mesa_swarm.lazy import lazy_names
 from mesa_swarm.moved import MovedFinder
 
@@ -13,6 +15,15 @@ __version__ = "0.1.0"
 
 if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
     sys.meta_path.append(MovedFinder())
+
+
+def _composer() -> Callable[..., Any]:
+    from mesa_swarm.dashboard.notebook import show_with_panels  # noqa: PLC0415 - slow to load
+
+    return show_with_panels
+
+
+provide_composer(_composer)
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.compare import compare

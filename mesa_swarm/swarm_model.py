@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self, cast
 
+from mesa_swarm.composer import composer
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import find_model
@@ -11,7 +12,6 @@ from mesa_swarm.gallery import find_model
 if TYPE_CHECKING:  # optional, or slow to load
     from mesa_swarm.recording.recorder import Recorder
     from mesa_swarm.recording.verify import Verification
-    from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 
 
 class SwarmModel(FireModel):
@@ -196,61 +196,100 @@ class SwarmModel(FireModel):
         recording = Recording(path)
         return verify(recording, class_of(recording, cls), progress)
 
-    def show(self, *, speed: float = 60.0, height: int = 560) -> "SwarmCanvas":
+    def show(
+        self,
+        *,
+        controls: bool | Sequence[str] = False,
+        charts: bool | Sequence[str] = False,
+        inspector: bool = False,
+        reset: bool = False,
+        width: int | None = None,
+        height: int = 560,
+        speed: float = 60.0,
+    ) -> Any:
         """Return a widget for notebooks that shows and plays the model; needs the extra `dashboard`.
 
-        Steps that a program takes are shown as well. Where widgets do not work, a picture is shown.
+        Steps that a program takes are shown as well. Where widgets do not work, and in a stored notebook without a
+        kernel, a picture is shown.
 
         Parameters
         ----------
+        controls : bool or list of str
+            Whether there are sliders, lists and fields of all parameters, or of those named, and a Reset button.
+        charts : bool or list of str
+            Whether charts of the run are shown, or which: names of reporters, of the model's own charts, or
+            "at_fires", "fire_temperature", "layers", "events".
+        inspector : bool
+            Whether the robot that was clicked on is described.
+        reset : bool
+            Whether a Reset button begins the run anew.
+        width, height : int
+            Of the widget, 200 and 100 to 10,000 pixels; by default it is as wide as the cell.
         speed : float
             Steps a second when it is played, above 0, at most 1000.
-        height : int
-            Of the widget, 100 to 10,000 pixels.
 
         Returns
         -------
-        SwarmCanvas
+        SwarmCanvas or NotebookView
+            The second with any of the first four options. Reset builds another model from the settings, which is then
+            its attribute `model`; the one that was shown remains as it is. A `SwarmModel` of no class of its own got
+            its robots afterwards: it is copied when it is shown, and Reset returns to that.
 
         Examples
         --------
         >>> from mesa_swarm import SwarmModel
         >>> type(SwarmModel(rng=1).show()).__name__
         'SwarmCanvas'
+        >>> view = SwarmModel(rng=1).show(charts=["collisions"], reset=True, height=400)
+        >>> view.model.steps
+        0
         """
         try:
-            from mesa_swarm.viewing.canvas_widget import show  # noqa: PLC0415 - optional
+            from mesa_swarm.viewing.canvas_widget import Beside, show  # noqa: PLC0415 - optional
         except ModuleNotFoundError as error:
             raise SwarmError(
                 f"show needs {error.name}; install it with: pip install 'mesa-swarm[dashboard]'"
             ) from error
-        return show(self, speed=speed, height=height)
+        beside = Beside(controls=controls, charts=charts, inspector=inspector, reset=reset)
+        if not beside:
+            return show(self, speed=speed, width=width, height=height)
+        return composer()(self, beside, speed=speed, width=width, height=height)
 
 
 def show(
-    model: SwarmModel | type[SwarmModel] | str, *, speed: float = 60.0, height: int = 560, **parameters: Any
-) -> "SwarmCanvas":
+    model: SwarmModel | type[SwarmModel] | str,
+    *,
+    controls: bool | Sequence[str] = False,
+    charts: bool | Sequence[str] = False,
+    inspector: bool = False,
+    reset: bool = False,
+    width: int | None = None,
+    height: int = 560,
+    speed: float = 60.0,
+    **parameters: Any,
+) -> Any:
     """Return a widget for notebooks that shows and plays a model; see `SwarmModel.show`.
 
     Parameters
     ----------
     model : SwarmModel, class or str
         A model, or the class, name or address of one, which is then made: see `gallery.find_model`.
-    speed : float
-        Steps a second when it is played, above 0, at most 1000.
-    height : int
-        Of the widget, 100 to 10,000 pixels.
+    controls, charts, inspector, reset, width, height, speed
+        As those of `SwarmModel.show`.
     **parameters
         Of the model that is made, such as `n_robots` and `rng`.
 
     Returns
     -------
-    SwarmCanvas
+    SwarmCanvas or NotebookView
 
     Examples
     --------
     >>> type(show("fire_fighting", n_robots=4, rng=1)).__name__
     'SwarmCanvas'
+    >>> view = show("fire_fighting", n_robots=4, rng=1, controls=["n_robots", "strategy"], charts=True, inspector=True)
+    >>> len(view.model.robots)
+    4
     """
     found = find_model(model) if isinstance(model, str) else model
     if isinstance(found, type) and issubclass(found, SwarmModel):
@@ -259,4 +298,12 @@ def show(
         raise InvalidValueError(f"{', '.join(parameters)}: given beside a model that is made already; give its class")
     if not isinstance(found, SwarmModel):
         raise InvalidValueError(f"model is {shortened(found)}; expected a SwarmModel, or its class, name or address")
-    return found.show(speed=speed, height=height)
+    return found.show(
+        controls=controls,
+        charts=charts,
+        inspector=inspector,
+        reset=reset,
+        width=width,
+        height=height,
+        speed=speed,
+    )

@@ -14,7 +14,7 @@ from mesa_swarm.errors import InvalidValueError, check_choice, in_words
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.world.bodies import Body, Load
 from mesa_swarm.world.map import FireSpot, Map
 
@@ -46,7 +46,7 @@ def in_brief(edit: Edit) -> str:
 class Editor(anywidget.AnyWidget):
     """The tools in the browser."""
 
-    _esm = text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/editor.js")
+    _esm = palette.script() + text_of("viewing/elements.js", "dashboard/downloads.js", "dashboard/editor.js")
     # What undo would do, why the last change was refused, how many there were, whether the model takes a map.
     status = traitlets.Dict().tag(sync=True)
 

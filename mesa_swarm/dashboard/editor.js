@@ -219,7 +219,7 @@ class EditorView {
   #draw(context, pixel) {
     if (!this.#from || this.#tool === "erase" || this.#tool === "move") return;
     const { x, y, toX, toY, width, radius } = this.#values(this.#from, this.#to), line = this.#tool === "wall" || this.#tool === "robot";
-    context.strokeStyle = getComputedStyle(this.#root).getPropertyValue("--swarm-accent") || "#2a6fb0";
+    context.strokeStyle = PALETTE[themeAround(this.#canvas)].selection;
     context.lineWidth = this.#tool === "wall" ? width : 2 * pixel;
     context.globalAlpha = this.#tool === "wall" ? 0.6 : 1;
     context.beginPath();

@@ -27,8 +27,8 @@ function luminance(colour) {
   return 0.2126 * red + 0.7152 * green + 0.0722 * blue;
 }
 
-/** Black or white, whichever is read more easily on a colour. */
-const inkOn = (colour) => (luminance(colour) > 0.179 ? "#000000" : "#ffffff");
+/** The ink of the light or of the dark theme, whichever is read more easily on a colour. */
+const inkOn = (colour) => PALETTE[luminance(colour) > 0.179 ? "light" : "dark"].ink;
 
 /** The cells of a picture with their places, and how they are drawn on a canvas. */
 class Plot {
@@ -422,7 +422,7 @@ class ExperimentView {
     const { width, height, scale } = PAPER, canvas = make("canvas", { width: width * scale, height: height * scale });
     const context = canvas.getContext("2d"), colours = PALETTE.light, about = this.#about;
     context.scale(scale, scale);
-    context.fillStyle = "#ffffff";
+    context.fillStyle = colours.field;
     context.fillRect(0, 0, width, height);
     Object.assign(context, { textAlign: "left", textBaseline: "top" });
     for (const [text, y, font, colour] of [[about.title, 16, "600 17px", colours.ink], [about.about, 41, "12px", colours.soft], [about.note, height - 26, "12px", colours.soft]]) {

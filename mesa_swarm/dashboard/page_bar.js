@@ -148,7 +148,7 @@ class PageBarView {
   #showGone() {
     const reload = plainButton("Reload", () => location.reload());
     this.#parts.gone = make("div", { class: "swarm-gone", role: "alert" }, make("p", {}, GONE), reload);
-    document.body.append(this.#parts.gone);
+    (this.#root.closest(".v-application") ?? document.body).append(this.#parts.gone);
   }
 
   /* Keys and tour. */

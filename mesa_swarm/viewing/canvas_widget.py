@@ -2,7 +2,8 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import anywidget
@@ -10,56 +11,75 @@ import solara
 import traitlets
 from reacton.core import Element
 
-from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.observers import Observer
 from mesa_swarm.viewing import palette, text_of
-from mesa_swarm.viewing.pictures import png, world_figure
+from mesa_swarm.viewing.last_picture import LastPicture
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
 
 # Frames on their way to the browser: one is drawn while the next is made.
 MOST_AHEAD = 2
+# How long the other views of a canvas wait for one that does not answer, s: it may be in a hidden tab.
+PATIENCE = 1.0
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
 # Interval at which steps that a program takes are shown, s.
 EVERY = 0.05
 ON_A_PAGE = {"bar": True, "keys": "page", "toggles": {}}
+IN_A_NOTEBOOK = {"bar": True, "keys": "own", "toggles": {}, "compact": True}
+
+
+@dataclass(slots=True)
+class CanvasView:
+    """One place in which a browser shows a canvas: the last frame that it drew, and since when an answer is due, s."""
+
+    drawn: int
+    since: float
 
 
 class SwarmCanvas(anywidget.AnyWidget):
     """A world drawn in the browser, frame after frame.
 
-    Frames are numbered when they are sent, and the browser answers with the number that it has drawn: at most
-    `MOST_AHEAD` are on their way, and of those that wait all but the latest are dropped.
+    Frames are numbered when they are sent, and each view of the canvas answers with the number that it has drawn: at
+    most `MOST_AHEAD` are on their way to any of them, and of those that wait all but the latest are dropped. A view
+    that does not answer for `PATIENCE` seconds is not waited for; it shows the latest frame when it can.
     """
 
     _esm = palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
     _css = palette.style_sheet(".swarm-player", '.swarm-player[data-theme="dark"]') + text_of("viewing/widget.css")
     # bar: whether there are buttons; keys: "page" where keys pressed anywhere play and step, "own" where only those
     # pressed in the widget do, "" for none; toggles: what is drawn, by name; head: whether a caption and the readings
-    # stand above it; stage: False for buttons without a canvas; remember: under which name the browser stores what is
-    # in sight and what is switched on, apart for each model, until its tab is closed; "" or missing for not at all.
+    # stand above it; stage: False for buttons without a canvas; compact: small buttons, and all readings in one line;
+    # remember: under which name the browser stores what is in sight and what is switched on, apart for each model,
+    # until its tab is closed; "" or missing for not at all.
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
     selected = traitlets.Int(None, allow_none=True).tag(sync=True)
+    # The last state at rest as the address of a PNG, in notebooks only: what a stored notebook shows without a kernel.
+    picture = traitlets.Unicode("").tag(sync=True)
 
     def __init__(self, **traits: object) -> None:
         super().__init__(**traits)
         self.commands: dict[str, Callable] = {}  # called when a button or a key is pressed
         self.still: Callable[[], bytes] | None = None  # a PNG, for places that show no widgets
         self.caught_up: Callable[[], None] = lambda: None  # the browser has drawn all that it was sent
+        self.clock: Callable[[], float] = time.monotonic
         self._lock = threading.RLock()
+        self._views: dict[str, CanvasView] = {}
         self._frame: PackedFrame | None = None
         self._beside: dict = {}
         self._state: dict = {}
         self._world: dict | None = None
-        self._seen = self._waits = False
-        self._pushed = self._sent = self._drawn = 0  # the player's numbers, then this canvas's own
+        self._waits = False
+        self._pushed = self._sent = 0  # the player's numbers, then this canvas's own
         self.on_msg(lambda _, message, __: self._hear(message))
 
     @property
     def ready(self) -> bool:
-        """Whether a browser shows it and has room for another frame."""
-        return self._seen and self._sent - self._drawn < MOST_AHEAD
+        """Whether a browser shows it, and all views that answer have room for another frame."""
+        with self._lock:
+            views = self._views.values()
+            return self._some_have_room() and all(self._has_room(view) or self._is_late(view) for view in views)
 
     def push(self, number: int, frame: PackedFrame, **beside: object) -> None:
         """Show a frame as soon as the browser has room, unless one of a higher number was received."""
@@ -74,43 +94,73 @@ class SwarmCanvas(anywidget.AnyWidget):
             state["newest"] = self._pushed
             changed = {name: value for name, value in state.items() if self._state.get(name) != value}
             self._state |= changed
-            if changed and self._seen:
+            if changed and self._views:
                 self.send({"kind": "state", "state": changed})
 
     def _hear(self, message: dict) -> None:
         """Handle a message of the browser."""
-        name, value = message.get("do"), message.get("value")
+        name, value, view = message.get("do"), message.get("value"), str(message.get("view", ""))
         if name == "ready":
-            self._begin()
-        elif name == "drawn":
+            self._begin(view)
+        elif name == "left":
             with self._lock:
-                self._drawn = max(self._drawn, message["value"])
+                self._views.pop(view, None)
                 self._send_frame()
-            if self._drawn == self._sent:
+        elif name == "drawn":
+            if self._note_drawn(view, message["value"]):
                 self.caught_up()
         elif name in self.commands:
             self.commands[name](*(() if value is None else (value,)))
 
-    def _begin(self) -> None:
-        """Send everything to a view that was just opened."""
+    def _begin(self, view: str) -> None:
+        """Send everything to a view that was just opened, and nothing of it to the others."""
         with self._lock:
-            self._seen, self._drawn, self._world = True, self._sent, None
-            self._waits = self._frame is not None
-            self.send({"kind": "state", "state": self._state})
-            self._send_frame()
+            self._sent = max(self._sent, 1)
+            self._views[view] = CanvasView(self._sent - 1, self.clock())
+            self.send({"kind": "state", "state": self._state, "to": view})
+            if self._frame is not None:
+                self._waits = self._waits and len(self._views) > 1
+                self._world = self._world or self._frame.world
+                self.send({"kind": "world", "world": self._frame.world, "to": view})
+                self._send_picture(self._frame, to=view)
+
+    def _note_drawn(self, view: str, number: int) -> bool:
+        """Note which frame a view has drawn, and send it the next one; return whether it has drawn all."""
+        with self._lock:
+            if view in self._views:
+                self._views[view] = CanvasView(max(self._views[view].drawn, number), self.clock())
+                self._send_frame()
+            return view in self._views and self._views[view].drawn == self._sent
+
+    def _has_room(self, view: CanvasView) -> bool:
+        return self._sent - view.drawn < MOST_AHEAD
+
+    def _is_late(self, view: CanvasView) -> bool:
+        return self.clock() - view.since > PATIENCE
+
+    def _some_have_room(self) -> bool:
+        return any(self._has_room(view) for view in self._views.values())
 
     def _send_frame(self) -> None:
-        frame = self._frame
-        if frame is None or not self._waits or not self.ready:
+        """Send all views the frame that waits; at rest none waits for another, since there may be no later occasion."""
+        frame, at_rest = self._frame, self._beside.get("rest")
+        if frame is None or not self._waits or not (self._some_have_room() if at_rest else self.ready):
             return
         self._waits = False
         if frame.world is not self._world:
             self._world = frame.world
             self.send({"kind": "world", "world": frame.world})
+        now = self.clock()
+        for view in self._views.values():
+            if view.drawn == self._sent:
+                view.since = now
         self._sent += 1
+        self._send_picture(frame)
+
+    def _send_picture(self, frame: PackedFrame, **only: str) -> None:
         fields = {"step": frame.step, "readings": frame.readings, "fingerprint": frame.fingerprint}
         numbers = {"number": self._sent, "pushed": self._pushed}
-        self.send({"kind": "picture", **numbers, **fields, **self._beside}, [frame.content])
+        self.send({"kind": "picture", **numbers, **fields, **self._beside, **only}, [frame.content])
 
     def _repr_mimebundle_(self, **wanted: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]] | None:
         """Return the widget, and a PNG for places that show no widgets."""
@@ -216,14 +266,28 @@ def rate_text(rate: float) -> str:
 
 
 class Watcher(Observer):
-    """Shows steps that a program takes, not those of the player itself.
+    """Shows steps of a player's model that a program takes, not those of the player itself.
 
     While a cell is executed the browser cannot report what it has drawn; the last step is shown afterwards.
     """
 
     def __init__(self, player: Player) -> None:
         self._player = player
+        self._model: FireModel | None = None
         self._shown = 0.0
+        player.changed.add(self.follow)
+        self.follow()
+
+    def follow(self) -> None:
+        """Watch the present model of the player, and not the one before."""
+        model = self._player.model
+        if model is self._model:
+            return
+        if self._model is not None and self in self._model.observers:
+            self._model.observers.remove(self)
+        if model is not None:
+            model.observers.append(self)
+        self._model = model
 
     def after_step(self, model: FireModel, step: int) -> None:
         """Show the step, unless one was shown just now."""
@@ -240,18 +304,49 @@ class Watcher(Observer):
             player.rest()
 
 
-def show(model: FireModel, *, speed: float = 60.0, height: int = 560) -> SwarmCanvas:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Beside:
+    """What stands beside the canvas: controls and charts all, none or those of these names; the inspector; Reset."""
+
+    controls: bool | Sequence[str] = False
+    charts: bool | Sequence[str] = False
+    inspector: bool = False
+    reset: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("controls", "charts"):
+            value = getattr(self, name)
+            names = not isinstance(value, (bool, str)) and isinstance(value, Sequence)
+            if not isinstance(value, bool) and not (names and all(isinstance(one, str) for one in value)):
+                raise InvalidValueError(f"{name} is {shortened(value)}; expected True, False or a list of names")
+
+    def __bool__(self) -> bool:
+        """Whether there is anything."""
+        return bool(self.controls or self.charts or self.inspector or self.reset)
+
+
+def show(model: FireModel, *, speed: float = 60.0, width: int | None = None, height: int = 560) -> SwarmCanvas:
     """Return a widget on which a model is seen and played; see `SwarmModel.show`."""
-    player = Player(model)
-    player.loop.speed = check_number("speed", speed, above=0, maximum=1000)
-    canvas = SwarmCanvas(options={"bar": True, "keys": "own", "toggles": {}})
-    canvas.layout.height = f"{check_count('height', height, minimum=100, maximum=10_000)}px"
-    canvas.still = lambda: png(world_figure({"": model}))
-    Connection(canvas, player)
-    watcher = Watcher(player)
-    canvas.caught_up = watcher.catch_up
-    model.observers.append(watcher)
+    canvas = SwarmCanvas(options=IN_A_NOTEBOOK)
+    give_size(canvas, width, height)
+    show_on(canvas, Player(model), speed)
     return canvas
+
+
+def show_on(canvas: SwarmCanvas, player: Player, speed: float, reset: Callable[[], None] | None = None) -> None:
+    """Show a player on a canvas of a notebook, with steps that a program takes, and a picture where no widget works."""
+    player.set_speed(check_number("speed", speed, above=0, maximum=1000))
+    Connection(canvas, player, reset)
+    canvas.caught_up = Watcher(player).catch_up
+    LastPicture(canvas, player)
+
+
+def give_size(widget: anywidget.AnyWidget, width: int | None, height: int) -> None:
+    """Give a widget its size, CSS pixels; by default it is as wide as its cell, and it is never wider."""
+    widget.layout.height = f"{check_count('height', height, minimum=100, maximum=10_000)}px"
+    widget.layout.max_width = "100%"
+    if width is not None:
+        widget.layout.width = f"{check_count('width', width, minimum=200, maximum=10_000)}px"
 
 
 @solara.component

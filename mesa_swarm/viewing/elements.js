@@ -45,3 +45,11 @@ function watchTheme(element, act) {
     query.removeEventListener("change", act);
   };
 }
+
+/** Show over a part of the page why it cannot be used any more; what it shows stays. An empty text takes that back. */
+function showGone(root, text) {
+  root.querySelector(":scope > .swarm-gone")?.remove();
+  root.classList.toggle("swarm-is-gone", Boolean(text));
+  for (const child of root.children) child.inert = Boolean(text);
+  if (text) root.append(make("p", { class: "swarm-gone", role: "alert" }, text));
+}

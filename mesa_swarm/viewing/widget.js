@@ -1,7 +1,8 @@
 /* What stands around the canvas of canvas.js, to which elements.js and this text are appended: buttons, readings, and the talk with
    Python. All that Python sends comes through one channel, so that it arrives in order: { kind: "world", ... },
    { kind: "picture", ... } with the frame as its buffer, { kind: "state", ... }. A picture is acknowledged as soon
-   as it is drawn; Python sends no more than two ahead, so that a slow browser leaves some out and lags behind none. */
+   as it is drawn; Python sends no more than two ahead, so that a slow browser leaves some out and lags behind none.
+   Each view of a widget has a name, with which it signs what it sends; what has another name in `to` is not for it. */
 
 const ICONS = {
   play: "M5 3.5v13l11-6.5z", pause: "M5 3.5h3.6v13H5zM11.4 3.5H15v13h-3.6z", step: "M4 3.5l8 6.5-8 6.5zM13 3.5h2.6v13H13z",
@@ -54,6 +55,9 @@ function relabel(button, icon, label) {
   button.querySelector("path").setAttribute("d", ICONS[icon]);
 }
 
+const GONE = "The kernel is gone: run the cell again";
+const STORED = "The last picture, without a kernel: run the cell to play";
+
 /** Whether what has the focus makes use of a key itself; what was pressed by a pointer leaves the space bar to the player. */
 function isTaken(key, target, pointed) {
   if (target.closest(SLIDER)) return SLIDES.test(key);
@@ -63,6 +67,7 @@ function isTaken(key, target, pointed) {
 
 /** The bar, the canvas and the time line of one view of a widget. */
 class PlayerView {
+  #name = Math.random().toString(36).slice(2);
   #model; #root; #canvas; #stage = null; #world = null;
   #state = { playing: false, speed: 0, speeds: [], finished: false, error: "", can_reset: false, newest: 0 };
   #next = null;
@@ -83,24 +88,43 @@ class PlayerView {
     this.#model = model;
     this.#root = root;
     root.classList.add("swarm-player");
+    root.classList.toggle("swarm-compact", Boolean(model.get("options").compact));
     const options = model.get("options");
     this.#staged = options.stage ?? true;
     this.#canvas = make("canvas", { tabindex: "0", role: "img", "aria-label": "the world" });
     this.#build(options);
     this.#listen(options);
     this.#retheme();
+    this.#watchKernel();
     this.#send({ do: "ready" });
   }
 
   destroy() {
     this.#store();
+    this.#send({ do: "left" });
     this.#leave.forEach((leave) => leave());
     cancelAnimationFrame(this.#asked);
     this.#stage?.destroy();
   }
 
   #send(message) {
-    this.#model.send(message);
+    try {
+      this.#model.send({ ...message, view: this.#name });
+    } catch {
+      // The connection has ended, which is shown by other means.
+    }
+  }
+
+  /** State whether there is a kernel: notebooks mark the views of a widget without one by this class. */
+  #watchKernel() {
+    const look = () => {
+      const gone = this.#root.classList.contains("jupyter-widgets-disconnected"), was = this.#root.classList.contains("swarm-is-gone");
+      showGone(this.#root, gone ? (this.#drawn ? GONE : STORED) : "");
+      if (was && !gone) this.#send({ do: "ready" });
+    };
+    this.#model.on("comm_live_update", look);
+    this.#leave.push(() => this.#model.off("comm_live_update", look));
+    look();
   }
 
   #on(target, name, act, first = false) {
@@ -127,7 +151,8 @@ class PlayerView {
     if (bar) this.#root.append(make("div", { class: "swarm-bar" }, buttons, speed, parts.readings));
     parts.caption = make("strong", { class: "swarm-caption" });
     if (head) this.#root.append(make("div", { class: "swarm-head" }, parts.caption, parts.readings));
-    const stage = make("div", { class: "swarm-stage" }, this.#canvas, this.#tools(toggles), this.#key());
+    const still = make("img", { class: "swarm-still", alt: "", src: this.#model.get("picture") || undefined });
+    const stage = make("div", { class: "swarm-stage" }, still, this.#canvas, this.#tools(toggles), this.#key());
     if (this.#staged) this.#root.append(stage);
     else this.#root.classList.add("swarm-unstaged");
     if (bar) this.#root.append(make("div", { class: "swarm-past" }, parts.past, parts.when));
@@ -253,6 +278,7 @@ class PlayerView {
   }
 
   #hear(message, buffers) {
+    if (message.to !== undefined && message.to !== this.#name) return;
     if (message.kind === "world") this.#enter(message.world);
     else if (message.kind === "state") this.#settle(message.state);
     else if (message.kind === "picture") {
@@ -337,7 +363,8 @@ class PlayerView {
     if (this.#stage) this.#showRanges();
     root.dataset.step = step;
     root.dataset.fingerprint = fingerprint;
-    const shown = [["Step", step.toLocaleString("en")], ...(rate ? [["Steps a second", rate]] : []), ...readings];
+    const pace = rate ? [["Steps a second", rate]] : [], steps = ["Step", step.toLocaleString("en")];
+    const compact = root.classList.contains("swarm-compact"), shown = compact ? [steps, ...readings, ...pace] : [steps, ...pace, ...readings];
     shown.forEach(([name, value], k) => {
       const row = parts.readings.children[k] ?? parts.readings.appendChild(make("div", {}, make("dt"), make("dd")));
       if (row.firstChild.textContent !== name) row.firstChild.textContent = name;

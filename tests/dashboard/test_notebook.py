@@ -1,6 +1,9 @@
 """The canvas in notebooks and on Mesa's own page, driven without a browser."""
 
+import asyncio
+import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 import reacton
@@ -8,6 +11,7 @@ import solara
 
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.viewing import last_picture
 from mesa_swarm.viewing.canvas_widget import (
     EVERY,
     SPEEDS,
@@ -144,3 +148,176 @@ def test_on_mesas_page_each_new_occasion_shows_the_model_as_it_is_then(sent, can
         assert canvases == [canvas]
     finally:
         page.close()
+
+
+# Several views of one canvas: an output may be shown twice, and in two windows.
+
+
+class Clock:
+    """Seconds that a test sets."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def canvas(sent):
+    shown = FireFighting(n_robots=3, rng=1).show()
+    shown.clock = Clock()
+    shown._hear({"do": "ready", "view": "a"})
+    return shown
+
+
+def answer(canvas, view: str, number: int) -> None:
+    canvas._hear({"do": "drawn", "view": view, "value": number})
+
+
+def play_step(canvas, number: int) -> None:
+    """Push a frame as a player that is playing does."""
+    canvas.push(number, canvas._frame, rest=False)
+
+
+def pictures(sent) -> list[tuple[int, str]]:
+    return [(one["number"], one.get("to", "")) for one in sent if one["kind"] == "picture"]
+
+
+def test_a_view_that_opens_later_gets_the_state_the_world_and_the_frame_and_the_others_nothing(sent, canvas):
+    canvas.commands["step"]()
+    canvas.commands["speed"](3)
+    del sent[:]
+    canvas._hear({"do": "ready", "view": "b"})
+    assert [(one["kind"], one["to"]) for one in sent] == [("state", "b"), ("world", "b"), ("picture", "b")]
+    assert (sent[0]["state"]["playing"], sent[0]["state"]["speed"], sent[2]["step"]) == (False, 3, 1)
+
+
+def test_a_faster_view_waits_for_a_slower_one_but_not_for_one_that_does_not_answer(sent, canvas):
+    canvas._hear({"do": "ready", "view": "b"})
+    answer(canvas, "a", 1)
+    answer(canvas, "b", 1)
+    for number in range(10, 14):
+        play_step(canvas, number)
+        answer(canvas, "a", canvas._sent)
+    assert canvas._sent == 3, "two frames are on their way to the slower view"
+    assert not canvas.ready
+    answer(canvas, "b", 2)
+    assert canvas._sent == 4
+    answer(canvas, "a", 4)
+    canvas.clock.now += 10
+    assert canvas.ready
+    for number in range(20, 24):
+        play_step(canvas, number)
+        answer(canvas, "a", canvas._sent)
+    assert canvas._sent == 8
+    answer(canvas, "b", 8)
+    play_step(canvas, 30)
+    play_step(canvas, 31)
+    answer(canvas, "a", canvas._sent)
+    assert not canvas.ready, "it answers again, and is waited for again"
+
+
+def test_a_frame_at_rest_reaches_every_view_that_can_draw_it(sent, canvas):
+    canvas._hear({"do": "ready", "view": "hidden"})
+    answer(canvas, "a", 1)
+    for _ in range(5):
+        canvas.commands["step"]()
+        answer(canvas, "a", canvas._sent)
+    assert [one["step"] for one in sent if one["kind"] == "picture"][-1] == 5
+
+
+def test_a_view_that_was_closed_is_not_waited_for(sent, canvas):
+    canvas._hear({"do": "ready", "view": "b"})
+    answer(canvas, "a", 1)
+    play_step(canvas, 10)
+    answer(canvas, "a", 2)
+    assert not canvas.ready
+    canvas._hear({"do": "left", "view": "b"})
+    assert canvas.ready
+    canvas._hear({"do": "left", "view": "a"})
+    assert not canvas.ready, "no browser shows it"
+
+
+def test_without_an_answer_of_any_view_no_frame_is_sent(sent, canvas):
+    for number in range(10, 20):
+        play_step(canvas, number)
+        canvas.clock.now += 60
+    assert len(pictures(sent)) == 2
+
+
+# The stored picture.
+
+
+def test_a_displayed_widget_stores_the_picture_that_stands_in_for_it():
+    canvas = FireFighting(n_robots=3, rng=1).show()
+    assert canvas.picture == ""
+    canvas._repr_mimebundle_()
+    assert canvas.picture.startswith("data:image/png;base64,iVBOR")
+    assert len(canvas.picture) <= last_picture.MOST_CHARACTERS
+
+
+def test_the_picture_is_drawn_anew_at_rest_only_and_if_the_model_has_changed(monkeypatch):
+    canvas = FireFighting(n_robots=3, rng=1).show()
+    player = canvas.commands["step"].__self__
+    (picture,) = [viewer for viewer in player.viewers if isinstance(viewer, last_picture.LastPicture)]
+    drawn = []
+    monkeypatch.setattr(last_picture, "png", lambda figure, dots=0: drawn.append(dots) or b"PNG")
+    picture.draw()
+    assert drawn == [], "it is not displayed yet"
+    canvas.still()
+    picture.draw()
+    assert len(drawn) == 1
+    player.step()
+    picture.after_cell()
+    assert len(drawn) == 2
+    monkeypatch.setattr(type(player), "playing", True)
+    player.model.step()
+    picture.draw()
+    assert len(drawn) == 2
+
+
+def test_a_large_picture_is_stored_with_fewer_pixels_or_not_at_all(monkeypatch):
+    canvas = FireFighting(n_robots=3, rng=1).show()
+    monkeypatch.setattr(last_picture, "png", lambda figure, dots=200: bytes(int(dots) * 3000))
+    assert len(canvas.still()) == 600_000, "the one that is displayed is not limited"
+    assert len(canvas.picture) == len(last_picture.address_of(bytes(150_000)))
+    monkeypatch.setattr(last_picture, "png", lambda figure, dots=200: bytes(300_000))
+    canvas.still()
+    assert canvas.picture == ""
+
+
+def test_in_a_notebook_it_is_drawn_a_moment_after_the_last_step_and_after_each_cell(monkeypatch):
+    drawn, hooks = [], {}
+    monkeypatch.setattr(last_picture, "DELAY", 0.0)
+    monkeypatch.setattr(last_picture, "png", lambda figure, dots=0: drawn.append(dots) or b"PNG")
+    events = SimpleNamespace(register=hooks.__setitem__, unregister=lambda name, function: hooks.pop(name))
+    shell = SimpleNamespace(get_ipython=lambda: SimpleNamespace(events=events))
+    monkeypatch.setitem(sys.modules, "IPython", shell)
+
+    async def cells() -> None:
+        model = FireFighting(n_robots=3, rng=1)
+        canvas = model.show()
+        canvas.still()
+        canvas.commands["step"]()
+        canvas.commands["step"]()
+        while len(drawn) < 2:
+            await asyncio.sleep(0)
+        model.step()
+        hooks["post_run_cell"](None)
+        assert len(drawn) == 3
+        canvas.close()
+        hooks["post_run_cell"](None)
+        assert hooks == {}
+
+    asyncio.run(cells())
+
+
+@pytest.mark.parametrize("wrong", [{"width": 5}, {"controls": "noise"}, {"charts": 3}, {"controls": [1]}])
+def test_an_option_that_cannot_be_is_refused(wrong):
+    with pytest.raises(InvalidValueError):
+        FireFighting(n_robots=3, rng=1).show(**wrong)
+
+
+def test_the_output_has_the_given_size():
+    layout = FireFighting(n_robots=3, rng=1).show(width=600, height=300).layout
+    assert (layout.width, layout.height, layout.max_width) == ("600px", "300px", "100%")
