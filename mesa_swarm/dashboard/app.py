@@ -28,6 +28,7 @@ from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
+from mesa_swarm.dashboard.layout import LEFT, PRODUCT, RIGHT, ColumnFold, ScreenButtons, page_title
 from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
 from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
@@ -181,7 +182,11 @@ class Places:
             return True
 
 
-CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
+CSS = (
+    style_sheet(".v-application", ".v-application.theme--dark")
+    + text_of("dashboard/style.css")
+    + text_of("dashboard/layout.css")
+)
 WATCH, MODELS = "Watch", "Models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
@@ -194,6 +199,7 @@ settings.telemetry.mixpanel_enable = False
 settings.main.mode = "production"
 settings.kernel.cull_timeout = "10m"
 settings.theme.show_banner = False
+settings.theme.title = PRODUCT
 
 
 @solara.component
@@ -206,7 +212,7 @@ def Layout(children: list) -> None:
 def Page() -> None:
     """Show the page, if fewer than the largest number of pages are open."""
     has_place = solara.use_memo(lambda: PLACES.take(solara.kernel_closed_event()), [])
-    solara.Title("mesa_swarm")
+    solara.Title(PRODUCT)
     solara.Style(CSS)
     with rv.Html(tag="main", class_="swarm"):
         if not has_place:
@@ -254,6 +260,8 @@ def Header(session: Session, tab: str, choose_tab: Callable[[str], None]) -> Non
                 Button(name, partial(choose_tab, name), current="page" if name == tab else "").key(name)
         shown = rv.Html(tag="b", children=[title(session.name)])
         rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
+        solara.Title(page_title(title(session.name), tab, WATCH))
+        ScreenButtons.element()
         PageBar.element(query=query_of(session), on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
 
 
@@ -262,9 +270,11 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
     """Show the controls on the left, the world in the middle, and readings on the right."""
     with solara.Div(classes=["swarm-watch", "swarm-beside"]):
         Linked(ControlPanel, Panel, session)
+        ColumnFold.element(side=LEFT, label="Settings", folded_below=True)
         with solara.Div(classes=["swarm-middle"]):
             Trouble(session, faults)
             PlayerView(session, session.reset)
+        ColumnFold.element(side=RIGHT, label="Robot, charts, export")
         with solara.Div(classes=["swarm-side"]):
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)
