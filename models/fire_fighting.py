@@ -62,7 +62,7 @@ class FireFighting(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 50, 1, "robots")] = 10,
         strategy: Annotated[str, Choice(("A", "B"), "what a hot robot does: A leaves, B waits nearby")] = "B",
-        map: Annotated[str, Choice(("openspace_fire",), "walls and obstacles of the world")] = "openspace_fire",
+        map: Annotated[str, Choice(("openspace_fire",), "walls and obstacles")] = "openspace_fire",
         k1: Annotated[float, Slider(0.0001, 0.003, 0.0001, "growth of fires per step")] = DEFAULT.k1,
         k2: Annotated[float, Slider(0.001, 0.05, 0.001, "extinguishing per robot and step, over area")] = DEFAULT.k2,
         k3: Annotated[float, Slider(0.0, 0.5, 0.001, "heating of robots per step, times T times area")] = DEFAULT.k3,

@@ -61,7 +61,7 @@ class LearningFires(SwarmModel):
         first_temperature: Annotated[float, Slider(0.01, 50, 0.01, "temperature T of choices at the start")] = 5.0,
         last_temperature: Annotated[float, Slider(0.01, 50, 0.01, "temperature T to which it falls")] = 0.1,
         round_steps: Annotated[int, Slider(100, 20_000, 100, "maximum steps of a round")] = 6_000,
-        map: Annotated[str, Choice(("openspace_fire",), "walls and obstacles of the world")] = "openspace_fire",
+        map: Annotated[str, Choice(("openspace_fire",), "walls and obstacles")] = "openspace_fire",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, history_every=0, model_reporters={"robots_at_largest": "robots_at_largest"})

@@ -69,7 +69,7 @@ class QLearning(SwarmModel):
         memory: Annotated[str, Choice(("networks", "table"), "what values are learned in")] = "networks",
         shared: Annotated[str, Choice(YES_NO, "whether all robots share one set of networks")] = "no",
         self_adjusting: Annotated[str, Choice(q_learning.ADJUSTING, "adapted to collisions: T, gamma")] = "no",
-        map: Annotated[str, Choice(("original", "sparse", "openspace"), "walls and obstacles of the world")] = "original",
+        map: Annotated[str, Choice(("original", "sparse", "openspace"), "walls and obstacles")] = "original",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("temperature", "reward", "forward_speed"))
