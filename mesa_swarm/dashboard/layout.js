@@ -9,6 +9,15 @@ const ROOT = document.documentElement;
 const ENTER = "M3 3h5v2H5v3H3zM12 3h5v5h-2V5h-3zM3 12h2v3h3v2H3zM15 12h2v5h-5v-2h3z";
 const LEAVE = "M6 3h2v5H3V6h3zM12 3h2v3h3v2h-5zM3 12h5v5H6v-3H3zM12 12h5v2h-3v3h-2z";
 
+/** Return an icon without its lines. */
+function icon() {
+  const [picture, path] = ["svg", "path"].map((name) => document.createElementNS("http://www.w3.org/2000/svg", name));
+  picture.setAttribute("viewBox", "0 0 20 20");
+  picture.setAttribute("aria-hidden", "true");
+  picture.append(path);
+  return picture;
+}
+
 /** A button that folds one column. */
 class FoldView {
   #model; #button; #leave = [];
@@ -55,7 +64,7 @@ class ScreenView {
     root.classList.add("swarm-screen");
     this.#projector = make("button", { type: "button", class: "swarm-projector", title: "Large type and robots, few controls", click: () => this.#project(ROOT.dataset.projector !== "1") }, "Projector");
     this.#full = make("button", { type: "button", class: "swarm-full", click: () => this.#fill(ROOT.dataset.full !== "1") });
-    this.#full.innerHTML = '<svg viewBox="0 0 20 20" aria-hidden="true"><path/></svg>';
+    this.#full.append(icon());
     root.append(this.#projector, this.#full);
     const change = () => document.fullscreenElement || this.#show(false);
     const press = ({ key }) => key === "Escape" && ROOT.dataset.full === "1" && this.#fill(false);
