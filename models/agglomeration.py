@@ -64,7 +64,7 @@ class Agglomeration(SwarmModel):
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 4.0,
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
         moving: Annotated[str, Choice(MOVING, "how groups move")] = "off",
-        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "walls and obstacles")] = "openspace",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("groups", "largest_group", "neighbour_distance"))

@@ -114,7 +114,7 @@ class BestOfN(SwarmModel):
         n_robots: Annotated[int, Slider(1, 200, 1, "robots")] = 40,
         rule: Annotated[str, Choice(RULES, "how robots decide")] = "majority",
         quality: Annotated[float, Slider(0, 1, 0.05, "quality of the right site; the left one has 1")] = 0.8,
-        first_share: Annotated[float, Slider(0, 1, 0.05, "share of robots that are for the left site at first")] = 0.5,
+        first_share: Annotated[float, Slider(0, 1, 0.05, "share of robots for the left site at the start")] = 0.5,
         exploring: Annotated[float, Slider(0, 1000, 10, "mean time at a site, steps")] = 50.0,
         advertising: Annotated[float, Slider(10, 2000, 10, "mean time of broadcasting for quality 1, steps")] = 200.0,
         range: Annotated[float, Slider(10, 300, 5, "how far a broadcast carries, map units")] = 60.0,

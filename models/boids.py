@@ -58,7 +58,7 @@ class Boids(SwarmModel):
         separation: Annotated[float, Slider(1, 40, 1, "distance below which robots separate, map units")] = 15.0,
         sight: Annotated[float, Slider(20, 200, 5, "range of the infrared sensors, map units")] = 60.0,
         memory: Annotated[float, Slider(1, 100, 1, "steps over which the neighbours' motion is averaged")] = 10.0,
-        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "walls and obstacles")] = "openspace",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("alignment", "polarization"))

@@ -68,7 +68,7 @@ class ChainFormation(SwarmModel):
         design: Annotated[str, Choice(tuple(DESIGNS), "the robots' bodies and sensors")] = "AGENT3",
         sight: Annotated[float, Slider(10, 200, 5, "range of the infrared sensors, map units")] = 50.0,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 4.0,
-        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "walls and obstacles")] = "openspace",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("chains", "mean_chain", "chained", every=25))

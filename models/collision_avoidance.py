@@ -68,9 +68,9 @@ class CollisionAvoidance(SwarmModel):
         turn_interval: Annotated[int, Slider(0, 1000, 10, "steps between random turns, 0 for none")] = 0,
         slip_probability: Annotated[float, Slider(0, 1, 0.01, "probability of slip, per wheel and step")] = 0.0,
         error_probability: Annotated[float, Slider(0, 1, 0.01, "probability of an error, per sensor and step")] = 0.0,
-        map: Annotated[str, Choice(("original", "sparse", "openspace"), "the world")] = "original",
+        map: Annotated[str, Choice(("original", "sparse", "openspace"), "walls and obstacles")] = "original",
         obstacles: Annotated[int, Slider(0, 50, 1, "obstacles at random places besides those of the map")] = 0,
-        moving_obstacles: Annotated[int, Slider(0, 20, 1, "obstacles that move")] = 0,
+        moving_obstacles: Annotated[int, Slider(0, 20, 1, "further obstacles, which move")] = 0,
         obstacle_speed: Annotated[float, Slider(0.1, 2, 0.1, "speed of obstacles that move, map units per step")] = 0.5,
         rng: Seed = None,
     ) -> None:

@@ -54,7 +54,7 @@ class Flocking(SwarmModel):
         sensors: Annotated[int, Slider(6, 36, 1, "number of infrared sensors, all round")] = 24,
         speed: Annotated[float, Slider(0.1, 1, 0.05, "speed of exploring robots, fraction of the maximum")] = 0.7,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 8.0,
-        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "walls and obstacles")] = "openspace",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("alignment", "polarization"))

@@ -95,7 +95,7 @@ class Foraging(SwarmModel):
         *,
         n_robots: Annotated[int, Slider(1, 40, 1, "robots")] = 12,
         thresholds: Annotated[str, Choice(("yes", "no"), "whether robots rest while there is enough energy")] = "yes",
-        items: Annotated[int, Slider(1, 60, 1, "items of food that lie around")] = 20,
+        items: Annotated[int, Slider(1, 60, 1, "items of food in the arena")] = 20,
         rng: Seed = None,
     ) -> None:
         super().__init__(map=FIELD, rng=rng, model_reporters=held("energy", "outside"))

@@ -55,13 +55,13 @@ class LearningFires(SwarmModel):
         arrival: Annotated[float, Slider(0, 100, 1, "reward for arriving at another fire")] = 10.0,
         put_out: Annotated[float, Slider(0, 100, 1, "reward for those at a fire that goes out")] = 10.0,
         step_cost: Annotated[float, Slider(0, 1, 0.001, "cost of a step away from fires")] = 0.01,
-        alpha: Annotated[float, Slider(0, 1, 0.01, "weight of a new experience")] = 0.1,
-        gamma: Annotated[float, Slider(0, 0.9999, 0.0001, "weight of the next step's value")] = 0.999,
+        alpha: Annotated[float, Slider(0, 1, 0.01, "learning rate: weight of a new experience")] = 0.1,
+        gamma: Annotated[float, Slider(0, 0.9999, 0.0001, "discount factor: weight of the next step's value")] = 0.999,
         beta: Annotated[float, Slider(0, 0.01, 1e-5, "fraction by which T approaches its final value per step")] = 1e-4,
-        first_temperature: Annotated[float, Slider(0.01, 50, 0.01, "T at the start")] = 5.0,
-        last_temperature: Annotated[float, Slider(0.01, 50, 0.01, "final T")] = 0.1,
+        first_temperature: Annotated[float, Slider(0.01, 50, 0.01, "temperature T of choices at the start")] = 5.0,
+        last_temperature: Annotated[float, Slider(0.01, 50, 0.01, "temperature T to which it falls")] = 0.1,
         round_steps: Annotated[int, Slider(100, 20_000, 100, "maximum steps of a round")] = 6_000,
-        map: Annotated[str, Choice(("openspace_fire",), "the world")] = "openspace_fire",
+        map: Annotated[str, Choice(("openspace_fire",), "walls and obstacles")] = "openspace_fire",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, history_every=0, model_reporters={"robots_at_largest": "robots_at_largest"})

@@ -55,7 +55,7 @@ class Perimeter(SwarmModel):
         tolerance: Annotated[float, Slider(0, 50, 1, "half the width of the ring, map units")] = 4.0,
         sight: Annotated[float, Slider(20, 1000, 10, "range of the infrared sensors, map units")] = 400.0,
         avoid_distance: Annotated[float, Slider(0, 30, 0.5, "distance below which robots turn away, map units")] = 4.0,
-        map: Annotated[str, Choice(("openspace", "sparse", "original"), "the world")] = "openspace",
+        map: Annotated[str, Choice(("openspace", "sparse", "original"), "walls and obstacles")] = "openspace",
         rng: Seed = None,
     ) -> None:
         super().__init__(map=map, rng=rng, model_reporters=held("roundness", "outwards"))

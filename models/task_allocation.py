@@ -105,8 +105,8 @@ class TaskAllocation(SwarmModel):
         demand: Annotated[float, Slider(0, 3, 0.1, "growth of the stimulus per time unit")] = 1.0,
         efficiency: Annotated[float, Slider(0.1, 10, 0.1, "fall of the stimulus if all robots work")] = 3.0,
         quitting: Annotated[float, Slider(0, 1, 0.05, "rate at which robots at work stop")] = 0.2,
-        minor_threshold: Annotated[float, Slider(0.1, 50, 0.1, "threshold of minors")] = 1.0,
-        major_threshold: Annotated[float, Slider(0.1, 50, 0.1, "threshold of majors")] = 8.0,
+        minor_threshold: Annotated[float, Slider(0.1, 50, 0.1, "stimulus at which a minor begins with 50 %")] = 1.0,
+        major_threshold: Annotated[float, Slider(0.1, 50, 0.1, "stimulus at which a major begins with 50 %")] = 8.0,
         rng: Seed = None,
     ) -> None:
         super().__init__(map="openspace", rng=rng, model_reporters={name: name for name in COLLECTED})

@@ -29,6 +29,7 @@ from mesa_swarm.dashboard.experimenting import Experimenting
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
+from mesa_swarm.dashboard.layout import LEFT, PRODUCT, RIGHT, ColumnFold, ScreenButtons, page_title
 from mesa_swarm.dashboard.navigation import Navigation, PageBar, PageLink
 from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.replaying import Replaying
@@ -70,7 +71,7 @@ class Places:
             return True
 
 
-STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "charts", "editing", "experiment", "frame"))
+STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "charts", "editing", "experiment", "frame", "layout"))
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
 MODELS = "models"
 # More tabs: names, and components that are called with the session.
@@ -92,6 +93,7 @@ settings.telemetry.mixpanel_enable = False
 settings.main.mode = "production"
 settings.kernel.cull_timeout = "10m"
 settings.theme.show_banner = False
+settings.theme.title = PRODUCT
 
 
 @solara.component
@@ -104,7 +106,7 @@ def Layout(children: list) -> None:
 def Page() -> None:
     """Show the page, if fewer than the largest number of pages are open."""
     has_place = solara.use_memo(lambda: PLACES.take(solara.kernel_closed_event()), [])
-    solara.Title("mesa_swarm")
+    solara.Title(PRODUCT)
     solara.Style(CSS)
     with rv.Html(tag="main", class_="swarm"):
         if not has_place:
@@ -152,7 +154,8 @@ def Header(navigation: Navigation) -> None:
         shown = rv.Html(tag="b", children=[title(session.name)])
         rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
         traits = {"query": navigation.query, "place": navigation.place, "tours": navigation.address.tour}
-        traits |= {"title": f"{title(session.name)} - mesa_swarm"}
+        solara.Title(page_title(title(session.name), navigation.tab.capitalize(), WATCH.capitalize()))
+        ScreenButtons.element()
         bar = PageBar.element(**traits, on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
         solara.use_effect(lambda: PageLink(solara.get_widget(bar), navigation).close, [])
 
@@ -162,11 +165,13 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
     """Show the controls on the left, the world in the middle, and readings on the right."""
     with solara.Div(classes=["swarm-watch", "swarm-beside"]):
         Linked(ControlPanel, Panel, session)
+        ColumnFold.element(side=LEFT, label="Settings", folded_below=True)
         with solara.Div(classes=["swarm-middle"]):
             with solara.Div(classes=["swarm-unseen"]):  # its tools are put upon the canvas
                 Linked(Editor, Editing, session)
             Trouble(session, faults).key(f"trouble {faults}")
             PlayerView(session, session.reset, {**ON_A_PAGE, "remember": WATCH})
+        ColumnFold.element(side=RIGHT, label="Robot, charts, export")
         with solara.Div(classes=["swarm-side"]):
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)

@@ -27,6 +27,7 @@ from mesa_swarm.dashboard.controls import (
     value_text,
     with_faults,
 )
+from mesa_swarm.dashboard.layout import LEFT, ColumnFold
 from mesa_swarm.dashboard.pair import NAMES, Pair, Side
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Link, Linked, TroubleCard
@@ -287,6 +288,7 @@ def Compare(session: Session) -> None:
         with solara.Div(classes=["swarm-set"]):
             Linked(ControlPanel, ComparePanel, comparing)
             Start(comparing, lambda: choose_below(OVER_SEEDS))
+        ColumnFold.element(side=LEFT, label="Settings")
         with solara.Div(classes=["swarm-middle", "swarm-pair"]):
             Trouble(comparing)
             with solara.Div(classes=["swarm-clock"]):
@@ -401,7 +403,10 @@ def Found(report: Report) -> None:
     with solara.Div(classes=["swarm-found"]):
         with solara.Div(classes=["swarm-results"]):
             rv.Html(tag="p", class_="swarm-finding", attributes={"role": "status"}, children=[report.finding])
-            solara.HTML(classes=["swarm-scroll"], unsafe_innerHTML=table_html(report.title, report.table))
+            about = {"role": "group", "aria-label": "Table of results", "tabindex": "0"}
+            solara.HTML(
+                classes=["swarm-scroll"], unsafe_innerHTML=table_html(report.title, report.table), attributes=about
+            )
             rv.Html(tag="p", class_="swarm-hint", children=[" ".join(report.notes)])
             solara.FileDownload(report.runs, filename="runs.csv", label="All runs as CSV", mime_type="text/csv")
         Image(report.picture, "Every run, and the differences on the same seed", "swarm-pairs")
@@ -410,9 +415,14 @@ def Found(report: Report) -> None:
 def table_html(title: str, table: list[list[str]]) -> str:
     """Return a table as HTML; the cells are text."""
     header, *lines = table
-    head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
+    head = "".join(_heading("col", cell) for cell in header)
     body = "".join(
-        f'<tr><th scope="row">{escape(first)}</th>' + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
+        f"<tr>{_heading('row', first)}" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>"
         for first, *cells in lines
     )
     return f"<table><caption>{escape(title)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _heading(scope: str, cell: str) -> str:
+    """Return the heading of a row or a column; an empty one is a plain cell, since it heads nothing."""
+    return f'<th scope="{scope}">{escape(cell)}</th>' if cell else "<td></td>"

@@ -45,6 +45,8 @@ class ExportForm {
     parts.busy = make("div", { class: "swarm-busy", hidden: true }, parts.doing, parts.bar, parts.cancel);
     parts.message = make("p", { class: "swarm-hint", role: "status" });
     parts.fault = make("p", { class: "swarm-fault", role: "alert" });
+    root.setAttribute("role", "region");
+    root.setAttribute("aria-label", "Export");
     root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Export"), parts.record), parts.recorded,
       make("div", { class: "swarm-options" }, parts.kind, parts.source, parts.every, parts.sectorsLabel, parts.trailsLabel, parts.start),
       parts.busy, parts.message, parts.fault);
@@ -81,9 +83,10 @@ class ExportForm {
     parts.doing.textContent = status.doing;
     if (status.progress === null) parts.bar.removeAttribute("value");
     else parts.bar.value = status.progress;
-    parts.message.textContent = status.message;
+    // Text that is set anew would be read out again.
+    if (parts.message.textContent !== status.message) parts.message.textContent = status.message;
     parts.message.hidden = !status.message;
-    parts.fault.textContent = status.fault;
+    if (parts.fault.textContent !== status.fault) parts.fault.textContent = status.fault;
     parts.fault.hidden = !status.fault;
     if (this.#requested && !busy && (status.fault || status.message)) {
       this.#requested = false;

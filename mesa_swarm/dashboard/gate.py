@@ -56,6 +56,12 @@ input,button{font:inherit;padding:.4em .8em}</style>
 <h1>mesa_swarm</h1><p>This dashboard requires a token. It was printed in the terminal that started the dashboard.</p>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
 MALFORMED = "This request is malformed."
+HTML = b"text/html"
+# What Solara's page lacks: its language, which screen readers need, and leave to be enlarged by two fingers.
+COMPLETED = (
+    (re.compile(rb"<html>"), b'<html lang="en">'),
+    (re.compile(rb'(?<=<meta name="viewport" content=")[^"]*'), b"width=device-width, initial-scale=1"),
+)
 
 
 class Gate:
@@ -103,6 +109,9 @@ class Gate:
             await _send_fonts(send, lean_fonts(self._path(scope["path"].removeprefix(ASSETS))))
             return
         headers = [(name, value) for name, value in scope["headers"] if not PROXY.fullmatch(name.lower())]
+        if _asks_for_page(scope):  # which comes as it is written, since it is completed
+            headers = [(name, value) for name, value in headers if name.lower() != b"accept-encoding"]
+            send = _completely(send)
         await self.app({**scope, "headers": headers}, _sound(receive), send)
 
     def _has(self, name: str) -> bool:
@@ -196,6 +205,48 @@ def _safely(send: Send) -> Send:
         await send(message)
 
     return send_safely
+
+
+def _asks_for_page(scope: Scope) -> bool:
+    return scope["type"] == "http" and any(
+        name.lower() == b"accept" and HTML in value for name, value in scope["headers"]
+    )
+
+
+def _completely(send: Send) -> Send:
+    """Return `send` that completes pages."""
+    begun: list[Scope] = []
+    parts: list[bytes] = []
+
+    async def send_completely(message: Scope) -> None:
+        if message["type"] == ANSWERS[0] and _is_page(message):
+            begun.append(message)
+        elif begun and message["type"] == "http.response.body":
+            parts.append(message.get("body", b""))
+            if not message.get("more_body"):
+                page = completed(b"".join(parts))
+                await send({**begun[0], "headers": _with_length(begun[0]["headers"], len(page))})
+                await send({**message, "body": page})
+        else:
+            await send(message)
+
+    return send_completely
+
+
+def _is_page(message: Scope) -> bool:
+    headers = dict(message.get("headers", []))
+    return headers.get(b"content-type", b"").startswith(HTML) and b"content-encoding" not in headers
+
+
+def _with_length(headers: list[tuple[bytes, bytes]], length: int) -> list[tuple[bytes, bytes]]:
+    return [(name, b"%d" % length if name == b"content-length" else value) for name, value in headers]
+
+
+def completed(page: bytes) -> bytes:
+    """Return Solara's page with its language, and with a viewport that can be enlarged."""
+    for pattern, text in COMPLETED:
+        page = pattern.sub(text, page, count=1)
+    return page
 
 
 def _sound(receive: Receive) -> Receive:

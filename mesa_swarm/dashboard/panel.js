@@ -3,6 +3,8 @@
 
 // A slider that is dragged sends its place again after this, also where Python has not answered, ms.
 const LONGEST_ANSWER = 120;
+// How many fields were built, so that each has names of its own on the page.
+let built = 0;
 
 class PanelView {
   #model; #root; #fields = new Map(); #notes = null; #leave = []; #places = new Map(); #answer = 0;
@@ -49,7 +51,7 @@ class PanelView {
     this.#notes = null;
     const groups = this.#model.get("groups").map((group, k) => {
       const shown = fresh ? k < 3 : open.has(group.title);
-      const details = make("details", { open: shown, "data-title": group.title }, make("summary", {}, group.title));
+      const details = make("details", { open: shown, "data-title": group.title, "aria-label": group.title }, make("summary", {}, group.title));
       details.append(...group.fields.map((field) => this.#field(field)));
       if (group.notes) details.append((this.#notes = make("ul", { class: "swarm-notes", "aria-live": "polite" })));
       return details;
@@ -67,7 +69,7 @@ class PanelView {
     random.title = "Choose a random seed, and reset";
     const row = make("div", { class: "swarm-row" }, seed, random);
     const field = this.#frame({ name: "seed", label: "seed", help: "the same seed gives the same run" }, row, seed);
-    return make("div", { class: "swarm-run" }, field);
+    return make("div", { class: "swarm-run", role: "group", "aria-label": "Run" }, field);
   }
 
   #field(field) {
@@ -75,7 +77,7 @@ class PanelView {
     if (field.kind === "text") return this.#typed(field);
     if (field.kind === "ticks") return this.#ticks(field);
     if (field.kind === "span") return this.#span(field);
-    const id = `swarm-${field.name}`;
+    const id = `swarm-${field.name}-${built}`;
     const send = () => this.#sendPlace(field.name, Number(slider.value));
     const slider = make("input", { type: "range", min: field.low, max: field.high, step: 1, "aria-label": field.label, id, input: send });
     const text = field.designed ? make("output", { class: "swarm-value", for: id }) : this.#text(field.name, field.label);
@@ -148,11 +150,15 @@ class PanelView {
   }
 
   #frame({ name, label, help, live }, row, text, slider) {
-    const mark = make("em", { class: "swarm-mark" }), fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
-    const note = make("small", {}, help ?? "");
-    const head = make("div", { class: "swarm-label" }, make("span", {}, label), mark);
+    const place = `swarm-field-${built++}`, mark = make("em", { class: "swarm-mark" });
+    const fault = make("p", { class: "swarm-fault", role: "alert", hidden: true, id: `${place}-fault` });
+    const note = make("small", { id: `${place}-help`, hidden: !help || help === label }, help ?? "");
+    const controls = [slider, text].filter((one) => one?.matches("input, select"));
+    controls[0].id ||= place;
+    if (!note.hidden) for (const one of controls) one.setAttribute("aria-describedby", note.id);
+    const head = make("div", { class: "swarm-label" }, make("label", { for: controls[0].id }, label), mark);
     const frame = make("div", { class: "swarm-field", "data-name": name }, head, row, note, fault);
-    this.#fields.set(name, { frame, text, slider, mark, fault, live });
+    this.#fields.set(name, { frame, text, slider, mark, fault, live, note, controls });
     return frame;
   }
 
@@ -177,10 +183,18 @@ class PanelView {
     return document.activeElement === text && (fault !== "" || text.dataset.typing === "yes");
   }
 
-  #fault({ fault, frame }, text) {
-    fault.textContent = text;
+  /** Show what is wrong with a field, and describe its controls by it. */
+  #fault({ fault, frame, note, controls }, text) {
+    if (fault.textContent !== text) fault.textContent = text; // else it would be read out again
     fault.hidden = !text;
     frame.classList.toggle("swarm-wrong", Boolean(text));
+    const described = [text && fault.id, !note.hidden && note.id].filter(Boolean).join(" ");
+    for (const one of controls) {
+      if (described) one.setAttribute("aria-describedby", described);
+      if (text) one.setAttribute("aria-invalid", "true"), one.setAttribute("aria-errormessage", fault.id);
+      else one.removeAttribute("aria-invalid"), one.removeAttribute("aria-errormessage");
+      if (!described) one.removeAttribute("aria-describedby");
+    }
   }
 
   #showNotes() {

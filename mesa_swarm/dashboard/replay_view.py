@@ -11,6 +11,7 @@ from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.controls import ControlPanel, field_of, label_of, value_at, value_of, value_text
 from mesa_swarm.dashboard.gallery_view import title
 from mesa_swarm.dashboard.inspector import Inspector, ReplayInspecting
+from mesa_swarm.dashboard.layout import LEFT, RIGHT, ColumnFold
 from mesa_swarm.dashboard.replaying import MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, FilePicker, Link, Linked, TroubleCard
@@ -92,6 +93,7 @@ def Replay(session: Session) -> None:
     with solara.Div(classes=["swarm-watch", "swarm-beside"] if player else ["swarm-watch"]):
         with solara.Div(classes=["swarm-set"]):
             Recordings(replaying)
+        ColumnFold.element(side=LEFT, label="Recordings", folded_below=True)
         with solara.Div(classes=["swarm-middle"]):
             for text in replaying.notes:
                 rv.Html(tag="p", class_="swarm-hint", children=[text])
@@ -101,6 +103,7 @@ def Replay(session: Session) -> None:
             else:
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
         if player:
+            ColumnFold.element(side=RIGHT, label="Events, branch").key(f"fold {id(player)}")
             with solara.Div(classes=["swarm-side"]):
                 Linked(Inspector, ReplayInspecting, player).key(f"inspector {id(player)}")
                 with solara.Div():

@@ -439,7 +439,8 @@ class Player {
   showEvent() {
     const rows = this.events.map((event) => this.rowOf(event.step)), now = rows.findLastIndex((row) => row <= this.row);
     document.querySelectorAll("#events button").forEach((button, index) => {
-      button.toggleAttribute("aria-current", index === now);
+      if (index === now) button.setAttribute("aria-current", "true");
+      else button.removeAttribute("aria-current");
     });
   }
 
@@ -528,8 +529,11 @@ class Player {
       farther: () => this.stage.zoom(1 / 1.5),
       theme: () => this.setTheme(this.theme === "dark" ? "light" : "dark"),
       follow: () => this.stage.follow(this.stage.followed === this.stage.selected ? null : this.stage.selected),
+      full: () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()),
+      fold: () => find("fold").setAttribute("aria-expanded", String(find("fold").getAttribute("aria-expanded") !== "true")),
     };
     for (const [id, act] of Object.entries(actions)) find(id).addEventListener("click", act);
+    find("full").hidden = !document.fullscreenEnabled;
     find("scrub").addEventListener("input", (event) => this.goTo(Number(event.target.value)));
     find("speed").addEventListener("input", (event) => this.setSpeed(Number(event.target.value)));
     // After a click the keys are the player's again; with the keyboard the focus stays on the button.

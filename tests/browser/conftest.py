@@ -1,5 +1,5 @@
 """The browser, and the dashboard that it visits."""
 
-from support.browsers import chromium, server, shots, visit, visitor
+from support.browsers import chromium, recorded_fires, server, shots, visit, visitor
 
-__all__ = ["chromium", "server", "shots", "visit", "visitor"]
+__all__ = ["chromium", "recorded_fires", "server", "shots", "visit", "visitor"]

@@ -2,7 +2,6 @@
 
 import pytest
 
-from mesa_swarm.models.fire_fighting import FireFighting
 from support.visits import resize
 
 pytestmark = pytest.mark.slow
@@ -36,15 +35,6 @@ WINDOWS = {(1366, 768): (600, 380), (1024, 768): (600, 400), (911, 512): (340, 3
 WINDOWS |= {(683, 384): (260, 240), (400, 700): (280, 120)}
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recordings") / "fires.arrow"
-    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
-    with model.record(path):
-        model.run(60)
-    return path
-
-
 @pytest.fixture
 def watched(visit):
     """A page on which a robot is looked at that sees something."""
@@ -55,11 +45,11 @@ def watched(visit):
     return visitor
 
 
-def open_tab(visitor, tab: str, recording) -> None:
+def open_tab(visitor, tab: str, recorded_fires) -> None:
     """Show a page with all that it has."""
     visitor.press(tab)
     if tab == "Replay":
-        visitor.page.set_input_files(".swarm-set input[type=file]", recording)
+        visitor.page.set_input_files(".swarm-set input[type=file]", recorded_fires)
         visitor.page.wait_for_selector(".swarm-events button")
     if tab == "Watch":
         for selector in (".swarm-chart[data-points='50']", ".swarm-diagram text"):
@@ -73,9 +63,9 @@ def open_tab(visitor, tab: str, recording) -> None:
 
 
 @pytest.mark.parametrize("tab", ["Watch", "Compare", "Replay"])
-def test_the_world_is_large_in_a_window_of_any_size(watched, recording, tab, shots):
+def test_the_world_is_large_in_a_window_of_any_size(watched, recorded_fires, tab, shots):
     page = watched.page
-    open_tab(watched, tab, recording)
+    open_tab(watched, tab, recorded_fires)
     for (width, height), least in WINDOWS.items():
         resize(page, width, height)
         page.screenshot(path=shots / f"size_{tab}_{width}.png", full_page=True)
@@ -101,10 +91,10 @@ def test_three_columns_stand_beside_each_other_on_a_laptop_and_two_or_one_where_
     assert page.locator(".swarm-header").bounding_box()["y"] == 0, "the tabs stay in sight"
 
 
-def test_on_a_projector_all_text_is_a_quarter_larger(watched, recording, shots):
+def test_on_a_projector_all_text_is_a_quarter_larger(watched, recorded_fires, shots):
     page = watched.page
     for tab in ("Compare", "Replay", "Models", "Watch"):
-        watched.press(tab) if tab == "Models" else open_tab(watched, tab, recording)
+        watched.press(tab) if tab == "Models" else open_tab(watched, tab, recorded_fires)
         for size, least in (((1366, 768), 11), ((1920, 1080), 13.5)):
             resize(page, *size)
             page.screenshot(path=shots / f"text_{tab}_{size[0]}.png")

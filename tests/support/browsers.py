@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from mesa_swarm.models.fire_fighting import FireFighting
 from support.visits import CHROMIUM, FLAGS, HOST, LAUNCH, Visit, answers, free_port
 from support.waiting import wait_until
 
@@ -43,7 +44,7 @@ def visit(server, chromium):
     opened = []
 
     def open_page(query: str = "", **looks) -> Visit:
-        context = chromium.new_context(viewport={"width": 1366, "height": 768}, **looks)
+        context = chromium.new_context(**({"viewport": {"width": 1366, "height": 768}} | looks))
         opened.append(Visit(context, server[1] + query))
         return opened[-1]
 
@@ -52,6 +53,16 @@ def visit(server, chromium):
         one.context.close()
         assert one.complaints == []
         assert {urlsplit(url).hostname for url in one.asked} <= {HOST}
+
+
+@pytest.fixture(scope="session")
+def recorded_fires(tmp_path_factory):
+    """A recording of 60 steps in which a fire goes out."""
+    path = tmp_path_factory.mktemp("recordings") / "fires.arrow"
+    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
+    with model.record(path):
+        model.run(60)
+    return path
 
 
 @pytest.fixture

@@ -1,0 +1,105 @@
+"""Every page against axe-core's rules of accessibility, light and dark, on a telephone, a laptop and a projector."""
+
+import pytest
+
+from mesa_swarm.recording import Recording
+from mesa_swarm.viewing.replay_page import replay_page
+from support.axe import axe_findings
+from support.visits import blank_page, resize
+
+LINK = "?model=fire_fighting&seed=1&step=50"
+SIZES = ((390, 844), (1366, 768), (1920, 1080))
+THEMES = ("light", "dark")
+
+
+def findings(page) -> list[tuple]:
+    """Return what axe finds in windows of all sizes."""
+    found = []
+    for size in SIZES:
+        resize(page, *size)
+        found += [(size, one) for one in axe_findings(page)]
+    return found
+
+
+def test_the_first_page_breaks_no_rule(visit):
+    visitor = visit(LINK)
+    visitor.wait_for_step(50)
+    visitor.press("Next robot")
+    visitor.page.wait_for_selector(".swarm-diagram text")
+    assert axe_findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
+def test_watch_with_a_robot_a_fault_and_an_error_breaks_no_rule(visit, theme):
+    visitor = visit(LINK, color_scheme=theme)
+    visitor.wait_for_step(50)
+    visitor.press("Next robot")
+    visitor.page.wait_for_selector(".swarm-diagram text")
+    assert findings(visitor.page) == []
+    visitor.field("n_robots").locator("input[type=text]").fill("many")
+    visitor.field("n_robots").locator("input[type=text]").press("Enter")
+    visitor.page.wait_for_selector(".swarm-field .swarm-fault:not([hidden])")
+    assert findings(visitor.page) == []
+    stopped = visit("?model=fire_fighting&robots=many", color_scheme=theme)
+    stopped.page.wait_for_selector(".swarm-trouble")
+    assert findings(stopped.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
+def test_models_break_no_rule(visit, theme):
+    visitor = visit(LINK, color_scheme=theme)
+    visitor.press("Models")
+    visitor.page.wait_for_selector(".swarm-card")
+    assert findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
+def test_compare_with_its_results_breaks_no_rule(visit, theme):
+    visitor = visit("?model=collision_avoidance", color_scheme=theme)
+    visitor.press("Compare")
+    visitor.page.wait_for_selector("img.swarm-curves")
+    assert findings(visitor.page) == []
+    for name, value in (("steps", "20"), ("seeds", "5")):
+        field = visitor.field(name).locator("input[type=text]")
+        field.fill(value)
+        field.press("Enter")
+    visitor.press("Compare over 5 seeds")
+    visitor.page.wait_for_selector("img.swarm-pairs")
+    assert findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
+def test_replay_of_a_recording_breaks_no_rule(visit, recorded_fires, theme):
+    visitor = visit(LINK, color_scheme=theme)
+    visitor.press("Replay")
+    visitor.page.wait_for_selector(".swarm-set input[type=file]", state="attached")
+    assert findings(visitor.page) == []
+    visitor.page.set_input_files(".swarm-set input[type=file]", recorded_fires)
+    visitor.page.wait_for_selector(".swarm-events button")
+    visitor.wait("player.drawn")
+    assert findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
+def test_a_page_that_replays_breaks_no_rule(chromium, recorded_fires, tmp_path, theme):
+    path = tmp_path / "page.html"
+    path.write_text(replay_page(Recording(recorded_fires)), encoding="utf-8")
+    page = blank_page(chromium, color_scheme=theme)
+    page.goto(path.as_uri())
+    page.wait_for_selector("html[data-ready]")
+    page.evaluate("mesaSwarmReplay.stage.select(mesaSwarmReplay.stage.frame.ids[0]); mesaSwarmReplay.report(true)")
+    assert findings(page) == []
+    page.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("button", ["Projector", "Full screen"])
+def test_a_projectors_page_and_the_world_alone_break_no_rule(visit, button):
+    visitor = visit(LINK)
+    visitor.press(button)
+    assert findings(visitor.page) == []
