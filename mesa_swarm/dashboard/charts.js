@@ -314,7 +314,7 @@ class ChartView {
     parts.note = make("p", { class: "swarm-hint", hidden: true });
     const downloads = ["png", "csv"].map((one) => button(one.toUpperCase(), `Download ${title} as ${one.toUpperCase()}`, one));
     const head = make("figcaption", {}, make("span", {}, title), ...parts.logs.map(([, one]) => one), ...downloads, button("\u2715", `Remove ${title}`, "remove"));
-    this.element = make("figure", { class: "swarm-chart", "data-kind": kind }, head, make("div", { class: "swarm-plot" }, parts.canvas, parts.readout), parts.key, parts.note);
+    this.element = make("figure", { class: "swarm-chart", "data-kind": kind }, head, make("div", { class: "swarm-chart-area" }, parts.canvas, parts.readout), parts.key, parts.note);
     this.kind = kind;
     this.title = title;
     this.settle(log);
