@@ -74,6 +74,9 @@ def EventList(session: Session) -> None:
                 text = event_text(name, robot, value)
                 stored = first_step <= step <= last_step
                 Button(f"step {step:,}", partial(go_to, session, step), more=text, enabled=stored).key(f"{place}")
+        if last[-1][0] < first_step:
+            text = f"Steps {first_step:,} to {last_step:,} are in memory."
+            rv.Html(tag="p", class_="swarm-hint", children=[text])
 
 
 def event_text(name: str, robot: int, value: float) -> str:

@@ -190,10 +190,9 @@ class Series(ChartTable, Observer):
         later = model.completed - step
         if later:
             watched = model.watched
-            after = [] if watched is None else watched.steps[watched.steps > step].tolist()
-            if watched is None or len(after) != later or "collided" not in watched.columns:
+            if watched is None or "collided" not in watched.columns or np.sum(watched.steps > step) != later:
                 return None
-            return counts[number] - np.sum([watched.at(one)["collided"] for one in after], axis=0, dtype=np.int64)
+            return counts[number] - watched["collided"][-later:].sum(axis=0)
         return counts[number]
 
     def _count_collisions(self, model: SwarmModel) -> None:
