@@ -164,11 +164,17 @@ class PlayerView {
     this.#leave.push(() => this.#model.off("change:selected", choose));
     const where = keys === "page" ? window : this.#root;
     if (keys) where.addEventListener("keydown", press);
+    if (keys === "own") requestAnimationFrame(() => this.#takeKeys());
     this.#leave.push(() => where.removeEventListener("keydown", press));
     this.#leave.push(watchTheme(this.#root, () => this.#retheme()));
     const close = (event) => this.#parts.menu.contains(event.target) || (this.#parts.menu.open = false);
     document.addEventListener("pointerdown", close);
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
+  }
+
+  /** Have JupyterLab leave all keys to the output that has the focus: otherwise R makes its cell raw, and arrows leave it. */
+  #takeKeys() {
+    (this.#root.closest(".swarm-notebook") ?? this.#root).dataset.lmSuppressShortcuts = "true";
   }
 
   #retheme() {
