@@ -78,7 +78,7 @@ class LastPicture:
 
     def _state(self) -> tuple:
         model = self.player.model
-        return id(model), None if model is None else model.completed
+        return id(model), "" if model is None else model.state_hash()
 
     def _postpone(self) -> None:
         if self._due is not None:

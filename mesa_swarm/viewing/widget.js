@@ -225,6 +225,7 @@ class PlayerView {
     this.#on(window, "pointerdown", () => (this.#pointed = true), true);
     this.#on(window, "keydown", ({ key }) => (this.#pointed &&= key !== "Tab"), true);
     this.#on(document, "visibilitychange", () => this.#watch());
+    if (keys === "own") requestAnimationFrame(() => this.#takeKeys());
     this.#leave.push(watchTheme(this.#root, () => this.#retheme()));
     const close = (event) => this.#parts.menu.contains(event.target) || (this.#parts.menu.open = false);
     document.addEventListener("pointerdown", close);
@@ -268,6 +269,11 @@ class PlayerView {
   #restored() {
     const found = this.#stores ? stored.get("sessionStorage", this.#stores) : null;
     return String(found?.bounds) === String(this.#world.bounds) ? found : null;
+  }
+
+  /** Have JupyterLab leave all keys to the output that has the focus: otherwise R makes its cell raw, and arrows leave it. */
+  #takeKeys() {
+    (this.#root.closest(".swarm-notebook") ?? this.#root).dataset.lmSuppressShortcuts = "true";
   }
 
   #retheme() {

@@ -109,6 +109,14 @@ def test_a_robot_that_is_chosen_in_one_view_is_chosen_in_all(notebook):
     )
 
 
+def test_keys_pressed_in_an_output_are_the_players_and_not_those_of_the_notebook(notebook):
+    view = notebook.open_view()
+    notebook.wait(view, "player.rest === 'true' && player.lmSuppressShortcuts === 'true'")
+    view.locator("canvas").focus()
+    notebook.page.keyboard.press("ArrowRight")
+    notebook.wait(view, "player.step === '1' && player.rest === 'true'")
+
+
 def test_a_kernel_that_is_gone_is_stated_over_the_picture_and_no_button_works(notebook, shots):
     view = notebook.open_view()
     notebook.wait(view, "player.rest === 'true'")

@@ -1,7 +1,12 @@
 """A model with panels in one output of a notebook, driven without a browser."""
 
+from base64 import b64encode
+
 import numpy as np
 import pytest
+from ipywidgets.embed import embed_data
+from nbconvert import HTMLExporter
+from nbformat import v4
 
 from mesa_swarm import AGENT9, Map, SwarmModel, show
 from mesa_swarm.control import Avoid, Explore, Subsumption
@@ -170,3 +175,20 @@ def test_rules_of_the_page_are_written_once_and_hold_in_a_notebook_too():
     assert in_notebooks(page) in NotebookCanvas._css
     assert NotebookCanvas._css.count("{") == NotebookCanvas._css.count("}")
     assert ".swarm-panel" not in SwarmCanvas._css
+
+
+@pytest.mark.parametrize("panels", [{}, {"charts": True, "controls": True, "inspector": True}])
+@pytest.mark.parametrize("has_state", [False, True])
+def test_an_exported_notebook_has_the_picture_with_and_without_the_state_of_its_widgets(panels, has_state):
+    view = made().show(**panels)
+    found = view._repr_mimebundle_()
+    bundle = found[0] if isinstance(found, tuple) else found
+    written = {**bundle, "image/png": b64encode(bundle["image/png"]).decode()}
+    cell = v4.new_code_cell("view", outputs=[v4.new_output("display_data", data=written)])
+    notebook = v4.new_notebook(cells=[cell])
+    if has_state:
+        state = embed_data([view], drop_defaults=False)["manager_state"]
+        notebook.metadata["widgets"] = {"application/vnd.jupyter.widget-state+json": state}
+    page, _ = HTMLExporter().from_notebook_node(notebook)
+    assert ("vnd.jupyter.widget-view+json" in page) == has_state
+    assert f"data:image/png;base64,{written['image/png'][:5000]}" in page.replace("\\/", "/")
