@@ -77,6 +77,11 @@ class Navigation:
         return f"{self.session.name} {self.tab}"
 
     @property
+    def tours(self) -> bool:
+        """Whether a first visit begins with the tour: not one by a link to a step or to another tab."""
+        return self.address.tour and not self.address.steps and self.address.tab == WATCH
+
+    @property
     def tab_changes(self) -> Listeners:
         """Notified when the words of the present tab change."""
         state = self._state_of(self.tab)

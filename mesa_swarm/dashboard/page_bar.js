@@ -202,7 +202,10 @@ class Tour {
       parts.text, make("div", {}, parts.count, parts.back, parts.next, plainButton("End", () => this.close())));
     this.parts = parts;
     root.append(this.#card);
-    this.#listener = (event) => event.key === "Escape" && this.close();
+    this.#listener = (event) => {
+      if (event.key === "Escape") this.close();
+      else if (event.key === "Enter" && event.target === this.#card) this.#go(1);
+    };
     document.addEventListener("keydown", this.#listener);
     this.#show();
     this.#card.focus({ preventScroll: true });

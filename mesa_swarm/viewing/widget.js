@@ -60,6 +60,7 @@ const STORED = "The last picture, without a kernel: run the cell to play";
 
 /** Whether what has the focus makes use of a key itself; what was pressed by a pointer leaves the space bar to the player. */
 function isTaken(key, target, pointed) {
+  if (target.closest("dialog")) return true;
   if (target.closest(SLIDER)) return SLIDES.test(key);
   if (target.closest(PRESSED)) return key === " " && !pointed;
   return Boolean(target.closest(TYPED_IN));

@@ -43,9 +43,9 @@ def visit(server, chromium):
     """Open pages of the dashboard; when the test ends, none may have complained or asked the outside."""
     opened = []
 
-    def open_page(query: str = "", **looks) -> Visit:
+    def open_page(query: str = "", *, plays: bool = False, **looks) -> Visit:
         context = chromium.new_context(**({"viewport": {"width": 1366, "height": 768}} | looks))
-        opened.append(Visit(context, server[1] + query))
+        opened.append(Visit(context, server[1] + query, plays=plays))
         return opened[-1]
 
     yield open_page

@@ -68,10 +68,15 @@ def add_chart(page, kind: str, what: str, against: str = "") -> None:
     page.get_by_role("button", name="Add", exact=True).click()
 
 
-class Visit:
-    """One user's page."""
+def quiet(address: str) -> str:
+    """Return an address whose page is at rest and shows no tour when it opens."""
+    return f"{address}{'&' if '?' in address else '?'}play=no&tour=no"
 
-    def __init__(self, context, address: str) -> None:
+
+class Visit:
+    """One user's page; it is at rest when it opens, unless `plays`."""
+
+    def __init__(self, context, address: str, *, plays: bool = False) -> None:
         self.context, self.page = context, blank_page(context)
         self.asked: list[str] = []
         self.complaints: list[str] = []
@@ -80,7 +85,7 @@ class Visit:
         page.on("websocket", lambda connection: self._note(connection.url))
         page.on("console", lambda message: message.type == "error" and self.complaints.append(message.text))
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.goto(address + ("&" if "?" in address else "?") + "play=no&tour=no")
+        page.goto(address if plays else quiet(address))
         page.wait_for_selector(".swarm-player[data-drawn]")
 
     def _note(self, url: str) -> None:
