@@ -182,6 +182,7 @@ class Places:
 
 
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
+CSS += text_of("dashboard/gallery.css")
 WATCH, MODELS = "Watch", "Models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
