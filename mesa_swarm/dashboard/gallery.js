@@ -14,6 +14,10 @@ function moving(address) {
   return loaded.get(address);
 }
 
+function svg(text) {
+  return document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
+}
+
 function node(tag, text, attributes = {}) {
   const one = document.createElement(tag);
   one.textContent = text;
@@ -27,7 +31,7 @@ function animated(card, picture, address) {
     if (!moves) {
       const text = await moving(address);
       if (!text || moves || !wanted() || !picture.isConnected) return;
-      picture.innerHTML = text;
+      picture.replaceChildren(svg(text));
       moves = true;
     }
     picture.firstElementChild.unpauseAnimations();
@@ -57,7 +61,7 @@ export default {
     for (const { name, title, about, still, moving } of model.get("cards")) {
       const card = node("button", "", { type: "button", class: "swarm-card", "data-name": name });
       const picture = node("div", "", { class: "swarm-picture", "aria-hidden": "true" });
-      if (still) picture.innerHTML = still;
+      if (still) picture.append(svg(still));
       else picture.append(node("b", title.slice(0, 1)));
       const words = node("div", "", { class: "swarm-about" });
       words.append(node("strong", title), node("span", about));
@@ -74,7 +78,7 @@ export default {
     const complete = () => {
       for (const [name, text] of Object.entries(model.get("drawn"))) {
         const picture = pictures.get(name);
-        if (text && picture && !picture.querySelector("svg")) picture.innerHTML = text;
+        if (text && picture && !picture.querySelector("svg")) picture.replaceChildren(svg(text));
       }
     };
     complete();

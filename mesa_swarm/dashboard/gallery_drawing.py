@@ -26,7 +26,17 @@ from mesa_swarm.world.shapes import Shape
 
 HALF_DISC = "M%.5g %.5gA%.5g %.5g 0 0 1 %.5g %.5gZ"
 STROKE = "M%.5g %.5gL%.5g %.5g"
-LINE = 'stroke-width="1" vector-effect="non-scaling-stroke"'
+LINE = 'stroke-width="0.6" vector-effect="non-scaling-stroke"'
+# Width of trails as a share of the width of a picture.
+TRAIL_WIDTH = 0.005
+# Fill and stroke of the parts of a robot. One that is drawn once and used many times is out of reach of style sheets
+# that name what is around it, but custom properties are inherited.
+PARTS = {
+    "rear": ("robot", "robot"),
+    "hot": ("robot_hot", "robot_hot"),
+    "front": ("robot_front", "robot"),
+    "heading": ("", "robot_outline"),
+}
 # Share of the time at the end of a moving drawing in which all that moves fades, since it then begins again.
 FADING = 0.06
 # Decimals of places in a moving drawing whose window is wider than 100 map units.
@@ -129,10 +139,16 @@ def _path(name: str, outline: str, look: str) -> str:
     return f'<path class="{name}" {look} d="{outline}"/>' if outline else ""
 
 
-def _trail(line: np.ndarray, dash: str, slides: str = "") -> str:
-    points = " ".join(number_row(point, DIGITS) for point in line.tolist())
-    look = f'stroke="{LIGHT.trail}" stroke-width="1.5" stroke-linejoin="round" vector-effect="non-scaling-stroke"'
-    return f'<polyline class="trail" {look} {dash} points="{points}">{slides}</polyline>'
+def _inheriting(robot: str) -> str:
+    """Return a robot in the colours of the custom properties where it is used."""
+    for part, colours in PARTS.items():
+        fill, stroke = (f"var({_property(name)}, {getattr(LIGHT, name)})" if name else "none" for name in colours)
+        robot = robot.replace(f'class="{part}"', f'class="{part}" style="fill: {fill}; stroke: {stroke}"')
+    return robot
+
+
+def _property(name: str) -> str:
+    return f"--swarm-{name.replace('_', '-')}"
 
 
 def last_part(line: np.ndarray, length: float) -> np.ndarray:
@@ -183,9 +199,9 @@ def sight_of(model: SwarmModel, marked: str = "hot") -> Sight:
     return Sight(frame=frame_of(model, tuple(dict.fromkeys((*PICTURED, marked)))), scene=scene_of(model))
 
 
-def drawn(model: SwarmModel, larger: float = 1.0) -> str:
+def drawn(model: SwarmModel, larger: float = 1.0, name: str = "own") -> str:
     """Return a drawing of the whole map of a model, its robots so much larger than to scale."""
-    return WorldDrawing([sight_of(model)], larger=larger).still()
+    return WorldDrawing([sight_of(model)], larger=larger, name=name).still()
 
 
 class WorldDrawing:
@@ -231,7 +247,7 @@ class WorldDrawing:
         loads = [(number, scene.forms[number].shape_at(tuple(pose))) for number, *pose in first["loads"].tolist()]
         layers = [
             *self._behind(),
-            "".join(_trail(line, 'fill="none"') for line in self._lines_at_first()),
+            "".join(self._drawn_trail(line, "") for line in self._lines_at_first()),
             draw_loads([shape for number, shape in loads if number not in scene.small], self._corner),
             draw_fires(
                 np.column_stack([fires["x"], fires["y"]]) - self._corner,
@@ -313,7 +329,7 @@ class WorldDrawing:
         for place, radius in enumerate(self._all_radii):
             for kind, marked in (("", False), ("hot", True)):
                 robot = draw_robots(origin, ahead, np.array([radius]), np.array([marked]))
-                yield f'<g id="{self._name}-body{place}{kind}">{robot}</g>'
+                yield f'<g id="{self._name}-body{place}{kind}">{_inheriting(robot)}</g>'
 
     def _lines(self) -> Iterator[np.ndarray]:
         """Yield the places (k, 2) of each robot that was there from the first to the last step."""
@@ -322,6 +338,12 @@ class WorldDrawing:
             for track in tracks((frame.robots, frame["position"] - self._corner) for frame in frames):
                 if track.present.all() and self._in_window(track.values, self._trail).any():
                     yield track.values
+
+    def _drawn_trail(self, line: np.ndarray, dash: str, slides: str = "") -> str:
+        points = " ".join(number_row(point, self._digits) for point in line.tolist())
+        width = TRAIL_WIDTH * (self._window or (0.0, 0.0, *self._size))[2]
+        look = f'fill="none" stroke="{LIGHT.trail}" stroke-width="{width:.4g}" stroke-linejoin="round"'
+        return f'<polyline class="trail" {look}{dash} points="{points}">{slides}</polyline>'
 
     def _lines_at_first(self) -> Iterator[np.ndarray]:
         """Yield the trail of each robot in the first step."""
@@ -337,11 +359,11 @@ class WorldDrawing:
             passed = np.concatenate([[0.0], passed])
             shifts = ";".join(number_row([self._trail - at], self._digits) for at in passed[begin:])
             dash = (
-                f'fill="none" stroke-dasharray="{self._trail:.5g} {passed[-1] + self._trail:.5g}" '
+                f' stroke-dasharray="{self._trail:.5g} {passed[-1] + self._trail:.5g}" '
                 f'stroke-dashoffset="{self._trail - passed[begin]:.5g}"'
             )
             slides = f'<animate attributeName="stroke-dashoffset" values="{shifts}" dur="{clock.seconds:.6g}s" '
-            yield _trail(line, dash, slides + 'repeatCount="indefinite"/>')
+            yield self._drawn_trail(line, dash, slides + 'repeatCount="indefinite"/>')
 
     def _moving_loads(self, clock: Clock, small: bool) -> Iterator[str]:
         little = frozenset().union(*(sight.scene.small for sight in self._sights))
@@ -381,7 +403,7 @@ class WorldDrawing:
     def _in_window(self, places: np.ndarray, reach: float) -> np.ndarray:
         left, bottom, width, height = self._window or (0.0, 0.0, *self._size)
         inner = (places + reach > (left, bottom)) & (places - reach < (left + width, bottom + height))
-        return inner.all(axis=1)
+        return np.asarray(inner.all(axis=1))
 
     @staticmethod
     def _when(clock: Clock, shown: np.ndarray) -> str:

@@ -27,7 +27,8 @@ SECONDS = 5.0
 EARLIER = 12
 # Height of a picture as a share of its width.
 HEIGHT = 0.75
-LARGEST_STILL, LARGEST_MOVING = 40_000, 150_000
+# Bytes of one picture, and of all.
+LARGEST_STILL, LARGEST_MOVING, LARGEST_ALL = 40_000, 150_000, 3_000_000
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -79,7 +80,7 @@ SHOTS = {
     "cooperative_transport": Shot(
         start=690, steps=150, window=(420, 230, 320), settings={"n_robots": 20, "load": "box"}, seed=2, trail=40
     ),
-    "fire_fighting": Shot(start=480, steps=300, window=(320, 240, 380), settings={"n_robots": 20}, trail=40),
+    "fire_fighting": Shot(start=480, steps=300, window=(325, 245, 345), settings={"n_robots": 20}, trail=40),
     "flocking": Shot(start=1000, steps=300, window=(60, 40, 320), settings={"n_robots": 100}, trail=60),
     "foraging": Shot(start=300, steps=300, window=(60, 60, 300), larger=1.2, trail=60),
     "learning_fires": Shot(start=3000, steps=300, window=(220, 190, 340), settings={"n_robots": 12}, trail=40),

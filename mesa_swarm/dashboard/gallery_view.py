@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
+from zlib import crc32
 
 import anywidget
 import solara
@@ -31,7 +32,7 @@ def thumbnail(name: str) -> str:
         return ""
     with suppress(Exception):
         model.run(STEPS)
-    return drawn(model, LARGER)
+    return drawn(model, LARGER, f"own{crc32(name.encode()):x}")
 
 
 def title(name: str) -> str:
@@ -54,7 +55,7 @@ class GalleryCards(anywidget.AnyWidget):
     """The cards, of which each is a button."""
 
     _esm = text_of("dashboard/gallery.js")
-    cards = traitlets.List().tag(sync=True)
+    cards: traitlets.List = traitlets.List().tag(sync=True)
     # Pictures that were drawn meanwhile, by the names of their models.
     drawn = traitlets.Dict().tag(sync=True)
     chosen = traitlets.Unicode("").tag(sync=True)
