@@ -80,7 +80,7 @@ SHOTS = {
     "cooperative_transport": Shot(
         start=690, steps=150, window=(420, 230, 320), settings={"n_robots": 20, "load": "box"}, seed=2, trail=40
     ),
-    "fire_fighting": Shot(start=480, steps=300, window=(325, 245, 345), settings={"n_robots": 20}, trail=40),
+    "fire_fighting": Shot(start=480, steps=300, window=(325, 252, 345), settings={"n_robots": 20}, trail=40),
     "flocking": Shot(start=1000, steps=300, window=(60, 40, 320), settings={"n_robots": 100}, trail=60),
     "foraging": Shot(start=300, steps=300, window=(60, 60, 300), larger=1.2, trail=60),
     "learning_fires": Shot(start=3000, steps=300, window=(220, 190, 340), settings={"n_robots": 12}, trail=40),
