@@ -71,7 +71,9 @@ class Places:
             return True
 
 
-STYLES = tuple(f"dashboard/{name}.css" for name in ("style", "charts", "editing", "experiment", "frame", "layout"))
+STYLES = tuple(
+    f"dashboard/{name}.css" for name in ("style", "gallery", "charts", "editing", "experiment", "frame", "layout")
+)
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
 MODELS = "models"
 # More tabs: names, and components that are called with the session.

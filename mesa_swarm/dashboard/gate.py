@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode
 
+from mesa_swarm.dashboard.gallery_pictures import PREFIX, picture_at
 from mesa_swarm.viewing.headers import safe_headers
 
 # As ASGI has them.
@@ -47,6 +48,8 @@ FONTS = "/fonts.css"
 FACE = re.compile(r"(?:/\*[^*]*\*/\s*)?@font-face\s*\{[^}]*'Roboto'[^}]*\}\s*")
 FOR_GOOD = b"public, max-age=31536000, immutable"
 CLOSE = "/_solara/api/close/"
+READING = ("GET", "HEAD")
+STORED = b"private, max-age=31536000, immutable"
 LAST_PORT = 65535
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 FORM = """<!doctype html><html lang="en"><meta charset="utf-8"><title>mesa_swarm</title>
@@ -101,6 +104,9 @@ class Gate:
     async def _pass_on(self, scope: Scope, receive: Receive, send: Send) -> None:
         if lacks_page(scope):
             await _refuse(scope, send, 400, MALFORMED)
+            return
+        if scope["type"] == "http" and scope["path"].startswith(PREFIX):
+            await _show(scope, send)
             return
         if scope["path"].startswith(ASSETS) and not self._has(scope["path"].removeprefix(ASSETS)):
             await _refuse(scope, send, 404, "File not found.")
@@ -277,6 +283,22 @@ async def _send_fonts(send: Send, content: bytes) -> None:
     ]
     await send({"type": "http.response.start", "status": 200, "headers": [*headers, (b"vary", b"accept-encoding")]})
     await send({"type": "http.response.body", "body": content})
+
+
+async def _show(scope: Scope, send: Send) -> None:
+    """Send a picture of the gallery; its address changes with it, so that browsers may store it."""
+    found = picture_at(scope["path"])
+    if found is None or scope["method"] not in READING:
+        await _refuse(scope, send, 404 if found is None else 405, "There is no such picture.")
+        return
+    content, kind = found
+    headers = [
+        (b"content-type", kind.encode()),
+        (b"content-length", str(len(content)).encode()),
+        (b"cache-control", STORED),
+    ]
+    await send({"type": "http.response.start", "status": 200, "headers": headers})
+    await send({"type": "http.response.body", "body": b"" if scope["method"] == "HEAD" else content})
 
 
 async def _refuse(scope: Scope, send: Send, status: int, text: str) -> None:

@@ -11,7 +11,7 @@ from mesa_swarm.dashboard.compare_view import groups_of as compared_fields
 from mesa_swarm.dashboard.comparing import Comparing
 from mesa_swarm.dashboard.controls import groups_of, values_of
 from mesa_swarm.dashboard.experimenting import Experimenting
-from mesa_swarm.dashboard.gallery_view import thumbnail, title
+from mesa_swarm.dashboard.gallery_view import _drawing_thread, card_of, thumbnail, title
 from mesa_swarm.dashboard.replaying import Replaying
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import UnknownNameError
@@ -42,6 +42,16 @@ def test_the_page_shows_the_model_that_it_was_started_with():
     assert page_models()[-1] == ADDRESS
     assert title(ADDRESS) == "Foraging"
     assert "<svg" in thumbnail(ADDRESS)
+
+
+def test_a_model_without_a_shipped_picture_has_a_card_at_once_and_its_picture_later():
+    card, arrived = card_of(ADDRESS), []
+    assert (card["title"], card["still"], card["moving"]) == ("Foraging", "", "")
+    stop = _drawing_thread([ADDRESS], arrived.append)
+    for thread in threads("gallery"):
+        thread.join(60)
+    stop()
+    assert arrived == [{ADDRESS: thumbnail(ADDRESS)}]
 
 
 def test_a_link_has_the_address_and_leads_to_the_same_run():

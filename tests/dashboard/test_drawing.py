@@ -1,20 +1,27 @@
 """The drawing of a world: well-formed, to scale, y up, colours by temperature."""
 
 import re
+from base64 import b64decode
+from io import BytesIO
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from mesa_swarm.dashboard.gallery_view import (
+from mesa_swarm.dashboard.gallery_drawing import (
+    WorldDrawing,
+    draw_field,
     draw_fires,
     draw_loads,
     draw_robots,
     draw_shapes,
     drawing,
-    thumbnail,
-    title,
+    last_part,
+    sight_of,
 )
+from mesa_swarm.dashboard.gallery_view import thumbnail, title
+from mesa_swarm.models.foraging import Foraging
 from mesa_swarm.viewing.palette import fire_colour
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 
@@ -70,6 +77,79 @@ def test_the_light_half_of_a_robot_is_the_one_ahead():
     # Counter-clockwise from its right hand to its left hand: over the front of a robot that faces east.
     assert numbers(drawn["front"][0]["d"]).tolist() == [40, 25, 5, 5, 0, 0, 1, 40, 35]
     assert numbers(drawn["heading"][0]["d"]).tolist() == [40, 30, 45, 30]
+
+
+def test_marked_robots_have_another_colour_and_all_have_light_fronts():
+    position, marked = np.array([[40.0, 30.0], [60.0, 30.0], [20.0, 30.0]]), np.array([False, True, False])
+    drawn = elements(drawing((80, 60), [draw_robots(position, np.zeros(3), np.full(3, 5.0), marked)]))
+    assert [drawn[kind][0]["d"].count("Z") for kind in ("rear", "hot", "front")] == [2, 1, 3]
+    assert drawn["rear"][0]["fill"] != drawn["hot"][0]["fill"]
+
+
+def test_a_window_shows_a_part_of_the_map_with_y_up():
+    assert ElementTree.fromstring(drawing((800, 600), [], (100, 50, 400, 300))).get("viewBox") == "100 250 400 300"
+
+
+def test_a_field_is_as_opaque_as_its_levels_and_has_row_0_below():
+    levels = np.arange(12, dtype=np.uint8).reshape(3, 4) * 20
+    drawn = elements(drawing((80, 60), [draw_field(levels, (80.0, 60.0), 0, "one")]))
+    (field,) = drawn["field"]
+    assert (field["width"], field["height"], field["mask"]) == ("80", "60", "url(#one)")
+    (image,) = ElementTree.fromstring(drawing((80, 60), [draw_field(levels, (80.0, 60.0), 0, "one")])).iter(
+        "{http://www.w3.org/2000/svg}image"
+    )
+    pixels = np.asarray(Image.open(BytesIO(b64decode(image.get("href").partition(",")[2]))))
+    assert pixels.tolist() == levels.tolist()  # the group around it is turned upside down
+
+
+def test_a_trail_is_the_last_part_of_a_way_or_all_of_a_shorter_one():
+    way = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
+    assert last_part(way, 12.0).tolist() == [[8.0, 0.0], [10.0, 0.0], [10.0, 10.0]]
+    assert last_part(way, 20.0).tolist() == way.tolist()
+    assert last_part(way, 99.0).tolist() == way.tolist()
+    standing = np.full((3, 2), 7.0)
+    assert last_part(standing, 5.0).tolist() == standing.tolist()
+
+
+@pytest.fixture(scope="module")
+def sights():
+    """Steps of a model in which food is carried, eaten, and added."""
+    model, found = Foraging(n_robots=6, rng=1), []
+    for _ in range(5):
+        model.run(80)
+        found.append(sight_of(model))
+    return found
+
+
+def test_a_moving_drawing_begins_with_the_one_at_rest(sights):
+    world = WorldDrawing(sights[1:], before=sights[:1], name="own", trail=30.0)
+    still, moving = elements(world.still()), ElementTree.fromstring(world.moving(4.0))
+    robots = [one for one in moving.iter() if one.get("class") == "robot"]
+    places = np.array([numbers(one.get("transform"))[:2] for one in robots])
+    assert places == pytest.approx(sights[1].frame["position"], abs=0.051)
+    assert len(still["trail"]) == len([one for one in moving.iter() if one.get("class") == "trail"]) == 6
+    firsts = [animation.get("values").split(";")[0] for animation in moving.iter() if "values" in animation.attrib]
+    assert firsts
+    for robot in robots:
+        moves = [one.get("values").split(";")[0] for one in robot if one.tag.endswith("animateTransform")]
+        assert robot.get("transform") == f"translate({moves[0]}) rotate({moves[1]})"
+
+
+def test_loads_that_come_and_go_are_shown_while_they_are_there(sights):
+    moving = ElementTree.fromstring(WorldDrawing(sights, name="own").moving(4.0))
+    shown = [one for one in moving.iter() if one.get("class") == "body"]
+    loads = {int(number) for sight in sights for number in sight.frame["loads"]["load"]}
+    assert len(shown) == len(loads) > len(sights[0].frame["loads"])
+    changing = [one for one in shown for part in one if part.get("attributeName") == "visibility"]
+    always = set.intersection(*({int(one) for one in sight.frame["loads"]["load"]} for sight in sights))
+    assert len(changing) == len(loads) - len(always)
+
+
+def test_what_never_enters_the_window_is_left_out_of_a_moving_drawing(sights):
+    whole, corner = (
+        WorldDrawing(sights, name="own", window=window).moving(4.0) for window in (None, (0.0, 0.0, 40.0, 30.0))
+    )
+    assert corner.count('class="robot"') < whole.count('class="robot"') == 6
 
 
 def test_y_points_up():

@@ -7,7 +7,9 @@ from urllib.parse import quote
 
 import pytest
 
+from mesa_swarm.dashboard.gallery_pictures import moving_of
 from mesa_swarm.dashboard.gate import COOKIE, Gate, digest_of, is_well_formed
+from mesa_swarm.gallery import gallery_names
 
 TOKEN = "right-token_1"
 INSIDE = b"the dashboard"
@@ -22,14 +24,25 @@ async def inside(scope, receive, send):
         await send({"type": "http.response.body", "body": INSIDE})
 
 
-def ask(path="/", *, token=TOKEN, query=b"", kind="http", host="127.0.0.1:8765", more=(), app=inside, **headers):
+def ask(
+    path="/",
+    *,
+    token=TOKEN,
+    query=b"",
+    kind="http",
+    host="127.0.0.1:8765",
+    more=(),
+    app=inside,
+    method="GET",
+    **headers,
+):
     """Return what the gate answers: the first message, and all bytes."""
-    return answer_of(Gate(app, token, ASSETS), path, query, kind, {"host": host, **headers}, more)
+    return answer_of(Gate(app, token, ASSETS), path, query, kind, {"host": host, **headers}, more, method)
 
 
-def answer_of(gate, path, query=b"", kind="http", named=None, more=()):
+def answer_of(gate, path, query=b"", kind="http", named=None, more=(), method="GET"):
     query = query or (b"session_id=1" if kind == "websocket" else b"")
-    scope = {"type": kind, "path": path, "query_string": query}
+    scope = {"type": kind, "path": path, "query_string": query, "method": method}
     scope["headers"] = [(name.encode(), value.encode()) for name, value in (named or {"host": "localhost"}).items()]
     scope["headers"] += [(name.encode(), value.encode()) for name, value in more]
     sent = []
@@ -140,6 +153,55 @@ def test_a_token_of_letters_that_cookies_cannot_hold_is_known_again():
         first, _ = ask(token=token, query=b"token=" + quote(token).encode())
         headers = dict(first["headers"])
         assert is_in(ask(token=token, cookie=headers[b"set-cookie"].decode("latin-1").split("; Path")[0]))
+
+
+@pytest.mark.parametrize("name", gallery_names())
+def test_the_moving_picture_of_every_model_is_served_and_may_be_stored(name):
+    first, body = ask(f"/gallery/{name}.svg", token="")
+    headers = dict(first["headers"])
+    assert (first["status"], body, headers[b"content-type"]) == (200, moving_of(name)[0], b"image/svg+xml")
+    assert b"immutable" in headers[b"cache-control"]
+    assert int(headers[b"content-length"]) == len(body)
+    assert set(headers) >= SAFE_NAMES
+
+
+NO_PICTURES = [
+    "",
+    "boids",
+    "boids_moving.svg",
+    "boids.svg/",
+    "boids.svgz",
+    "Boids.svg",
+    "nothing.svg",
+    ".svg",
+    "./boids.svg",
+    "../gallery/boids.svg",
+    "../gate.py",
+    "/boids.svg",
+    "boids.svg\\",
+    "..\\gallery\\boids.svg",
+    "%62oids.svg",
+    "boids.svg\n",
+    "x" * 5000,
+]
+
+
+@pytest.mark.parametrize("name", NO_PICTURES)
+def test_no_other_path_of_pictures_leads_to_a_file_or_to_the_page(name):
+    answer = ask(f"/gallery/{name}", token="")
+    assert not is_in(answer)
+    assert answer[0]["status"] == 404
+
+
+def test_pictures_are_only_read_and_only_with_the_token():
+    path, cookie = "/gallery/boids.svg", f"{COOKIE}={digest_of(TOKEN)}"
+    first, body = ask(path, method="HEAD", token="")
+    assert (first["status"], body) == (200, b"")
+    assert int(dict(first["headers"])[b"content-length"]) == len(moving_of("boids")[0])
+    assert [ask(path, method=method, token="")[0]["status"] for method in ("POST", "PUT", "get", "")] == [405] * 4
+    assert ask(path)[0]["status"] == 403
+    assert ask(path, cookie=cookie)[1] == moving_of("boids")[0]
+    assert ask(path, token="", host="elsewhere.example")[0]["status"] == 400
 
 
 HOSTS_OF_NONE = [

@@ -143,7 +143,7 @@ def test_no_host_or_origin_is_an_error_of_the_servers(served, tally):
 
 
 UP = ["../", "..%2f", "%2e%2e/", "..%5c", "..\\", "....//", "%252e%252e/", "..;/", "..%c0%af", "..%00/"]
-PLACES = ["/", "/static/", "/static/public/", "/static/assets/", "/jupyter/nbextensions/", "/_solara/cdn/"]
+PLACES = ["/", "/static/", "/static/public/", "/static/assets/", "/jupyter/nbextensions/", "/_solara/cdn/", "/gallery/"]
 
 
 def test_no_path_leads_out_of_what_is_served(served, tally, assets):

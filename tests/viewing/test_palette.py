@@ -16,7 +16,7 @@ import mesa_swarm
 from mesa_swarm.dashboard.app import CSS
 from mesa_swarm.dashboard.chart_content import figure_of
 from mesa_swarm.dashboard.charts import ChartBoard
-from mesa_swarm.dashboard.gallery_view import drawn as thumbnail_of
+from mesa_swarm.dashboard.gallery_drawing import drawn as thumbnail_of
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.environments import FindFires
 from mesa_swarm.environments.camera import Camera
