@@ -15,6 +15,7 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
     sys.meta_path.append(MovedFinder())
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
+    from mesa_swarm.about import ModelInfo, model_info
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
@@ -56,6 +57,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 
 # Module: the public names that live in it.
 _MODULES = {
+    "about": "ModelInfo model_info",
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
@@ -106,6 +108,7 @@ __all__ = [
     "LineSensor",
     "Looks",
     "Map",
+    "ModelInfo",
     "NeighbourSensor",
     "OmniDrive",
     "Process",
@@ -126,6 +129,7 @@ __all__ = [
     "compare",
     "disc",
     "laser_sensor",
+    "model_info",
     "omni_speeds",
     "polygon",
     "rectangle",

@@ -27,6 +27,7 @@ from mesa_swarm.dashboard.compare_view import Compare
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
+from mesa_swarm.dashboard.info_view import Info
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
 from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.session import LARGEST_SEED, Session, checked_setting, whole_number
@@ -181,7 +182,7 @@ class Places:
             return True
 
 
-CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css")
+CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of("dashboard/style.css", "dashboard/info.css")
 WATCH, MODELS = "Watch", "Models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"Compare": Compare, "Replay": Replay}
@@ -266,6 +267,7 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
             Trouble(session, faults)
             PlayerView(session, session.reset)
         with solara.Div(classes=["swarm-side"]):
+            Info(session)
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)
             OwnPanels(session)
