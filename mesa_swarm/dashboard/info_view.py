@@ -115,8 +115,9 @@ def is_built(session: Session, preset: Preset) -> bool:
 
 def prose(text: str) -> str:
     """Return text as paragraphs of HTML."""
-    paragraphs = (escape(" ".join(part.split())) for part in re.split(r"\n\s*\n", text) if part.strip())
-    return "".join(f"<p>{QUOTED.sub(r'<code>\1</code>', part)}</p>" for part in paragraphs)
+    paragraphs = (" ".join(part.split()) for part in re.split(r"\n\s*\n", text))
+    html = "".join(f"<p>{escape(part)}</p>" for part in paragraphs if part)
+    return QUOTED.sub(r"<code>\1</code>", html)
 
 
 @cache
