@@ -43,6 +43,7 @@ KEYS = (*TEXTS, "try", "equations")
 WHAT = "WHAT IS IT?"
 HEADINGS = {"HOW IT WORKS.": "how", "THINGS TO NOTICE.": "watch", "REFERENCE.": "source"}
 OTHERS = ("HOW TO USE IT.", "THINGS TO TRY.", "EXTENDING IT.")
+FORMATTING = re.compile(r" *# fmt: skip$", re.MULTILINE)  # a note to the formatter of the source
 HEADING = re.compile("|".join(map(re.escape, (WHAT, *HEADINGS, *OTHERS))))
 
 
@@ -316,7 +317,7 @@ def _with_callees(function: FunctionType, kind: type) -> list[FunctionType]:
 def _source(part: FunctionType | type | ModuleType) -> str:
     """Return source as it stands in its file, empty if the file is not there."""
     try:
-        return textwrap.dedent(inspect.getsource(part)).strip()
+        return FORMATTING.sub("", textwrap.dedent(inspect.getsource(part)).strip())
     except (OSError, TypeError):
         return ""
 
