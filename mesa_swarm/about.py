@@ -30,7 +30,7 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 from mesa_swarm.control.behaviour import Behaviour
-from mesa_swarm.errors import InvalidValueError, SwarmError, shortened, unknown_name, without_middle
+from mesa_swarm.errors import InvalidValueError, MapError, SwarmError, shortened, unknown_name, without_middle
 from mesa_swarm.gallery import PACKAGE, address_of, description, find_model, short_name
 from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.world.map_parts import file_content, text_of
@@ -221,7 +221,10 @@ def _joined(text: str) -> str:
 
 def _read(file: Path, model_class: type) -> dict[str, Any]:
     """Return the contents of a file; what is wrong in it is named with the file and the key."""
-    inside = parsed_toml(text_of(file_content(file, LARGEST_INFO_FILE), file.name), file.name)
+    try:
+        inside = parsed_toml(text_of(file_content(file, LARGEST_INFO_FILE), file.name), file.name)
+    except MapError as error:  # these functions read maps as well; it names the file
+        raise InvalidValueError(str(error)) from None
     try:
         for key in inside:
             if key not in KEYS:

@@ -52,6 +52,7 @@ def Explained(session: Session, about: ModelInfo) -> None:
 @solara.component
 def Presets(session: Session, about: ModelInfo) -> None:
     """Show a button for each preset, and one for the defaults."""
+    use_changes(session.changed)
     fault, set_fault = solara.use_state("")
 
     def play(settings: dict) -> None:
