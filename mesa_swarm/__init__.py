@@ -26,6 +26,7 @@ def _composer() -> Callable[..., Any]:
 provide_composer(_composer)
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
+    from mesa_swarm.about import ModelInfo, model_info
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
@@ -67,6 +68,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 
 # Module: the public names that live in it.
 _MODULES = {
+    "about": "ModelInfo model_info",
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
@@ -117,6 +119,7 @@ __all__ = [
     "LineSensor",
     "Looks",
     "Map",
+    "ModelInfo",
     "NeighbourSensor",
     "OmniDrive",
     "Process",
@@ -137,6 +140,7 @@ __all__ = [
     "compare",
     "disc",
     "laser_sensor",
+    "model_info",
     "omni_speeds",
     "polygon",
     "rectangle",

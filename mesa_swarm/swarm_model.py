@@ -10,6 +10,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import find_model
 
 if TYPE_CHECKING:  # optional, or slow to load
+    from mesa_swarm.about import ModelInfo
     from mesa_swarm.recording.recorder import Recorder
     from mesa_swarm.recording.verify import Verification
 
@@ -195,6 +196,19 @@ class SwarmModel(FireModel):
 
         recording = Recording(path)
         return verify(recording, class_of(recording, cls), progress)
+
+    @classmethod
+    def info(cls) -> "ModelInfo":
+        """Return what the model is, how it works, and what to try; see `mesa_swarm.model_info`.
+
+        Returns
+        -------
+        ModelInfo
+            As the last line of a cell of a notebook it is shown as text with equations and code.
+        """
+        from mesa_swarm.about import model_info  # noqa: PLC0415 - rarely needed
+
+        return model_info(cls)
 
     def show(
         self,

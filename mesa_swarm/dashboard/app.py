@@ -28,6 +28,7 @@ from mesa_swarm.dashboard.experiment_view import ExperimentTab
 from mesa_swarm.dashboard.experimenting import Experimenting
 from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.gallery_view import Gallery, title
+from mesa_swarm.dashboard.info_view import Info
 from mesa_swarm.dashboard.inspector import Inspecting, Inspector
 from mesa_swarm.dashboard.layout import LEFT, PRODUCT, RIGHT, ColumnFold, ScreenButtons, page_title
 from mesa_swarm.dashboard.navigation import Navigation, PageBar, PageLink
@@ -72,7 +73,8 @@ class Places:
 
 
 STYLES = tuple(
-    f"dashboard/{name}.css" for name in ("style", "gallery", "charts", "editing", "experiment", "frame", "layout")
+    f"dashboard/{name}.css"
+    for name in ("style", "gallery", "info", "charts", "editing", "experiment", "frame", "layout")
 )
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
 MODELS = "models"
@@ -175,6 +177,7 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
             PlayerView(session, session.reset, {**ON_A_PAGE, "remember": WATCH})
         ColumnFold.element(side=RIGHT, label="Robot, charts, export")
         with solara.Div(classes=["swarm-side"]):
+            Info(session)
             Linked(Inspector, Inspecting, session)
             Linked(ChartBoard, Charting, session)
             EventList(session)

@@ -1,0 +1,64 @@
+"""What a model is, how it works, and what to try, as text: info."""
+
+import shutil
+import textwrap
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mesa_swarm.cli.options import Model, in_brief, prepare
+
+if TYPE_CHECKING:
+    from mesa_swarm.about import ModelInfo
+
+# Longer lines are hard to read.
+WIDEST = 100
+NARROWEST = 40
+
+commands = typer.Typer()
+
+
+@commands.command()
+def info(
+    model: Model, *, code: Annotated[bool, typer.Option("--code", help="Print the code of its rules as well.")] = False
+) -> None:
+    """Explain a model: what it is, how it works, what to watch, and commands to try."""
+    prepare()
+    from mesa_swarm.about import model_info
+
+    width = max(NARROWEST, min(shutil.get_terminal_size((80, 24)).columns, WIDEST))
+    for line in explained(model_info(model), width, code=code):
+        print(line)
+
+
+def explained(about: "ModelInfo", width: int, *, code: bool) -> Iterator[str]:
+    """Yield the lines of an explanation, wrapped; commands and code are not."""
+    yield about.title
+    yield from _wrapped(about.what, width)
+    for title, text in (("How it works", about.how), ("What to watch", about.watch)):
+        if text:
+            yield from ("", title, *_wrapped(text, width))
+    if about.presets:
+        yield from ("", "Things to try")
+        for one in about.presets:
+            yield from ("", *_wrapped(f"{one.label}. {one.text}", width), f"    {about.command(one)}")
+    if about.equations:
+        yield from ("", "Equations")
+        for equation in about.equations:
+            yield from ("", f"    {equation.latex}", *_wrapped(equation.text, width))
+    if about.source:
+        yield from ("", "Source", *_wrapped(about.source, width))
+    yield from ("", "Parameters, set by --set NAME=VALUE")
+    for parameter in about.parameters.values():
+        yield f"  {f'{parameter.name}={in_brief(parameter.default)}':28} {parameter.help}".rstrip()
+    for one in about.code if code else ():
+        yield from ("", f"{one.name} ({one.module})", "", *one.code.splitlines())
+
+
+def _wrapped(text: str, width: int) -> Iterator[str]:
+    for number, paragraph in enumerate(text.splitlines()):
+        # Of docstrings of a user's, whose lines may be a list or an example.
+        yield from textwrap.wrap(paragraph, width - 2, initial_indent="  ", subsequent_indent="  ") or [""] * (
+            number > 0
+        )

@@ -1,0 +1,98 @@
+"""The panel that explains the model: its presets, equations and code."""
+
+import ipyvuetify
+import pytest
+import solara
+
+from mesa_swarm.about import Equation, Listing, Preset, model_info
+from mesa_swarm.dashboard import info_view
+from mesa_swarm.dashboard.info_view import Info, drawn_equation, drawn_listing, is_built, play_with, prose
+from mesa_swarm.dashboard.session import Session
+
+
+@pytest.fixture
+def session():
+    session = Session("boids", {"n_robots": 4})
+    yield session
+    session.close()
+
+
+def html(context, tag: str) -> list:
+    return context.find(ipyvuetify.Html, tag=tag).widgets
+
+
+def labels(context) -> list[str]:
+    return [button.children[0] for button in html(context, "button")]
+
+
+def pressed(context) -> list[str]:
+    states = [button.attributes.get("aria-pressed") for button in html(context, "button")]
+    return [state for state in states if state is not None]
+
+
+def test_the_panel_has_a_button_for_each_preset_and_folds_the_rest(session):
+    _, context = solara.render(Info(session), handle_error=False)
+    info = model_info("boids")
+    assert labels(context) == [one.label for one in info.presets]
+    assert [one.children[0] for one in html(context, "small")] == [one.text for one in info.presets]
+    folded = ["About this model", "How it works", "What to watch", "Equations", "Source", "Code"]
+    assert [one.children[0] for one in html(context, "summary")] == folded
+    context.close()
+
+
+def test_a_preset_sets_all_parameters_and_plays(session):
+    session.set_parameter("sight", 100.0)
+    play_with(session, {"separation_weight": 0.0})
+    assert session.playing
+    session.loop.pause()
+    built = {name: value for name, value in session.built.items() if name != "seed"}
+    defaults = {name: one.default for name, one in session.parameters.items()}
+    assert built == defaults | {"separation_weight": 0.0}
+    assert not session.waiting
+
+
+def test_the_button_of_the_preset_that_is_shown_is_pressed_and_the_defaults_can_be_played(session):
+    _, context = solara.render(Info(session), handle_error=False)
+    assert pressed(context) == ["false"] * 3
+    play_with(session, model_info("boids").presets[1].settings)
+    session.loop.pause()
+    assert pressed(context) == ["false", "true", "false"]
+    assert "Play with the defaults" in labels(context)
+    context.close()
+
+
+def test_a_preset_that_the_page_refuses_leaves_the_model_as_it_is(session):
+    before = session.model
+    with pytest.raises(ValueError, match="n_robots"):
+        play_with(session, {"n_robots": 20_000})
+    assert session.model is before
+    assert not is_built(session, Preset(label="", text="", settings={"n_robots": 20_000}))
+
+
+def test_a_file_that_cannot_be_read_is_named_in_the_panel(session, monkeypatch):
+    def refuse(model):
+        raise ValueError("mine.toml: how is 3")
+
+    monkeypatch.setattr(info_view, "model_info", refuse)
+    _, context = solara.render(Info(session), handle_error=False)
+    assert [one.children[0] for one in html(context, "p")] == ["ValueError: mine.toml: how is 3"]
+    context.close()
+
+
+def test_text_is_escaped_and_quoted_names_are_code():
+    assert prose("a < b in `sight`\n\nmore") == "<p>a &lt; b in <code>sight</code></p><p>more</p>"
+    assert prose("") == ""
+
+
+def test_equations_are_mathml_and_stay_latex_where_they_cannot_be_drawn(monkeypatch):
+    assert "<math" in drawn_equation(Equation(latex=r"\frac{a}{b}", text="a over b"))
+    monkeypatch.setattr(info_view, "convert", lambda *_, **__: 1 / 0)
+    drawn = drawn_equation(Equation(latex=r"x < \y", text="letters"))
+    assert drawn == r'<div class="swarm-equation"><p><code>x &lt; \y</code></p></div><p>letters</p>'
+
+
+def test_code_is_highlighted_by_classes_and_escaped():
+    drawn = drawn_listing(Listing(name="<Rule>", module="mine", code="def rule(me):\n    return 1 < 2"))
+    assert '<span class="k">def</span>' in drawn
+    assert "&lt;Rule&gt;" in drawn
+    assert "style=" not in drawn
