@@ -84,7 +84,7 @@ def test_full_screen_shows_the_world_with_its_bar_only_until_escape(opened):
     opened.press("Leave full screen")
     page.wait_for_function("!document.fullscreenElement")
     assert page.locator(PANEL).is_visible()
-    page.evaluate("document.documentElement.requestFullscreen = () => Promise.reject(new Error('refused'))")
+    page.evaluate("void (document.documentElement.requestFullscreen = () => Promise.reject(new Error('refused')))")
     opened.press("Full screen")
     assert page.locator(PANEL).is_hidden(), "also where the browser refuses"
     page.keyboard.press("Escape")
