@@ -9,8 +9,8 @@ from support.waiting import wait_until
 # What JupyterLab does for a widget: `kernel` is the other side, `open_view` an output.
 PAGE = """async ({ script, css, traits }) => {
   const signal = () => {
-    const heard = new Set();
-    return { connect: (act) => heard.add(act), disconnect: (act) => heard.delete(act), emit: (...news) => heard.forEach((act) => act(null, ...news)) };
+    const heard = new Set(), emit = (...news) => heard.forEach((act) => act(null, ...news));
+    return { connect: (act) => heard.add(act), disconnect: (act) => heard.delete(act), emit };
   };
   const { default: widget } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
   const style = document.createElement("style"), listeners = {}, model = {
