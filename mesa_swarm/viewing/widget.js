@@ -55,8 +55,21 @@ function relabel(button, icon, label) {
   button.querySelector("path").setAttribute("d", ICONS[icon]);
 }
 
+// States of a kernel that has forgotten the widget; JupyterLab informs widgets of the first only.
+const ENDED = new Set(["restarting", "autorestarting", "dead", "terminating"]);
 const GONE = "The kernel is gone: run the cell again";
 const STORED = "The last picture, without a kernel: run the cell to play";
+
+/** Act when the kernel that a notebook has now ends or begins anew; return how to stop. */
+function watchKernel(manager, act) {
+  const kernel = manager?.kernel, look = (_, status) => ENDED.has(status) && act();
+  kernel?.statusChanged?.connect(look);
+  kernel?.disposed?.connect(act);
+  return () => {
+    kernel?.statusChanged?.disconnect(look);
+    kernel?.disposed?.disconnect(act);
+  };
+}
 
 /** Whether what has the focus makes use of a key itself; what was pressed by a pointer leaves the space bar to the player. */
 function isTaken(key, target, pointed) {
@@ -96,7 +109,7 @@ class PlayerView {
     this.#build(options);
     this.#listen(options);
     this.#retheme();
-    this.#watchKernel();
+    if (options.compact) this.#watchKernel();
     this.#send({ do: "ready" });
   }
 
@@ -116,16 +129,17 @@ class PlayerView {
     }
   }
 
-  /** State whether there is a kernel: notebooks mark the views of a widget without one by this class. */
+  /** In a notebook, state over the picture that there is no kernel, until there is one again. */
   #watchKernel() {
-    const look = () => {
-      const gone = this.#root.classList.contains("jupyter-widgets-disconnected"), was = this.#root.classList.contains("swarm-is-gone");
-      showGone(this.#root, gone ? (this.#drawn ? GONE : STORED) : "");
+    const root = this.#root, show = (gone) => {
+      const was = root.classList.contains("swarm-is-gone");
+      showGone(root, gone ? (this.#drawn ? GONE : STORED) : "");
       if (was && !gone) this.#send({ do: "ready" });
     };
-    this.#model.on("comm_live_update", look);
-    this.#leave.push(() => this.#model.off("comm_live_update", look));
-    look();
+    const hear = function () { show(this?.model?.comm_live === false); }; // called with the view of which this is a part
+    this.#model.on("comm_live_update", hear);
+    this.#leave.push(() => this.#model.off("comm_live_update", hear), watchKernel(this.#model.widget_manager, () => show(true)));
+    show(root.classList.contains("jupyter-widgets-disconnected"));
   }
 
   #on(target, name, act, first = false) {

@@ -132,6 +132,18 @@ def test_a_kernel_that_is_gone_is_stated_over_the_picture_and_no_button_works(no
     notebook.wait(view, "player.step === '1' && player.rest === 'true'")
 
 
+@pytest.mark.parametrize("end", ["kernel.statusChanged.emit('autorestarting')", "kernel.disposed.emit()"])
+def test_a_kernel_that_died_or_was_shut_down_is_gone_too(notebook, end):
+    view = notebook.open_view()
+    notebook.wait(view, "player.rest === 'true'")
+    notebook.page.evaluate("kernel.statusChanged.emit('busy')")
+    assert view.get_by_role("alert").count() == 0
+    notebook.page.evaluate(end)
+    assert view.get_by_role("alert").inner_text() == "The kernel is gone: run the cell again"
+    view.evaluate("(one) => one.stop()")
+    notebook.page.evaluate(end)
+
+
 def test_without_a_kernel_the_stored_picture_is_shown(page, shots):
     canvas = FireFighting(n_robots=5, rng=1).show()
     canvas._repr_mimebundle_()

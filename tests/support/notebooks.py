@@ -8,7 +8,10 @@ from support.waiting import wait_until
 
 # What JupyterLab does for a widget: `kernel` is the other side, `open_view` an output.
 PAGE = """async ({ script, css, traits }) => {
-  const GONE = "jupyter-widgets-disconnected"; // of views without a kernel
+  const signal = () => {
+    const heard = new Set(), emit = (...news) => heard.forEach((act) => act(null, ...news));
+    return { connect: (act) => heard.add(act), disconnect: (act) => heard.delete(act), emit };
+  };
   const { default: widget } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
   const style = document.createElement("style"), listeners = {}, model = {
     get: (name) => traits[name] ?? null,
@@ -17,18 +20,19 @@ PAGE = """async ({ script, css, traits }) => {
     on: (name, act) => (listeners[name] ??= new Set()).add(act),
     off: (name, act) => listeners[name]?.delete(act),
     send: (message) => kernel.outbox.push(message),
+    widget_manager: { kernel: { statusChanged: signal(), disposed: signal() } },
   };
+  const view = { model: { get comm_live() { return kernel.live; } } }; // with which anywidget calls listeners
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   style.textContent = css;
   document.head.append(style);
-  const fire = (name, ...given) => [...(listeners[name] ?? [])].forEach((act) => act(...given));
+  const fire = (name, ...given) => [...(listeners[name] ?? [])].forEach((act) => act.apply(view, given));
   window.kernel = {
-    outbox: [], live: true,
+    outbox: [], live: true, ...model.widget_manager.kernel,
     deliver: (message, buffers) => fire("msg:custom", message, buffers.map(bytes)),
     change: (name, value) => { traits[name] = value; fire(`change:${name}`); },
     set_live: (live) => {
       kernel.live = live;
-      document.querySelectorAll(".output > *").forEach((one) => one.classList.toggle(GONE, !live));
       fire("comm_live_update");
     },
   };
@@ -36,7 +40,7 @@ PAGE = """async ({ script, css, traits }) => {
     const output = document.createElement("div"), el = document.createElement("div");
     output.className = "output";
     output.style.cssText = `width: ${width}px; height: ${height}px`;
-    el.classList.toggle(GONE, !kernel.live);
+    el.classList.toggle("jupyter-widgets-disconnected", !kernel.live);
     output.append(el);
     document.body.append(output);
     el.stop = widget.render({ model, el });
