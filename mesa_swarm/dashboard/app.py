@@ -157,7 +157,7 @@ def Header(navigation: Navigation) -> None:
                 Button(name.capitalize(), partial(navigation.go, name), current=current).key(name)
         shown = rv.Html(tag="b", children=[title(session.name)])
         rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
-        traits = {"query": navigation.query, "place": navigation.place, "tours": navigation.tours}
+        traits = {"shown": navigation.shown, "tours": navigation.tours}
         solara.Title(page_title(title(session.name), navigation.tab.capitalize(), WATCH.capitalize()))
         ScreenButtons.element()
         bar = PageBar.element(**traits, on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))

@@ -109,7 +109,7 @@ class EditorView {
     parts.hint = make("p", { class: "swarm-hint" });
     parts.fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
     parts.edits = make("ol", { class: "swarm-edits", "aria-label": "Changes by hand", tabindex: "0" });
-    const more = make("details", { class: "swarm-more" }, make("summary", { title: "Map and changes by hand", "aria-label": "Map and changes by hand" }, "\u22ef"),
+    const more = make("details", { class: "swarm-edit-more" }, make("summary", { title: "Map and changes by hand", "aria-label": "Map and changes by hand" }, "\u22ef"),
       make("div", {}, action("Remove all obstacles", { do: "clear" }), action("Save map as TOML", { do: "save", value: "toml" }),
         action("Save map as SVG", { do: "save", value: "svg" }), parts.apply, parts.edits));
     const tools = make("div", { class: "swarm-toolbox", role: "toolbar", "aria-label": "Tools" }, ...parts.buttons, parts.undo, more);

@@ -65,7 +65,7 @@ def Presets(session: Session, about: ModelInfo) -> None:
             set_fault(in_words(problem))
 
     with rv.Html(tag="div", class_="swarm-try"):
-        rv.Html(tag="h3", children=["Try"])
+        rv.Html(tag="h2", children=["Try"])
         for preset in about.presets:
             with rv.Html(tag="div").key(f"{about.name} {preset.label}"):
                 Button(preset.label, partial(play, preset.settings), pressed=is_built(session, preset))

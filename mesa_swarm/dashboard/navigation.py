@@ -1,6 +1,7 @@
 """Where a user is on the page: the model, the tab, and how the browser's address leads there."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import anywidget
@@ -62,6 +63,7 @@ class Navigation:
         self.address, self.faults, self.tab = address, address.faults, address.tab
         self.motion = True  # unless the user prefers less
         self._resumes = False
+        self._last: dict[str, str] | None = None
         self._take_words(address)
         self.session.adopted.add(lambda: self.go(WATCH))
 
@@ -75,6 +77,21 @@ class Navigation:
     def place(self) -> str:
         """The model and the tab: what Back and Forward walk."""
         return f"{self.session.name} {self.tab}"
+
+    @property
+    def shown(self) -> dict[str, str]:
+        """The place and its query; on the way to another place still the last ones."""
+        return self._last or {"place": self.place, "query": self.query}
+
+    @contextmanager
+    def _moving(self) -> Iterator[None]:
+        """Go to another place at once: what changes on the way is not a place of its own."""
+        self._last = self.shown
+        try:
+            yield
+        finally:
+            self._last = None
+            self.changed.notify()
 
     @property
     def tours(self) -> bool:
@@ -104,21 +121,21 @@ class Navigation:
 
     def choose(self, name: str, settings: Mapping[str, Any] | None = None) -> None:
         """Show another model, and play it."""
-        self.tab, self._resumes = WATCH, False  # first: one new place, not two
-        self.session.choose(name, settings)
-        self.changed.notify()
+        with self._moving():
+            self.tab, self._resumes = WATCH, False
+            self.session.choose(name, settings)
         self._play()
 
     def visit(self, query: str) -> None:
         """Show what an address describes."""
         address = address_from(query.removeprefix("?"), self.first, tuple(self.companions))
-        goes_on = self._turn_to(address.tab)
-        if not self._shows(address):
-            goes_on = self._resumes = False
-            self.session.choose(address.model, address.settings, address.seed, address.steps, address.edits)
-        self.address, self.faults = address, address.faults
-        self._take_words(address)
-        self.changed.notify()
+        with self._moving():
+            goes_on = self._turn_to(address.tab)
+            if not self._shows(address):
+                goes_on = self._resumes = False
+                self.session.choose(address.model, address.settings, address.seed, address.steps, address.edits)
+            self.address, self.faults = address, address.faults
+            self._take_words(address)
         if goes_on:
             self.session.play()
 
@@ -173,10 +190,8 @@ class PageBar(anywidget.AnyWidget):
     """Buttons for the theme, the link, the keys and the tour; it also writes the query into the address bar."""
 
     _esm = text_of("viewing/elements.js", "dashboard/page_bar.js")
-    query = traitlets.Unicode("").tag(sync=True)
-    # The model and the tab: a new place is a new entry of the browser's history.
-    place = traitlets.Unicode("").tag(sync=True)
-    title = traitlets.Unicode("").tag(sync=True)
+    # The query, and the place, model and tab: a new place is a new entry of the browser's history.
+    shown = traitlets.Dict({"query": "", "place": ""}).tag(sync=True)
     dark = traitlets.Bool(False).tag(sync=True)
     key_list: traitlets.List[list[str]] = traitlets.List(list(map(list, KEYS))).tag(sync=True)
     stops: traitlets.List[list[str]] = traitlets.List(list(map(list, TOUR))).tag(sync=True)

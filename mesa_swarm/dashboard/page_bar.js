@@ -1,4 +1,4 @@
-/* The end of the page's header: theme, link, keys, tour. It also writes the address bar (query, place), sends Python the
+/* The end of the page's header: theme, link, keys, tour. It also writes the address bar (shown), sends Python the
    addresses of Back and Forward, and what a reload goes on with, and states when the server is gone. */
 
 const THEME = "mesa_swarm.theme", TOURED = "mesa_swarm.toured", LEFT = "mesa_swarm.left";
@@ -54,10 +54,8 @@ class PageBarView {
 
   #listen() {
     const model = this.#model, write = () => this.#write();
-    for (const name of ["query", "place", "title"]) {
-      model.on(`change:${name}`, write);
-      this.#leave.push(() => model.off(`change:${name}`, write));
-    }
+    model.on("change:shown", write);
+    this.#leave.push(() => model.off("change:shown", write));
     this.#on(matchMedia("(prefers-color-scheme: dark)"), "change", () => this.#applyTheme());
     this.#on(window, "popstate", (event) => this.#visit(event));
     this.#on(window, "pagehide", () => this.#store());
@@ -89,8 +87,7 @@ class PageBarView {
   /* Address. */
 
   #write() {
-    const query = this.#model.get("query"), place = this.#model.get("place");
-    document.title = this.#model.get("title") || document.title;
+    const { query, place } = this.#model.get("shown");
     if (!query || !place) return;
     const address = `${location.pathname}?${query}`, known = this.#place ?? history.state?.place ?? place;
     if (known === place) history.replaceState({ ...history.state, place }, "", address);

@@ -42,6 +42,7 @@ def drag(visitor, start, end) -> None:
 
 
 def robot(visitor, row: int = 0):
+    visitor.page.wait_for_function(f"{STAGE}.frame")
     return visitor.page.evaluate(PICKED, row)
 
 
@@ -113,7 +114,7 @@ def test_the_map_is_saved_with_what_was_drawn_and_can_be_used(editing, tmp_path)
     tool(editing, "wall")
     drag(editing, (200, 480), (330, 540))
     page.wait_for_function("location.search.includes('wall')")
-    page.locator(".swarm-more > summary").click()
+    page.locator(".swarm-edit-more > summary").click()
     for kind in ("toml", "svg"):
         with page.expect_download() as download:
             page.get_by_role("button", name=f"Save map as {kind.upper()}").click()

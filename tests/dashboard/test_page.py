@@ -90,10 +90,10 @@ def test_the_address_bar_holds_a_run_that_was_built_elsewhere(drawn):
     navigation = Navigation("model=fire_fighting&n_robots=4&seed=3", "boids", app.COMPANIONS)
     session = navigation.session
     bar = drawn(app.Header(navigation)).find(PageBar).widget
-    assert bar.query == "model=fire_fighting&n_robots=4&seed=3"
+    assert bar.shown["query"] == "model=fire_fighting&n_robots=4&seed=3"
     settings = session.settings | {"strategy": "A", "n_robots": 10}
     session.adopt(FireFighting(strategy="A", rng=5).run(2), "fire_fighting", settings, 5)
-    assert bar.query == "model=fire_fighting&strategy=A&seed=5&changed=yes"
+    assert bar.shown["query"] == "model=fire_fighting&strategy=A&seed=5&changed=yes"
     navigation.close()
 
 
