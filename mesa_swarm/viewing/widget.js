@@ -186,9 +186,11 @@ class PlayerView {
     this.#leave.push(() => document.removeEventListener("pointerdown", close));
   }
 
-  /** Have JupyterLab leave all keys to the output that has the focus: otherwise R makes its cell raw, and arrows leave it. */
+  /** Have JupyterLab leave all keys to what has the focus here: otherwise R makes the cell raw, and arrows leave it. */
   #takeKeys() {
-    (this.#root.closest(".swarm-notebook") ?? this.#root).dataset.lmSuppressShortcuts = "true";
+    const output = this.#root.closest(".swarm-notebook") ?? this.#root, take = ({ target }) => (target.dataset.lmSuppressShortcuts = "true");
+    output.addEventListener("focusin", take);
+    this.#leave.push(() => output.removeEventListener("focusin", take));
   }
 
   #retheme() {
