@@ -286,9 +286,11 @@ class PlayerView {
     return String(found?.bounds) === String(this.#world.bounds) ? found : null;
   }
 
-  /** Have JupyterLab leave all keys to the output that has the focus: otherwise R makes its cell raw, and arrows leave it. */
+  /** Have JupyterLab leave all keys to what has the focus here: otherwise R makes the cell raw, and arrows leave it. */
   #takeKeys() {
-    (this.#root.closest(".swarm-notebook") ?? this.#root).dataset.lmSuppressShortcuts = "true";
+    const output = this.#root.closest(".swarm-notebook") ?? this.#root, take = ({ target }) => (target.dataset.lmSuppressShortcuts = "true");
+    output.addEventListener("focusin", take);
+    this.#leave.push(() => output.removeEventListener("focusin", take));
   }
 
   #retheme() {

@@ -111,8 +111,9 @@ def test_a_robot_that_is_chosen_in_one_view_is_chosen_in_all(notebook):
 
 def test_keys_pressed_in_an_output_are_the_players_and_not_those_of_the_notebook(notebook):
     view = notebook.open_view()
-    notebook.wait(view, "player.rest === 'true' && player.lmSuppressShortcuts === 'true'")
+    notebook.wait(view, "player.rest === 'true'")
     view.locator("canvas").focus()
+    assert view.locator("canvas").get_attribute("data-lm-suppress-shortcuts") == "true", "on what has the focus itself"
     notebook.page.keyboard.press("ArrowRight")
     notebook.wait(view, "player.step === '1' && player.rest === 'true'")
 
