@@ -22,7 +22,7 @@ from mesa_swarm.world.map import Map
 # The canvas is in each view of a notebook, and knows which theme surrounds it.
 LIGHT, DARK = ".swarm-notebook", '.swarm-notebook:has(> * > .swarm-player[data-theme="dark"])'
 # Style sheets of the page whose rules panels need.
-PAGE = ("dashboard/style.css",)
+PAGE = ("dashboard/style.css", "dashboard/charts.css")
 
 
 def in_notebooks(rules: str) -> str:

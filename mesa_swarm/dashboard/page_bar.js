@@ -201,7 +201,9 @@ class Tour {
     root.append(this.#card);
     this.#listener = (event) => {
       if (event.key === "Escape") this.close();
-      else if (event.key === "Enter" && event.target === this.#card) this.#go(1);
+      if (event.key !== "Enter" || event.target !== this.#card) return;
+      event.preventDefault(); // else it would press the button that has the focus afterwards
+      this.#go(1);
     };
     document.addEventListener("keydown", this.#listener);
     this.#show();
