@@ -60,10 +60,11 @@ input,button{font:inherit;padding:.4em .8em}</style>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
 MALFORMED = "This request is malformed."
 HTML = b"text/html"
-# What Solara's page lacks: its language, which screen readers need, and leave to be enlarged by two fingers.
+# What Solara's page lacks: its language and a name of its progress bar, for screen readers, and leave to be enlarged.
 COMPLETED = (
     (re.compile(rb"<html>"), b'<html lang="en">'),
     (re.compile(rb'(?<=<meta name="viewport" content=")[^"]*'), b"width=device-width, initial-scale=1"),
+    (re.compile(rb"<v-progress-linear(?= :style)"), b'<v-progress-linear aria-label="Busy"'),
 )
 
 
@@ -249,7 +250,7 @@ def _with_length(headers: list[tuple[bytes, bytes]], length: int) -> list[tuple[
 
 
 def completed(page: bytes) -> bytes:
-    """Return Solara's page with its language, and with a viewport that can be enlarged."""
+    """Return Solara's page with what it lacks."""
     for pattern, text in COMPLETED:
         page = pattern.sub(text, page, count=1)
     return page

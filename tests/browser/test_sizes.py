@@ -84,6 +84,7 @@ def test_three_columns_stand_beside_each_other_on_a_laptop_and_two_or_one_where_
     resize(page, 1024, 768)
     assert [left(one) for one in columns] == [0, 290, 290]
     resize(page, 800, 600)
+    watched.press("Settings")
     assert [left(one) for one in columns] == [0, 0, 0]
     last = page.get_by_role("button", name="Export", exact=True)
     last.scroll_into_view_if_needed()
