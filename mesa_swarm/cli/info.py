@@ -52,8 +52,8 @@ def explained(about: "ModelInfo", width: int, *, code: bool) -> Iterator[str]:
     yield from ("", "Parameters, set by --set NAME=VALUE")
     for parameter in about.parameters.values():
         yield f"  {f'{parameter.name}={in_brief(parameter.default)}':28} {parameter.help}".rstrip()
-    for one in about.code if code else ():
-        yield from ("", f"{one.name} ({one.module})", "", *one.code.splitlines())
+    for listing in about.code if code else ():
+        yield from ("", f"{listing.name} ({listing.module})", "", *listing.code.splitlines())
 
 
 def _wrapped(text: str, width: int) -> Iterator[str]:

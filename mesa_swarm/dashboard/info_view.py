@@ -1,8 +1,10 @@
 """The panel that explains the model: what it is, what to try at a press, how it works, its equations and code."""
 
 import re
+from collections.abc import Mapping
 from functools import cache, partial
 from html import escape
+from typing import Any
 
 import solara
 from latex2mathml.converter import convert
@@ -55,7 +57,7 @@ def Presets(session: Session, about: ModelInfo) -> None:
     use_changes(session.changed)
     fault, set_fault = solara.use_state("")
 
-    def play(settings: dict) -> None:
+    def play(settings: Mapping[str, Any]) -> None:
         try:
             play_with(session, settings)
             set_fault("")
@@ -99,10 +101,10 @@ def Fixed(text: str) -> None:
     solara.HTML(unsafe_innerHTML=text)
 
 
-def play_with(session: Session, settings: dict) -> None:
+def play_with(session: Session, settings: Mapping[str, Any]) -> None:
     """Set these parameters, and all others to their defaults; build the model anew and play it."""
     defaults = {name: parameter.default for name, parameter in session.parameters.items()}
-    session.set_parameters(defaults | settings)
+    session.set_parameters(defaults | dict(settings))
     session.reset()
     if not session.error:
         session.play()
