@@ -96,9 +96,9 @@ def Folded(title: str, text: str) -> None:
 
 
 @solara.component
-def Fixed(text: str) -> None:
-    """Show HTML."""
-    solara.HTML(unsafe_innerHTML=text)
+def Fixed(escaped: str) -> None:
+    """Show HTML that `prose`, `drawn_equation` or `drawn_listing` made, in which texts are escaped."""
+    solara.HTML(unsafe_innerHTML=escaped)
 
 
 def play_with(session: Session, settings: Mapping[str, Any]) -> None:
@@ -126,8 +126,10 @@ def prose(text: str) -> str:
 @cache
 def drawn_equation(equation: Equation) -> str:
     """Return an equation as MathML, and what its letters are; as LaTeX if it cannot be drawn."""
+    # The converter does not escape what stands in \text.
+    latex = equation.latex.replace("<", r"\lt ").replace(">", r"\gt ")
     try:
-        drawn = convert(equation.latex, display="block")
+        drawn = convert(latex, display="block")
     except Exception:  # text of a user's may be any LaTeX
         drawn = f"<p><code>{escape(equation.latex)}</code></p>"
     return f'<div class="swarm-equation">{drawn}</div>{prose(equation.text)}'
