@@ -80,6 +80,7 @@ class TestTheWheel:
             for path in package.rglob("*")
             if path.is_file() and path.suffix not in CODE and "__pycache__" not in path.parts
         }
+        wanted |= {f"mesa_swarm/models/{path.name}" for path in (ROOT / "models").glob("*.toml")}
         assert {path.rsplit(".", 1)[1] for path in wanted} >= {"toml", "svg", "js", "css", "html", "typed"}
         assert wanted <= set(ZipFile(wheel).namelist())
 

@@ -19,7 +19,7 @@ FOLDERS = ["docs", "mesa_swarm", "models", "notebooks/solutions", "tests"]
 TEXTS = [
     *("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "mkdocs.yml", ".ci/run", "notebooks/*.md"),
     *("docs/**/*.md", "docs/*.css", "docs/pictures/step.svg"),
-    *("mesa_swarm/**/*.js", "mesa_swarm/**/*.css", "pyproject.toml"),
+    *("mesa_swarm/**/*.js", "mesa_swarm/**/*.css", "models/*.toml", "pyproject.toml"),
 ]
 NOTEBOOKS = ["notebooks/*.ipynb"]
 
@@ -61,6 +61,7 @@ NAMES = {
 }
 # What is right where it stands: the files, the literal text, and why.
 ALLOWED = [
+    ("docs/model_pages.py", "config", "MkDocs passes this argument by name"),
     ("docs/notebook_pages.py", "config", "MkDocs passes this argument by name"),
     ("mesa_swarm/learning/evolution.py", "tell", "CMA-ES is an ask-and-tell method; a documented name"),
     ("mesa_swarm/moved.py", "learning.told", "a former address"),

@@ -31,9 +31,9 @@ class Edit:
 
     Examples
     --------
-    >>> Edit(120, "disc", (400.0, 300.0, 25.0)).text
-    '120,disc,400,300,25'
-    >>> edits_from("120,disc,400,300,25;130,set,noise,0.2")[1]
+    >>> Edit(120, "obstacle", (400.0, 300.0, 25.0)).text
+    '120,obstacle,400,300,25'
+    >>> edits_from("120,obstacle,400,300,25;130,set,noise,0.2")[1]
     Edit(step=130, do='set', values=('noise', '0.2'))
     """
 

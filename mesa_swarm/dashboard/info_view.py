@@ -14,6 +14,7 @@ from pygments.lexers import PythonLexer
 from reacton import ipyvuetify as rv
 
 from mesa_swarm.about import Equation, Listing, ModelInfo, Preset, model_info
+from mesa_swarm.dashboard.inputs import checked_setting
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button
 from mesa_swarm.errors import in_words
@@ -96,14 +97,15 @@ def Folded(title: str, text: str) -> None:
 
 
 @solara.component
-def Fixed(text: str) -> None:
-    """Show HTML."""
-    solara.HTML(unsafe_innerHTML=text)
+def Fixed(escaped: str) -> None:
+    """Show HTML that `prose`, `drawn_equation` or `drawn_listing` made, in which texts are escaped."""
+    solara.HTML(unsafe_innerHTML=escaped)
 
 
 def play_with(session: Session, settings: Mapping[str, Any]) -> None:
     """Set these parameters, and all others to their defaults; build the model anew and play it."""
-    session.choose(session.name, settings)
+    checked = {name: checked_setting(session.parameters[name], value) for name, value in settings.items()}
+    session.choose(session.name, checked)
     if not session.error:
         session.play()
 
@@ -124,8 +126,10 @@ def prose(text: str) -> str:
 @cache
 def drawn_equation(equation: Equation) -> str:
     """Return an equation as MathML, and what its letters are; as LaTeX if it cannot be drawn."""
+    # The converter does not escape what stands in \text.
+    latex = equation.latex.replace("<", r"\lt ").replace(">", r"\gt ")
     try:
-        drawn = convert(equation.latex, display="block")
+        drawn = convert(latex, display="block")
     except Exception:  # text of a user's may be any LaTeX
         drawn = f"<p><code>{escape(equation.latex)}</code></p>"
     return f'<div class="swarm-equation">{drawn}</div>{prose(equation.text)}'

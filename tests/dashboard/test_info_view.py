@@ -1,5 +1,7 @@
 """The panel that explains the model: its presets, equations and code."""
 
+from html.parser import HTMLParser
+
 import ipyvuetify
 import pytest
 import solara
@@ -8,6 +10,10 @@ from mesa_swarm.about import Equation, Listing, Preset, model_info
 from mesa_swarm.dashboard import info_view
 from mesa_swarm.dashboard.info_view import Info, drawn_equation, drawn_listing, is_built, play_with, prose
 from mesa_swarm.dashboard.session import Session
+from support.names import HOSTILE_NAMES
+
+# Tags and attributes of what is drawn; besides these there are only those of MathML.
+ALLOWED = {"p", "code", "div", "details", "summary", "small", "pre", "span", "class", "xmlns", "display", "stretchy"}
 
 
 @pytest.fixture
@@ -82,6 +88,27 @@ def test_a_file_that_cannot_be_read_is_named_in_the_panel(session, monkeypatch):
 def test_text_is_escaped_and_quoted_names_are_code():
     assert prose("a < b in `sight`\n\nmore") == "<p>a &lt; b in <code>sight</code></p><p>more</p>"
     assert prose("") == ""
+
+
+class Tags(HTMLParser):
+    """The tags and attributes of some HTML."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.found: set[str] = set()
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        self.found |= {tag, *(name for name, _ in attributes)}
+
+
+@pytest.mark.parametrize("name", [*HOSTILE_NAMES, "<img src=x onerror=alert(1)>", "</code><script>alert(1)</script>"])
+def test_texts_equations_and_code_make_no_markup(name):
+    text = Tags(prose(f"{name} `{name}`")).found
+    code = Tags(drawn_listing(Listing(name=name, module=name, code=f"x = 1  # {name}"))).found
+    latex = Tags(drawn_equation(Equation(latex=rf"\text{{{name}}} + x_{{{name}}}", text=name))).found
+    assert (text | code | latex) <= ALLOWED | {tag for tag in latex if tag.startswith("m")}
+    assert "src" not in latex | code | text
 
 
 def test_equations_are_mathml_and_stay_latex_where_they_cannot_be_drawn(monkeypatch):

@@ -29,6 +29,7 @@ MARKUP = re.compile(
 OURS = re.compile(
     r"innerHTML = `<svg viewBox=[^`$]*\$\{ICONS[^`]*`"
     r'|unsafe_innerHTML="[\w ]+"\)|unsafe_innerHTML=picture\)|unsafe_innerHTML=table_html\('
+    r"|unsafe_innerHTML=escaped\)"
 )
 
 
