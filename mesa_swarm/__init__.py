@@ -18,7 +18,7 @@ if not any(isinstance(finder, MovedFinder) for finder in sys.meta_path):
 
 
 def _composer() -> Callable[..., Any]:
-    from mesa_swarm.dashboard.notebook import show_with_panels  # noqa: PLC0415 - slow to load
+    from mesa_swarm.dashboard.notebook_panels import show_with_panels  # noqa: PLC0415 - slow to load
 
     return show_with_panels
 

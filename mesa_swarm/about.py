@@ -47,7 +47,7 @@ FORMATTING = re.compile(r" *# fmt: skip$", re.MULTILINE)  # a note to the format
 HEADING = re.compile("|".join(map(re.escape, (WHAT, *HEADINGS, *OTHERS))))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Preset:
     """Settings of a model to try, and what one should see.
 
@@ -66,7 +66,7 @@ class Preset:
     settings: Mapping[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Equation:
     """An equation in LaTeX, and what its letters are."""
 
@@ -74,7 +74,7 @@ class Equation:
     text: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Listing:
     """Code that a model uses: the name of a layer or of a model, the module that it is from, and the source."""
 

@@ -10,6 +10,7 @@ MUTABLE = {
     *("Align", "Explore", "HeadOn", "Lead", "MatchVelocity", "Perimeter", "PolicyLayer", "VelocityMatching"),
     *("HebbianLearning", "LearnFireWheels", "LearnFires", "Learner", "QLearning", "TableQLearning", "WireFittedQ"),
     "Checkpoint",  # grows while it is written
+    *("CanvasView", "GridResults"),  # what has arrived so far
     "_Motors",  # drives that users derive from it have attributes of their own
 }
 # Layers and policies inherit from classes without slots, or compute attributes once; tasks check what they inherit with
@@ -17,7 +18,7 @@ MUTABLE = {
 WITHOUT_SLOTS = MUTABLE | {
     *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "SeekHeat", "Separate"),
     *("Aggregation", "CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Foraging", "Task"),
-    *("Scene", "ValidationGate"),
+    *("ModelInfo", "Scene", "ValidationGate"),
     *("NetworkPolicy", "Networks", "OnnxPolicy", "QPolicy", "ReflexPolicy", "TablePolicy", "WirePolicy"),
 }
 

@@ -72,7 +72,7 @@ class GridCell:
     failed: int
 
 
-@dataclass(kw_only=True, slots=True, eq=False)
+@dataclass(kw_only=True, eq=False)
 class GridResults:
     """The outcomes of an experiment so far.
 

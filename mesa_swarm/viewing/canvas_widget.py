@@ -30,7 +30,7 @@ ON_A_PAGE = {"bar": True, "keys": "page", "toggles": {}}
 IN_A_NOTEBOOK = {"bar": True, "keys": "own", "toggles": {}, "compact": True}
 
 
-@dataclass(slots=True)
+@dataclass
 class CanvasView:
     """One place in which a browser shows a canvas: the last frame that it drew, and since when an answer is due, s."""
 

@@ -13,7 +13,7 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.dashboard.charts import ChartBoard
 from mesa_swarm.dashboard.controls import ControlPanel
 from mesa_swarm.dashboard.inspector import Inspector
-from mesa_swarm.dashboard.notebook import NotebookCanvas, in_notebooks
+from mesa_swarm.dashboard.notebook_panels import NotebookCanvas, in_notebooks
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting

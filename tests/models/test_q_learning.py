@@ -79,12 +79,10 @@ def test_a_table_takes_the_defaults_of_settings_of_networks(off):
 def test_the_page_shows_beside_the_control_that_a_table_has_no_eta_and_goes_on():
     session = Session("q_learning", {"n_robots": 2, "eta": 0.3})
     session.set_parameter("memory", "table")
-    session.reset()
-    fault = values_of(session)["eta"]["fault"]
-    assert fault == session.error
-    assert fault.startswith("eta is 0.3")
+    assert values_of(session)["memory"]["fault"].startswith("eta is 0.3")
+    assert (session.error, session.settings["memory"]) == ("", "networks")
     session.set_parameter("eta", 0.1)
-    session.reset()
+    session.set_parameter("memory", "table")
     assert {value["fault"] for value in values_of(session).values()} == {""}
     assert (session.error, session.model.given[1]["memory"]) == ("", "table")
 
