@@ -7,6 +7,8 @@ const NEXT = { auto: "dark", dark: "light", light: "auto" };
 const SIGNS = { auto: "\u25D0", light: "\u2600", dark: "\u263E" };
 // How often the connection is looked at, and how long a text stays on a button, ms.
 const LOOK_EVERY = 500, SHOWN_FOR = 1500;
+// How long the page may take to the place of Back or Forward before its address is written as it is, ms.
+const LONGEST_WAY = 5000;
 const GONE = "The dashboard's server does not answer: its program has ended or was restarted. Start it again, and reload this page.";
 
 /** The query without the step, which is not in it while a run is played. */
@@ -21,7 +23,7 @@ function plainButton(label, act, more = {}) {
 }
 
 class PageBarView {
-  #model; #root; #leave = []; #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0; #waiting = 0;
+  #model; #root; #leave = []; #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0; #waiting = 0; #awaited = null; #patience = 0;
 
   constructor(model, root) {
     this.#model = model;
@@ -42,6 +44,7 @@ class PageBarView {
   destroy() {
     clearInterval(this.#timer);
     clearTimeout(this.#waiting);
+    clearTimeout(this.#patience);
     this.#tour?.close();
     this.#dialog?.remove();
     this.#leave.forEach((leave) => leave());
@@ -89,6 +92,8 @@ class PageBarView {
   #write() {
     const { query, place } = this.#model.get("shown");
     if (!query || !place) return;
+    if (this.#awaited === place) this.#awaited = null;
+    if (this.#awaited !== null) return; // on the way to where Back or Forward leads
     const address = `${location.pathname}?${query}`, known = this.#place ?? history.state?.place ?? place;
     if (known === place) history.replaceState({ ...history.state, place }, "", address);
     else history.pushState({ ...history.state, place }, "", address);
@@ -97,6 +102,9 @@ class PageBarView {
 
   #visit({ state }) {
     this.#place = state?.place ?? this.#place;
+    this.#awaited = this.#place;
+    clearTimeout(this.#patience);
+    this.#patience = setTimeout(() => ((this.#awaited = null), this.#write()), LONGEST_WAY);
     this.#model.send({ do: "visit", query: location.search });
   }
 

@@ -67,7 +67,7 @@ def test_settings_and_steps_are_no_steps_back(visit):
     visitor.press("Step")
     addressed(visitor, "step=1")
     visitor.field("n_robots").get_by_role("slider").press("ArrowRight")
-    addressed(visitor, "n_robots=5")
+    addressed(visitor, "n_robots=4", "edits=1%2Cset%2Cn_robots%2C5")
     assert visitor.page.evaluate("history.length") == length
 
 
