@@ -153,10 +153,10 @@ class PanelView {
     const place = `swarm-field-${built++}`, mark = make("em", { class: "swarm-mark" });
     const fault = make("p", { class: "swarm-fault", role: "alert", hidden: true, id: `${place}-fault` });
     const note = make("small", { id: `${place}-help`, hidden: !help || help === label }, help ?? "");
-    const controls = [slider, text].filter((one) => one?.matches("input, select"));
-    controls[0].id ||= place;
+    const own = [slider, text].filter((one) => one?.matches("input, select")), controls = own.length ? own : [...row.querySelectorAll("input")];
+    if (own.length) own[0].id ||= place;
     if (!note.hidden) for (const one of controls) one.setAttribute("aria-describedby", note.id);
-    const head = make("div", { class: "swarm-label" }, make("label", { for: controls[0].id }, label), mark);
+    const head = make("div", { class: "swarm-label" }, own.length ? make("label", { for: own[0].id }, label) : make("span", {}, label), mark);
     const frame = make("div", { class: "swarm-field", "data-name": name }, head, row, note, fault);
     this.#fields.set(name, { frame, text, slider, mark, fault, live, note, controls });
     return frame;

@@ -94,7 +94,7 @@ class PlayerView {
   #leave = [];
   #parts = {};
   // Whether a pointer was used last, not the Tab key; whether the space bar was the player's; whether it waits to be seen.
-  #pointed = false;
+  #pointed = !document.activeElement?.matches(":focus-visible");
   #spaced = false;
   #unseen = false;
 

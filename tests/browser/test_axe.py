@@ -41,7 +41,7 @@ def test_watch_with_a_robot_a_fault_and_an_error_breaks_no_rule(visit, theme):
     visitor.field("n_robots").locator("input[type=text]").press("Enter")
     visitor.page.wait_for_selector(".swarm-field .swarm-fault:not([hidden])")
     assert findings(visitor.page) == []
-    stopped = visit("?model=fire_fighting&robots=many", color_scheme=theme)
+    stopped = visit("?model=fire_fighting&n_robots=many", color_scheme=theme)
     stopped.page.wait_for_selector(".swarm-trouble")
     assert findings(stopped.page) == []
 

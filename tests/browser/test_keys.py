@@ -17,6 +17,7 @@ CLICKED = [
     ".swarm-tools input[type=checkbox] >> nth=0",
 ]
 SIDES = ".swarm-worlds .swarm-player"
+CLOCK = ".swarm-clock .swarm-player"
 
 
 def reach(visitor, selector: str) -> None:
@@ -26,11 +27,11 @@ def reach(visitor, selector: str) -> None:
     visitor.page.keyboard.press("Tab")
 
 
-def toggles(visitor) -> bool:
+def toggles(visitor, player: str = ".swarm-player") -> bool:
     """Return whether the space bar starts and stops the player."""
     for playing in ("true", "false"):
         visitor.page.keyboard.press(" ")
-        visitor.wait(f"player.playing === '{playing}'")
+        visitor.page.wait_for_selector(f"{player}[data-playing={playing}]")
     return True
 
 
@@ -82,9 +83,9 @@ def test_space_plays_two_worlds_and_a_list_keeps_it(visitor):
     page = visitor.page
     visitor.press("Compare")
     page.wait_for_selector(f"{SIDES}[data-drawn]")
-    assert toggles(visitor)
+    assert toggles(visitor, CLOCK)
     visitor.press("Over many seeds")
-    assert toggles(visitor)
+    assert toggles(visitor, CLOCK)
     visitor.field("steps").locator("input").click()
     page.keyboard.press(" ")
     visitor.field("parameter").locator("select").focus()

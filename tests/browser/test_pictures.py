@@ -9,7 +9,11 @@ from support.visits import resize
 pytestmark = pytest.mark.slow
 
 # What a tab shows when it is there.
-SIGHTS = {"Compare": ".swarm-worlds .swarm-player[data-drawn]", "Replay": "input[type=file]"}
+SIGHTS = {
+    "compare": ".swarm-worlds .swarm-player[data-drawn]",
+    "experiment": ".swarm-experiment",
+    "replay": "input[type=file]",
+}
 SIZES = {"laptop": (1366, 768), "projector": (1920, 1080)}
 
 
@@ -25,7 +29,7 @@ def test_every_view_is_written_as_a_picture_and_fits_its_screen(visit, shots, si
     visitor.wait_for_step(303)
     page.screenshot(path=shots / f"watch-{theme}-{size}.png")
     for tab in ("Models", *MORE_TABS):
-        visitor.press(tab)
+        visitor.press(tab.capitalize())
         if tab == "Models":
             page.wait_for_function(f"document.querySelectorAll('.swarm-picture svg').length === {len(model_names())}")
         else:
