@@ -106,7 +106,7 @@ def test_a_robot_is_looked_into_and_moved(visitor):
     visitor.press("Move")
     visitor.page.wait_for_function(f"document.querySelector('.swarm-player').dataset.fingerprint !== '{before}'")
     fault.wait_for(state="hidden")
-    page.wait_for_function("!location.search.includes('step=')")
+    page.wait_for_function("location.search.includes('move%2C')")
     visitor.press("Step")
     visitor.wait_for_step(2)
 
