@@ -5,7 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 from urllib.parse import parse_qsl, urlencode
 
 from mesa_swarm.dashboard import check_page_model
-from mesa_swarm.dashboard.edits import Edit, as_text, edits_from
+from mesa_swarm.dashboard.edits import Edit, as_text, edits_from, written
 from mesa_swarm.dashboard.inputs import LARGEST_SEED, checked_setting, whole_number
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.errors import SwarmError, check_choice
@@ -133,8 +133,3 @@ def _of_run(session: Session) -> dict[str, str]:
     if shown and not session.playing and 0 < shown.step <= MOST_STEPS:
         words["step"] = str(shown.step)
     return words
-
-
-def written(value: Any) -> str:
-    """Return a value as a link has it."""
-    return repr(value) if isinstance(value, float) else str(value)

@@ -7,18 +7,21 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.dashboard.placing import check_place, outline_of
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.bodies import Body, Load
 from mesa_swarm.world.movers import Driven
-from mesa_swarm.world.shapes import disc, polygon
+from mesa_swarm.world.shapes import Shape, disc, polygon
 
 # Full pushes of robots that a body drawn on the page withstands.
 RESISTANCE = 0.5
+# Overlaps below this are rounding.
+TOUCHING = 1e-9
+NAMES = {"obstacle": "an obstacle", "load": "a load"}
 MOST_ROBOTS = 10_000
 MOST_EDITS = 200
 BETWEEN, WITHIN = ";", ","
@@ -48,6 +51,11 @@ class Edit:
         return WITHIN.join([str(self.step), self.do, *numbers])
 
 
+def written(value: object) -> str:
+    """Return a value as links have it, from which the same value is read."""
+    return repr(value) if isinstance(value, float) else str(value)
+
+
 def edits_from(text: str) -> list[Edit]:
     """Return the edits in a link, in the order of their steps."""
     found = [_edit_from(part) for part in text.split(BETWEEN) if part]
@@ -64,7 +72,10 @@ def _edit_from(text: str) -> Edit:
     if not step.isdecimal():
         raise InvalidValueError(f"edit {shortened(text)} has no step; expected a link copied from the page")
     if do == SET:
-        return Edit(int(step), do, tuple(values.split(WITHIN)))
+        parts = tuple(values.split(WITHIN))
+        if "map" in parts[::2]:  # its value may name a file, which no link makes this machine read
+            raise InvalidValueError("map cannot be changed during a run; expected another parameter in edits")
+        return Edit(int(step), do, parts)
     try:
         numbers = tuple(float(one) for one in values.split(WITHIN) if one)
     except ValueError:
@@ -84,6 +95,49 @@ def apply_edit(model: SwarmModel, do: str, values: Sequence[float]) -> None:
     if len(values) != expected:
         raise InvalidValueError(f"{do} has {len(values)} numbers; expected {expected}")
     act(model, *(check_number(do, value, minimum=-1e9, maximum=1e9) for value in values))
+
+
+def check_place(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> None:
+    """Refuse a place where something, `of` itself left out, would overlap another thing or the border of the map."""
+    depth, what = deepest(model, shape, of)
+    if depth > TOUCHING:
+        x, y = shape.position.tolist()
+        raise InvalidValueError(
+            f"at ({x:.4g}, {y:.4g}) it would overlap {what} by {depth:.3g}; choose a place farther away"
+        )
+
+
+def deepest(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> tuple[float, str]:
+    """Return the largest overlap of a shape, and with what."""
+    x_min, y_min, x_max, y_max = model.map.bounds
+    left, low, right, high = shape.bounds
+    found = [(max(x_min - left, y_min - low, right - x_max, high - y_max), "the border of the map")]
+    bodies = [body for body in model.obstacle_list if body.contact and getattr(body, "carrier", None) is None]
+    for body in bodies:
+        found.append((-_gap(shape, body.shape), NAMES.get(body.kind, f"a {body.kind}")) if body is not of else found[0])
+    for number, fire in enumerate(model.fires.agents, start=1):
+        found.append((-_gap(shape, fire.shape), f"fire {number}") if fire is not of else found[0])
+    swarm = model.swarm
+    gaps = shapely.distance(shape.geometry, shapely.points(swarm.position)) - shape.radius - swarm.radius
+    if isinstance(of, Robot):
+        gaps[of.row] = np.inf
+    if len(gaps):
+        nearest = int(np.argmin(gaps))
+        found.append((-float(gaps[nearest]), f"robot {swarm.agents[nearest].unique_id}"))
+    return max(found, key=lambda one: one[0])
+
+
+def outline_of(shape: Shape) -> BaseGeometry:
+    """Return the area that a shape covers."""
+    return shape.geometry.buffer(shape.radius) if shape.is_disc else shape.geometry
+
+
+def _gap(one: Shape, other: Shape) -> float:
+    """Return how far apart two shapes are; below 0 if they overlap, of polygons the side of a square of that area."""
+    distance = float(shapely.distance(one.geometry, other.geometry))
+    if distance > 0 or one.is_disc or other.is_disc:
+        return distance - one.radius - other.radius
+    return -float(np.sqrt(shapely.intersection(one.geometry, other.geometry).area))
 
 
 def thing(model: SwarmModel, number: float) -> Robot | Body:

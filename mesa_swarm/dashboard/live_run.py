@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from mesa_swarm.dashboard.edits import MOST_ROBOTS, SET, Edit, apply_edit
+from mesa_swarm.dashboard.edits import MOST_ROBOTS, SET, Edit, apply_edit, written
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count
 from mesa_swarm.parameters import Parameter
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
@@ -54,19 +54,20 @@ class LiveRun:
     def set(self, values: Mapping[str, Any]) -> set[str]:
         """Change parameters; return the names of those that took effect, the others belong to the beginning of a run.
 
-        A value with which no model can be made raises its error, and nothing has changed.
+        Values with which no model can be made, or robots for which there is no room, raise an error, and nothing has
+        changed.
         """
         done: set[str] = set()
         others = {name: value for name, value in values.items() if name != ROBOTS}
+        if ROBOTS in values:  # first: what is refused is refused here
+            match_robots(self.model, self._make({**self.begun, **values}))
+            done.add(ROBOTS)
         if others and self._continue(others):
             done |= others.keys()
         elif len(others) > 1:
-            done |= {name for name, value in others.items() if self._continue({name: value})}
-        if ROBOTS in values:
-            match_robots(self.model, self._make({**self.begun, ROBOTS: values[ROBOTS]}))
-            done.add(ROBOTS)
+            done |= {name for name, value in others.items() if self._continues_alone(name, value)}
         if done:
-            self._note(SET, [part for name in sorted(done) for part in (name, _written(values[name]))])
+            self._note(SET, [part for name in sorted(done) for part in (name, written(values[name]))])
         return done
 
     def _continue(self, values: Mapping[str, Any]) -> bool:
@@ -79,6 +80,13 @@ class LiveRun:
             return False
         self.model, self.begun = new, wanted
         return True
+
+    def _continues_alone(self, name: str, value: Any) -> bool:
+        """Continue with one of several values, unless that is possible only with the others."""
+        try:
+            return self._continue({name: value})
+        except SwarmError:
+            return False
 
     def edit(self, do: str, values: Sequence[float], *, in_place: bool = False) -> None:
         """Change the model by hand; `in_place` if this goes on with the last edit, a robot that is dragged."""
@@ -113,10 +121,6 @@ class LiveRun:
         if same and last and (in_place or (do == SET and last.values[::2] == edit.values[::2])):
             self.edits.pop()
         self.edits.append(edit)
-
-
-def _written(value: Any) -> str:
-    return repr(value) if isinstance(value, float) else str(value)
 
 
 class Repetition:

@@ -258,6 +258,8 @@ class Session(Player):
             self._changed_by_hand()
             if before is not None:
                 self._remember(before)
+            elif not in_place:  # going back farther would take back this change too
+                self._before = []
         self.retake()
 
     @property

@@ -232,3 +232,10 @@ def test_the_map_as_it_is_now_can_be_saved_and_read_back():
         assert len(again.fires) == len(model.fires) - 1
         assert len(again.obstacles) == len(model.obstacles)
     assert np.allclose(drawn.obstacles[-1].bounds, Map.from_toml(drawn.to_toml()).obstacles[-1].bounds)
+
+
+@pytest.mark.parametrize("file", ["/etc/passwd.toml", "hall.svg"])
+def test_a_link_never_makes_the_page_read_a_file_as_a_map(file, monkeypatch):
+    monkeypatch.setattr(Map, "load", classmethod(lambda cls, source: pytest.fail(f"{source} is read")))
+    with pytest.raises(InvalidValueError, match="map cannot be changed during a run"):
+        edits_from(f"3,set,noise,0.2;5,set,map,{file}")

@@ -4,7 +4,9 @@ import pytest
 
 from mesa_swarm.dashboard.controls import ControlPanel, Panel
 from mesa_swarm.dashboard.exporting import Exporting
+from mesa_swarm.dashboard.live_run import LiveRun
 from mesa_swarm.dashboard.session import Session
+from mesa_swarm.errors import RecordingError, SwarmError
 from mesa_swarm.gallery import find_model, gallery_names
 from mesa_swarm.parameters import Slider, parameters_of
 from mesa_swarm.recording import Recording
@@ -110,3 +112,36 @@ def test_all_defaults_are_taken_back_while_it_runs(name):
     assert session.settings == {key: one.default for key, one in session.parameters.items()}
     session.step()
     assert session.error == ""
+
+
+@pytest.mark.parametrize("values", [{"noise": 0.2, "n_robots": 5000}, {"k1": 0.001, "n_robots": 9000, "slip": 0.1}])
+def test_of_several_values_none_is_applied_if_one_is_refused(values):
+    session = played("fire_fighting")
+    model, before = session.model, session.model.state_hash()
+    with pytest.raises(SwarmError):
+        session.set_parameters(values)
+    assert session.run.model is session.model is model
+    assert (session.model.state_hash(), session.edits) == (before, ())
+    session.step()
+    assert len(session.series) == 9
+
+
+def test_values_that_only_fit_together_wait_if_they_cannot_all_change_now():
+    session = played("fire_fighting")
+    session.set_parameters({"leave": 5.0, "join": 2.0, "initial_temperature": 0.5})
+    assert "initial_temperature" in session.waiting
+    assert session.run.model is session.model
+    session.step()
+    assert session.error == ""
+
+
+def test_a_change_of_a_model_that_cannot_be_stored_is_not_undone_with_an_earlier_one(monkeypatch):
+    session = played("boids", n_robots=2)
+    session.edit("obstacle", 100, 100, 20)
+
+    def refuse(run):
+        raise RecordingError("a custom part cannot be stored")
+
+    monkeypatch.setattr(LiveRun, "stored", refuse)
+    session.edit("obstacle", 200, 100, 20)
+    assert session.undoable is None
