@@ -6,9 +6,10 @@ from mesa_swarm.world.map import Map
 from support.waiting import wait_until
 
 STAGE = "document.querySelector('.swarm-stage canvas').stage"
-PICKED = (
-    f"""(i) => {{ const {{ frame }} = {STAGE}; return [frame.ids[i], frame.pose[3 * i], frame.pose[3 * i + 1]]; }}"""
-)
+PICKED = f"""(i) => {{
+  const frame = {STAGE}.frame; // none while a new world is entered
+  return frame && [frame.ids[i], frame.pose[3 * i], frame.pose[3 * i + 1]];
+}}"""
 
 
 @pytest.fixture
@@ -42,8 +43,7 @@ def drag(visitor, start, end) -> None:
 
 
 def robot(visitor, row: int = 0):
-    visitor.page.wait_for_function(f"{STAGE}.frame")
-    return visitor.page.evaluate(PICKED, row)
+    return visitor.page.wait_for_function(PICKED, arg=row).json_value()
 
 
 def count(visitor, what: str) -> int:
@@ -59,7 +59,7 @@ def test_a_robot_is_dragged_and_put_back_by_undo(editing):
     editing.page.wait_for_function(f"location.search.includes('move%2C{number}')")
     editing.page.keyboard.press("Control+z")
     wait_until(lambda: robot(editing)[1:] == [x, y])
-    assert "edits=" not in editing.page.url
+    editing.page.wait_for_function("!location.search.includes('edits=')")
 
 
 def test_walls_discs_bodies_fires_and_robots_are_added_by_mouse(editing):

@@ -4,7 +4,7 @@ from base64 import b64encode
 
 import numpy as np
 import pytest
-from ipywidgets.embed import embed_data
+from ipywidgets.embed import dependency_state, embed_data
 from nbconvert import HTMLExporter
 from nbformat import v4
 
@@ -187,7 +187,7 @@ def test_an_exported_notebook_has_the_picture_with_and_without_the_state_of_its_
     cell = v4.new_code_cell("view", outputs=[v4.new_output("display_data", data=written)])
     notebook = v4.new_notebook(cells=[cell])
     if has_state:
-        state = embed_data([view], drop_defaults=False)["manager_state"]
+        state = embed_data([view], drop_defaults=False, state=dependency_state([view], False))["manager_state"]
         notebook.metadata["widgets"] = {"application/vnd.jupyter.widget-state+json": state}
     page, _ = HTMLExporter().from_notebook_node(notebook)
     assert ("vnd.jupyter.widget-view+json" in page) == has_state
