@@ -95,9 +95,9 @@ def in_words(error: BaseException) -> str:
     return without_middle("".join(letter if letter.isprintable() else "\ufffd" for letter in text))
 
 
-def without_middle(line: str) -> str:
+def without_middle(line: str, longest: int = LONGEST) -> str:
     """Return a line without its middle if it is too long: an error begins with what it is and ends with the cure."""
-    return line if len(line) <= LONGEST else f"{line[: LONGEST // 2 - 5]} ... {line[-LONGEST // 2 :]}"
+    return line if len(line) <= longest else f"{line[: longest // 2 - 5]} ... {line[-longest // 2 :]}"
 
 
 def check_number(

@@ -20,6 +20,7 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import (
+    LONGEST_NAME,
     BehaviourError,
     InvalidValueError,
     LearningError,
@@ -239,14 +240,14 @@ def _cold(policy: OfFires, greedy: bool) -> OfFires:
 
 def _of_npz(file: Path, greedy: bool) -> Controller:
     policy: Any = load_policy(file)
-    return Controller(name=file.name, control=control_of(policy, greedy=greedy))
+    return Controller(name=_short_name(file), control=control_of(policy, greedy=greedy))
 
 
 def _of_onnx(file: Path, greedy: bool) -> Controller:
     session = onnx_session(file)
     if is_own(session):
         policy: Any = OnnxPolicy.of(session, shown_path(file))
-        return Controller(name=file.name, control=Subsumption(PolicyLayer(policy=policy, greedy=greedy)))
+        return Controller(name=_short_name(file), control=Subsumption(PolicyLayer(policy=policy, greedy=greedy)))
     inputs = session.get_inputs()
     shape = list(inputs[0].shape) if len(inputs) == 1 else []
     if len(shape) != 2 or inputs[0].type != "tensor(float)" or isinstance(shape[0], int):
@@ -262,7 +263,7 @@ def _of_onnx(file: Path, greedy: bool) -> Controller:
     def act(observations: np.ndarray) -> np.ndarray:
         return np.asarray(session.run([output], {name: observations.astype(np.float32, copy=False)})[0])
 
-    return Controller(name=file.name, make=lambda: act, width=shape[1] if isinstance(shape[1], int) else None)
+    return Controller(name=_short_name(file), make=lambda: act, width=shape[1] if isinstance(shape[1], int) else None)
 
 
 def _of_sb3(file: Path, greedy: bool) -> Controller:
@@ -283,7 +284,7 @@ def _of_sb3(file: Path, greedy: bool) -> Controller:
     def act(observations: np.ndarray) -> np.ndarray:
         return np.asarray(model.predict(observations, deterministic=True)[0])
 
-    return Controller(name=file.name, make=lambda: act, width=shape[0])
+    return Controller(name=_short_name(file), make=lambda: act, width=shape[0])
 
 
 def algorithm_of(file: Path) -> str:
@@ -310,14 +311,20 @@ def algorithm_of(file: Path) -> str:
 def _of_address(address: str) -> Controller:
     found = object_at(address)
     if isinstance(found, Arbiter):
-        return Controller(name=address, control=found)
+        return Controller(name=_short_name(address), control=found)
     if not callable(found):
         raise InvalidValueError(
             without_middle(
                 f"{address} is {shortened(found)}; expected a function of observations, a class or an arbiter"
             )
         )
-    return Controller(name=address, make=partial(_made, address, found) if inspect.isclass(found) else lambda: found)
+    make = partial(_made, address, found) if inspect.isclass(found) else lambda: found
+    return Controller(name=_short_name(address), make=make)
+
+
+def _short_name(spec: str | Path) -> str:
+    """Return the name of a controller: without the folders, which differ between machines and may be long."""
+    return without_middle(Path(spec).name, LONGEST_NAME)
 
 
 def _made(address: str, kind: type) -> Act:

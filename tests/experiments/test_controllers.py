@@ -92,6 +92,16 @@ def test_a_function_of_a_file_acts_on_observations_and_is_cut_off_at_full_speed(
     assert expected.max() == 1
 
 
+@pytest.mark.parametrize(("folder", "file"), [("f" * 120, "near"), ("", "f" * 120)])
+def test_a_controller_in_a_folder_or_file_of_a_long_name_has_a_short_one(tmp_path, folder, file):
+    path = tmp_path / folder / f"{file}.py"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("def act(seen):\n    return seen[:, :2] * 0\n")
+    controller = load_controller(f"{path}:act")
+    assert len(controller.name) <= 100
+    assert controller.name.endswith(".py:act")
+
+
 def test_a_function_drives_all_robots_of_an_environment(mine):
     env = VectorSwarmEnv(CollisionAvoidance(n_robots=5, map="openspace", max_steps=20), n_worlds=1)
     act, seen = load_controller(f"{mine}:toward_space").actor("continuous"), env.reset(seed=1)
