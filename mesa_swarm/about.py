@@ -5,6 +5,7 @@ The file has the module's name and ends in ``.toml``: ``mine.toml`` beside ``min
     how = "One paragraph on how it works."
     watch = "What to watch."
     source = "The full reference."
+    speed = 120  # steps a second at which a page plays it first
 
     [[try]]
     label = "Half as many"
@@ -30,7 +31,15 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 from mesa_swarm.control.behaviour import Behaviour
-from mesa_swarm.errors import InvalidValueError, MapError, SwarmError, shortened, unknown_name, without_middle
+from mesa_swarm.errors import (
+    InvalidValueError,
+    MapError,
+    SwarmError,
+    check_number,
+    shortened,
+    unknown_name,
+    without_middle,
+)
 from mesa_swarm.gallery import PACKAGE, address_of, description, find_model, short_name
 from mesa_swarm.parameters import Parameter, parameters_of
 from mesa_swarm.world.map_parts import file_content, text_of
@@ -38,7 +47,9 @@ from mesa_swarm.world.map_toml import parsed_toml
 
 LARGEST_INFO_FILE = 100_000
 TEXTS = ("how", "watch", "source")
-KEYS = (*TEXTS, "try", "equations")
+KEYS = (*TEXTS, "speed", "try", "equations")
+USUAL_SPEED = 60.0
+SLOWEST, FASTEST = 0.5, 1000.0
 # Headings of a model's docstring, and what the text below each is used for where the file has none.
 WHAT = "WHAT IS IT?"
 HEADINGS = {"HOW IT WORKS.": "how", "THINGS TO NOTICE.": "watch", "REFERENCE.": "source"}
@@ -96,6 +107,8 @@ class ModelInfo:
         Whose layers `code` shows; without it, those of a model with all defaults.
     what, how, watch, source : str
         Empty if not known.
+    speed : float
+        At which a page plays it at first, so that something is seen to happen, 0.5 to 1000 steps a second.
     presets : tuple of Preset
     equations : tuple of Equation
     """
@@ -107,6 +120,7 @@ class ModelInfo:
     how: str = ""
     watch: str = ""
     source: str = ""
+    speed: float = USUAL_SPEED
     presets: tuple[Preset, ...] = ()
     equations: tuple[Equation, ...] = ()
 
@@ -231,6 +245,8 @@ def _read(file: Path, model_class: type) -> dict[str, Any]:
                 raise InvalidValueError(unknown_name("key", key, KEYS))
         found: dict[str, Any] = {key: _joined(_text(key, inside[key])) for key in TEXTS if key in inside}
         known = parameters_of(model_class)
+        if "speed" in inside:
+            found["speed"] = check_number("speed", inside["speed"], minimum=SLOWEST, maximum=FASTEST)
         if "try" in inside:
             found["presets"] = tuple(
                 Preset(label=_text(f"{key}, label", table["label"]), text=_joined(_text(f"{key}, text", table["text"])),

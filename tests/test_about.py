@@ -130,6 +130,8 @@ def test_a_file_beside_a_file_with_a_model_is_read(mine):
     [
         ('hwo = "x"', r"mine0.toml: unknown key 'hwo'; did you mean 'how'\?"),
         ("how = 3", "mine0.toml: how is 3; expected a text"),
+        ("speed = 0", "mine0.toml: speed is 0; expected a finite number at least 0.5"),
+        ('speed = "fast"', "mine0.toml: speed is 'fast'; expected a finite number"),
         ('how = ""', "mine0.toml: how is ''; expected a text"),
         ("try = 3", r"mine0.toml: try is 3; expected tables, each headed \[\[try\]\]"),
         ('[[try]]\nlabel = "x"', "mine0.toml: try 1 has no text; expected label, text, settings"),

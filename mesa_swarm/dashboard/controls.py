@@ -87,11 +87,11 @@ class Designer:
         if not self.fits:
             return []
         if self._fault:
-            return [("fault", self._fault)]
+            return [("fault", in_labels(self._fault))]
         constants, warned = (self._constants, self._warned) if self._constants else self._designed()
         if any(self.session.settings[key] != getattr(constants, key) for key in CONSTANTS):
             return [("remark", "k1 to k4, leave or join were set by hand; any of these sliders sets all of them again")]
-        return [("warning" if remark in warned else "remark", remark) for remark in constants.remarks]
+        return [("warning" if remark in warned else "remark", in_labels(remark)) for remark in constants.remarks]
 
     def fields(self) -> list[dict[str, Any]]:
         """Return the sliders of the requirements."""
@@ -122,6 +122,20 @@ class Designer:
             warnings.simplefilter("always", FireConstantsWarning)
             constants = design_constants(**wanted, area=largest, largest_area=largest)
         return constants, tuple(str(warning.message) for warning in heard)
+
+
+def in_labels(text: str) -> str:
+    """Return a text in which requirements are called as their sliders are, not as the arguments of a function.
+
+    Examples
+    --------
+    >>> in_labels("ask for more robots or a longer extinguish_time")
+    'ask for more robots or a longer extinguish time'
+    """
+    for name, one in REQUIREMENTS.items():
+        if "_" in name:
+            text = text.replace(name, one.label)
+    return text
 
 
 # Groups of parameters; the others belong to "Behaviour".

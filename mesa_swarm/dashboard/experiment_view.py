@@ -15,6 +15,7 @@ from mesa_swarm.dashboard import page_models
 from mesa_swarm.dashboard.controls import ControlPanel, label_of, value_text, with_faults
 from mesa_swarm.dashboard.experiment_results import MEAN, SHARE, GridCell, GridResults
 from mesa_swarm.dashboard.experimenting import Experimenting, options_of, values_in_words
+from mesa_swarm.dashboard.layout import LEFT, ColumnFold
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Downloads, Link, Linked
 from mesa_swarm.experiments.reports import OF, REDUCTIONS, parts_of
@@ -316,6 +317,7 @@ def ExperimentTab(session: Session) -> None:
         with solara.Div(classes=["swarm-set"]):
             Linked(ControlPanel, ExperimentPanel, experimenting, bare=True)
             StartOrStop(experimenting)
+        ColumnFold.element(side=LEFT, label="Settings")
         with solara.Div(classes=["swarm-middle"]):
             Linked(ExperimentPicture, PictureLink, experimenting)
 

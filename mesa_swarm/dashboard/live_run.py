@@ -1,6 +1,7 @@
 """A model that is changed while it runs, and what is needed to repeat it with the same changes."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from mesa_swarm.dashboard.edits import MOST_ROBOTS, SET, Edit, apply_edit, written
@@ -143,3 +144,16 @@ class Repetition:
         """Apply what was changed at the present step."""
         while self._left and self._left[0].step <= self.model.completed:
             self._run.repeat(self._left.pop(0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Before:
+    """The state before a change by hand, to which one can go back."""
+
+    do: str
+    step: int
+    state: bytes
+    edits: tuple[Edit, ...]
+    begun: dict[str, Any]
+    settings: dict[str, Any]
+    built: dict[str, Any]

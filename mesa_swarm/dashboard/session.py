@@ -5,12 +5,12 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError
-from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, cast
 
+from mesa_swarm.about import USUAL_SPEED, model_info
 from mesa_swarm.dashboard.edits import MOST_EDITS, Edit
 from mesa_swarm.dashboard.inputs import checked_setting, map_from, whole_number
-from mesa_swarm.dashboard.live_run import LiveRun, Repetition
+from mesa_swarm.dashboard.live_run import Before, LiveRun, Repetition
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, in_words
 from mesa_swarm.fire.model import FireModel
@@ -30,11 +30,8 @@ from mesa_swarm.world.map_parts import stopping_when
 WATCHED = (*DECISIONS, "heard_layer", "heard_task", "radiation", "line")
 MOST_WATCHED_BYTES = 20_000_000
 MOST_WATCHED_STEPS = 1000
-
-
 # States to go back to, and their bytes together.
 MOST_UNDONE, MOST_UNDONE_BYTES = 50, 50_000_000
-USUAL_SPEED = 60.0
 # Longest time for steps before anything is shown, s; the remaining ones are played, and can be paused.
 LONGEST_WAIT = 2.0
 # Longest time to wait for the end of the step that is on its way when the user pauses, s.
@@ -87,7 +84,8 @@ class Session(Player):
     goal : int
         The step up to which it plays automatically, 0 for none.
     own_speed : float
-        Steps a second that the user requested last; to its goal it plays as fast as it goes until another is requested.
+        Steps a second that the user requested last, else those of the model; to its goal it plays as fast as it goes
+        until another is requested.
     built : dict
         Settings of the present model.
     series : Series
@@ -135,6 +133,7 @@ class Session(Player):
         self.note, self.unbuilt, self.seed, self.goal = "", False, seed, 0
         self.straight, self._plays_on = True, False
         super().__init__()
+        self._models_speed = USUAL_SPEED
         self.set_speed(USUAL_SPEED)
         self._enter(name, dict(settings or {}), seed)
         self.reset(steps, edits)
@@ -263,7 +262,7 @@ class Session(Player):
         self.retake()
 
     @property
-    def undoable(self) -> "Before | None":
+    def undoable(self) -> Before | None:
         """The state to which `undo` goes back, None if there is none."""
         return self._before[-1] if self._before else None
 
@@ -288,7 +287,7 @@ class Session(Player):
             old.observers = [self.series]
         hand_over(old, model, ["state before a change by hand"])
 
-    def _stored(self, do: str) -> "Before | None":
+    def _stored(self, do: str) -> Before | None:
         """Return the present state; None for a model that has something that cannot be stored."""
         if self.run is None:
             return None
@@ -299,7 +298,7 @@ class Session(Player):
         step = self.run.model.completed
         return Before(do, step, state, self.edits, self.run.begun, dict(self.settings), dict(self.built))
 
-    def _remember(self, before: "Before") -> None:
+    def _remember(self, before: Before) -> None:
         self._before.append(before)
         while len(self._before) > MOST_UNDONE or sum(len(one.state) for one in self._before) > MOST_UNDONE_BYTES:
             self._before.pop(0)
@@ -447,6 +446,17 @@ class Session(Player):
         self.note, self.unbuilt = "", False
         self._forget_goal()
         self.past.clear()
+        self._take_speed()
+
+    def _take_speed(self) -> None:
+        """Play as fast as this model is usually played, unless the user has chosen a speed."""
+        was_chosen = self.own_speed != self._models_speed
+        try:
+            self._models_speed = model_info(self.model_class).speed
+        except Exception:  # the panel of explanations shows what is wrong with the file beside the model
+            self._models_speed = USUAL_SPEED
+        if not was_chosen:
+            self.set_speed(self._models_speed)
 
     def _defaults(self) -> dict[str, Any]:
         return {name: parameter.default for name, parameter in self.parameters.items()}
@@ -555,19 +565,6 @@ class Session(Player):
         if done:
             self._changed_by_hand()
             self.look_now()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Before:
-    """The state before a change by hand, to which one can go back."""
-
-    do: str
-    step: int
-    state: bytes
-    edits: tuple[Edit, ...]
-    begun: dict[str, Any]
-    settings: dict[str, Any]
-    built: dict[str, Any]
 
 
 def ended_early(step: int, goal: int) -> str:

@@ -73,6 +73,60 @@ def test_compare_with_its_results_breaks_no_rule(visit, theme):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("second", ["(no other)", "noise"])
+def test_an_experiment_with_its_results_breaks_no_rule(visit, theme, second):
+    visitor = visit("?model=collision_avoidance", color_scheme=theme)
+    visitor.press("Experiment")
+    visitor.page.wait_for_selector(".swarm-experiment[data-runs='0']")
+    assert findings(visitor.page) == []
+    visitor.field("q").locator("select").select_option(second)
+    for name, value in (("values", "2, 4"), ("q_values", "0, 0.1"), ("steps", "20"), ("seeds", "5")):
+        for field in visitor.field(name).locator("input[type=text]").all()[-1:]:
+            field.fill(value)
+            field.press("Enter")
+    visitor.page.locator(".swarm-start .swarm-do").click()
+    visitor.page.wait_for_selector(".swarm-start button:has-text('runs are done')")
+    visitor.page.locator(".swarm-experiment summary").click()
+    visitor.page.locator(".swarm-plot canvas").focus()
+    visitor.page.keyboard.press("ArrowRight")
+    assert findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
+def test_an_open_info_panel_breaks_no_rule(visit, theme):
+    visitor = visit("?model=q_learning", color_scheme=theme)
+    for name in ("Equations", "Code"):
+        visitor.page.locator(".swarm-more > summary", has_text=name).click()
+    visitor.page.locator(".swarm-more details summary").first.click()
+    visitor.page.locator(".swarm-code >> visible=true").first.wait_for()
+    assert findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
+def test_the_tools_for_editing_break_no_rule(visit, theme):
+    visitor = visit(LINK, color_scheme=theme)
+    visitor.wait_for_step(50)
+    visitor.page.locator(".swarm-edit > summary").click()
+    assert findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", ["?", "tour"])
+def test_the_list_of_keys_and_the_tour_break_no_rule(visit, key):
+    visitor = visit(LINK)
+    visitor.wait_for_step(50)
+    if key == "?":
+        visitor.page.keyboard.press("?")
+    else:
+        visitor.page.locator(".swarm-header button", has_text="Tour").click()
+    visitor.page.wait_for_selector("dialog[open], .swarm-tour")
+    assert findings(visitor.page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("theme", THEMES)
 def test_replay_of_a_recording_breaks_no_rule(visit, recorded_fires, theme):
     visitor = visit(LINK, color_scheme=theme)
     visitor.press("Replay")

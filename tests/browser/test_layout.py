@@ -137,12 +137,13 @@ def test_no_tab_of_a_touched_screen_scrolls_sideways_or_has_a_target_below_44_px
     visitor = visit(LINK, **(PHONE | {"viewport": {"width": width, "height": height}}))
     visitor.wait_for_step(5)
     page = visitor.page
-    for tab in ("Watch", "Models", "Compare", "Replay"):
+    shown = {"Models": ".swarm-card", "Experiment": ".swarm-experiment[data-runs]"}
+    for tab in ("Watch", "Models", "Compare", "Experiment", "Replay"):
         visitor.press(tab)
         if tab == "Replay":
             page.set_input_files(".swarm-set input[type=file]", recorded_fires)
             page.wait_for_selector(".swarm-events button")
-        page.wait_for_selector(".swarm-card" if tab == "Models" else ".swarm-player[data-drawn]")
+        page.wait_for_selector(shown.get(tab, ".swarm-player[data-drawn]"))
         for fold in page.locator(".swarm-fold [aria-expanded=false]").all():
             fold.click()
         settle(page)
@@ -153,7 +154,7 @@ def test_no_tab_of_a_touched_screen_scrolls_sideways_or_has_a_target_below_44_px
 
 @pytest.mark.slow
 def test_every_target_of_a_pointer_is_at_least_24_px(opened):
-    for tab in ("Models", "Compare", "Replay", "Watch"):
+    for tab in ("Models", "Compare", "Experiment", "Replay", "Watch"):
         opened.press(tab)
         settle(opened.page)
         assert opened.page.evaluate(SMALL, 24) == [], tab

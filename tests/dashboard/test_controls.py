@@ -64,6 +64,15 @@ def test_a_requirement_sets_all_constants_to_their_design(session):
     assert round(session.settings["k1"], 6) == 0.000693
 
 
+@pytest.mark.parametrize(("name", "place"), [("extinguish_time", 0), ("rest_time", 99), ("growth_time", 0)])
+def test_remarks_call_requirements_as_their_sliders_are_called(session, name, place):
+    designer = Designer(session)
+    designer.place(name, place)
+    remarks = " ".join(text for _, text in designer.notes())
+    assert remarks
+    assert not [requirement for requirement in REQUIREMENTS if "_" in requirement and requirement in remarks]
+
+
 def test_each_position_of_a_requirement_is_the_one_that_its_value_has(session):
     panel = Panel(ControlPanel(), session)
     for name, one in REQUIREMENTS.items():

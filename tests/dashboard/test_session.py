@@ -4,10 +4,11 @@ import threading
 
 import pytest
 
+from mesa_swarm.about import model_info
 from mesa_swarm.dashboard import session as module
 from mesa_swarm.dashboard.addresses import address_from, query_of
 from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.session import READER, USUAL_SPEED, Session
+from mesa_swarm.dashboard.session import READER, Session
 from mesa_swarm.gallery import find_model
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.parameters import parameters_of
@@ -38,6 +39,15 @@ def test_a_value_that_is_refused_changes_nothing(session, name, value):
     assert session.model is not model
     session.set_parameter(name, settings[name])
     assert session.faults == {}
+
+
+def test_each_model_is_played_at_its_own_speed_until_the_user_chooses_one(session):
+    for name in ("ant_trails", "boids", "fire_fighting"):
+        session.choose(name)
+        assert session.own_speed == session.loop.speed == model_info(name).speed
+    session.set_speed(5.0)
+    session.choose("ant_trails")
+    assert session.own_speed == session.loop.speed == 5.0
 
 
 def test_several_values_are_taken_together_or_not_at_all(session):
@@ -83,7 +93,7 @@ def test_steps_that_take_too_long_before_the_first_picture_are_played_up_to_thei
     far = Session("fire_fighting", seed=2, steps=300)
     wait_until(lambda: not far.goal and far.past.shown.fingerprint)
     assert (far.model.steps, far.past.shown.step, far.note, far.goal) == (300, 300, "", 0)
-    assert far.loop.speed == USUAL_SPEED
+    assert far.loop.speed == far.own_speed
     assert query_of(far).endswith("step=300")
     for session in (at_once, far):
         session.close()
@@ -153,7 +163,7 @@ def test_what_the_user_does_ends_a_run_that_is_on_its_way_to_the_step_of_a_link(
     getattr(session, act)()
     wait_until(lambda: not threads("play"))
     if act != "close":
-        assert (session.goal, session.loop.speed) == (0, USUAL_SPEED)
+        assert (session.goal, session.loop.speed) == (0, session.own_speed)
         assert session.model.steps < FAR
         halfway = f"step {session.model.steps:,} of {FAR:,}: paused early"
         assert session.note == "" if act == "reset" else session.note.startswith(halfway)
