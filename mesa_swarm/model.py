@@ -43,7 +43,7 @@ from mesa_swarm.state import add_to, attributes_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
-from mesa_swarm.world.statics import ROBOT, SOURCE
+from mesa_swarm.world.statics import SOURCE
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 # Indices that depend on the order in which things were created are not part of the state.
@@ -417,7 +417,7 @@ class EngineModel(ImperfectModel):
     @property
     def contacts(self) -> "Contacts":
         """The deepest contact of every robot that collided in the last step."""
-        return Contacts.of(self.swarm, self._obstacles, {ROBOT: self.swarm.agents, SOURCE: self._heat_bodies()})
+        return Contacts.of(self.swarm, self._obstacles, {SOURCE: self._heat_bodies()})
 
     def watch(
         self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS

@@ -107,7 +107,7 @@ class Inspecting(Link):
     def _select(self, number: int | None) -> None:
         session = self.session
         if number is not None and (session.model is None or robot_of(session.model, number) is None):
-            ids = [robot.unique_id for robot in session.model.swarm.agents] if session.model else []
+            ids = session.model.swarm.unique_ids.tolist() if session.model else []
             expected = f"expected one from {ids[0]} to {ids[-1]}" if ids else "the model has no robots"
             self.inspector.fault = f"unknown robot {number}; {expected}"
             return

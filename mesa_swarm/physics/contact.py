@@ -131,14 +131,15 @@ class Contacts:
         """Collect the contacts of the last step; `others` are the agents of kinds that are not listed in `bodies`."""
         rows = np.flatnonzero(swarm.collided)
         kind, index = swarm.contact_kind[rows], swarm.contact_index[rows]
-        ids = [
-            -1 if i == BORDER else others.get(k, bodies)[i].unique_id
-            for k, i in zip(kind.tolist(), index.tolist(), strict=True)
-        ]
+        other, known = np.full(len(rows), -1), index != BORDER
+        of_robots = known & (kind == ROBOT)
+        other[of_robots] = swarm.unique_ids[index[of_robots]]
+        for place in np.flatnonzero(known & ~of_robots).tolist():
+            other[place] = others.get(kind[place], bodies)[index[place]].unique_id
         return cls(
-            robot=np.array([swarm.agents[row].unique_id for row in rows], np.int64),
+            robot=swarm.unique_ids[rows],
             kind=kind,
-            other=np.array(ids, np.int64),
+            other=other,
             normal=swarm.contact_normal[rows],
             depth=swarm.contact_depth[rows],
         )

@@ -91,7 +91,7 @@ def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: 
     looks = looks_of(model)
     if looks is not None:
         shown |= looks.columns_of(model)
-    robots = np.array([robot.unique_id for robot in model.swarm.agents], np.int32)
+    robots = model.swarm.unique_ids.astype(np.int32)
     return Frame(step=model.completed, state_hash=None, robots=robots, columns=shown)
 
 

@@ -250,7 +250,7 @@ def objects_to_json(model: FireModel) -> dict:
         **({"others": others} if others else {}),
         "designs": [part_to_json(design) for design in swarm.designs],
         "created": swarm._created,
-        "robots": [robot.unique_id for robot in swarm.agents],
+        "robots": swarm.unique_ids.tolist(),
         "designs_of_robots": swarm.design.tolist(),
         "groups": list(swarm.groups),
         "obstacles": [_obstacle_to_json(obstacle) for obstacle in model.obstacle_list],
@@ -498,7 +498,7 @@ def _make_fire(model: FireModel) -> None:
 def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
     """Refuse objects that differ from those stored with their unique_ids, as another constructor would make them."""
     present = {
-        "robots": [robot.unique_id for robot in model.swarm.agents],
+        "robots": model.swarm.unique_ids.tolist(),
         "obstacles": [obstacle.unique_id for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
     }

@@ -54,7 +54,7 @@ def scenery_of(model: FireModel) -> dict:
     own = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
     return {
         "designs": [_written_design(design) for design in model.swarm.designs],
-        "robots": _runs([robot.unique_id for robot in model.swarm.agents], model.swarm.design.tolist()),
+        "robots": _runs(model.swarm.unique_ids.tolist(), model.swarm.design.tolist()),
         "shapes": [{**shape_to_json(body.shape), **_own_kind(body, OBSTACLE)} for body in still],
         "loads": [
             {"id": body.unique_id, **outline_to_json(body.form.outline, body.form.radius), **_own_kind(body, LOAD)}

@@ -24,6 +24,9 @@ LAST_READ = f"{LASTING}read."
 # Which sensors failed, in the order of the design's, and which wheels, as one of `WHEELS`.
 FAILED_SENSORS, FAILED_WHEELS = f"{LASTING}failed_sensors", f"{LASTING}failed_wheels"
 WHEELS = ("works", "stuck", "free")
+# What copies and pickles make anew.
+LEFT_OUT = ("listed", "_identified")
+NOT_IDENTIFIED: tuple[None, NDArray[np.int64]] = (None, np.empty(0, np.int64))
 # What robots send and hear.
 MESSAGES = ("task", "goal", "sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")
 
@@ -141,6 +144,7 @@ class Swarm:
     def __init__(self) -> None:
         self.table = DesignTable.of(())
         self.agents: list = []  # replaced, never changed in place
+        self._identified: tuple[list | None, NDArray[np.int64]] = NOT_IDENTIFIED
         self.listed: WeakValueDictionary[int, Agents] = WeakValueDictionary()  # sets that refer to this list
         self.disturbed = False
         self.version = 0
@@ -155,11 +159,12 @@ class Swarm:
 
     def __getstate__(self) -> dict:
         """Leave out the views of columns, which would be stored as copies, and what looks at the robots."""
-        return {name: value for name, value in self.__dict__.items() if name not in self.columns and name != "listed"}
+        left_out = {*self.columns, *LEFT_OUT}
+        return {name: value for name, value in self.__dict__.items() if name not in left_out}
 
     def __setstate__(self, state: dict) -> None:
         """Give a copied or unpickled swarm views of its own columns."""
-        self.__dict__.update(state, listed=WeakValueDictionary())
+        self.__dict__.update(state, listed=WeakValueDictionary(), _identified=NOT_IDENTIFIED)
         for name, column in self.columns.items():
             self._publish(name, column)
 
@@ -183,6 +188,16 @@ class Swarm:
     def designs(self) -> tuple[RobotDesign, ...]:
         """The designs present; the column `design` holds indices into them."""
         return self.table.designs
+
+    @property
+    def unique_ids(self) -> NDArray[np.int64]:
+        """The unique_id of each robot, shape (n,), read-only."""
+        agents, found = self._identified
+        if agents is not self.agents:
+            found = np.array([robot.unique_id for robot in self.agents], np.int64)
+            found.flags.writeable = False
+            self._identified = self.agents, found
+        return found
 
     @property
     def battery(self) -> NDArray[np.float64]:
