@@ -39,6 +39,14 @@ class Linkable(Protocol):
         """Show what these words describe; return why some were ignored."""
 
 
+@runtime_checkable
+class Resumable(Protocol):
+    """What is played on a tab."""
+
+    def go_on_to(self, step: int, *, plays: bool, speed: float | None) -> None:
+        """Go on after a reload: at this step, at this speed unless it is not known, and playing if it was."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Address:
     """The settings in a link."""

@@ -295,7 +295,8 @@ def Compare(session: Session) -> None:
                 PlayerView(comparing.pair, comparing.reset, BAR)
             with solara.Div(classes=["swarm-worlds"]):
                 for index in range(len(NAMES)):
-                    Linked(SwarmCanvas, SideView, comparing, index, options=WORLD).key(NAMES[index])
+                    options = {**WORLD, "remember": f"compare {NAMES[index]}"}
+                    Linked(SwarmCanvas, SideView, comparing, index, options=options).key(NAMES[index])
             with solara.Div(classes=["swarm-below", "swarm-tall"] if is_tall else ["swarm-below"]):
                 with rv.Html(tag="nav", class_="swarm-tabs", attributes={"aria-label": "Results"}):
                     for name in (OVER_TIME, OVER_SEEDS):

@@ -198,6 +198,12 @@ class Comparing:
         self.reset()
         return faults
 
+    def go_on_to(self, step: int, *, plays: bool, speed: float | None) -> None:
+        """Go on after a reload."""
+        if speed is not None:
+            self.pair.set_speed(speed)
+        self.pair.go_on_to(step, plays=plays)
+
     def close(self) -> None:
         """Stop and release everything."""
         self.runs.close()

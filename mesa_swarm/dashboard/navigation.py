@@ -7,7 +7,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from mesa_swarm.dashboard.addresses import WATCH, Address, Linkable, address_from, query_of
+from mesa_swarm.dashboard.addresses import WATCH, Address, Linkable, Resumable, address_from, query_of
 from mesa_swarm.dashboard.inputs import LARGEST_SEED
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Link
@@ -165,11 +165,12 @@ class Navigation:
         return same and address.steps in (0, now.steps)
 
     def _resume(self, resume: Mapping[str, Any]) -> None:
-        """Go on after a reload: where the page was, as fast, and playing if it was."""
-        step, speed = (_whole(resume.get(name)) for name in ("step", "speed"))
-        if speed < len(SPEEDS):
-            self.session.set_speed(SPEEDS[speed])
-        self.session.go_on_to(step, plays=bool(resume.get("playing")))
+        """Go on after a reload: the tab is where it was, as fast, and playing if it was."""
+        state = self.session if self.tab == WATCH else self._state_of(self.tab)
+        if isinstance(state, Resumable):
+            place = _whole(resume.get("speed"), len(SPEEDS))
+            speed = SPEEDS[place] if place < len(SPEEDS) else None
+            state.go_on_to(_whole(resume.get("step")), plays=bool(resume.get("playing")), speed=speed)
 
     def _state_of(self, tab: str) -> Linkable | None:
         kind = self.companions.get(tab)
@@ -182,8 +183,8 @@ class Navigation:
             self.faults = (*self.faults, *state.show_words(address.words))
 
 
-def _whole(value: object) -> int:
-    return int(value) if isinstance(value, (int, float)) and 0 <= value < LARGEST_SEED else 0
+def _whole(value: object, otherwise: int = 0) -> int:
+    return int(value) if isinstance(value, (int, float)) and 0 <= value < LARGEST_SEED else otherwise
 
 
 class PageBar(anywidget.AnyWidget):

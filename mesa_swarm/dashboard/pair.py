@@ -1,10 +1,11 @@
 """Two worlds played by one clock: both step together, and both are displayed at the same step."""
 
 import threading
+from dataclasses import dataclass
 
 from mesa_swarm.dashboard.series import MOST_NUMBERS, Series
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.play_loop import PlayLoop
+from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, PlayLoop
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player, Viewer
 
 NAMES = ("A", "B")
@@ -37,6 +38,15 @@ class Side(Player):
         return False
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """The way to a step: whether it is then played on, and at which speed, steps/s."""
+
+    step: int
+    plays: bool
+    speed: float
+
+
 class Pair(Played):
     """Plays two models together, as a `Player` plays one.
 
@@ -47,6 +57,7 @@ class Pair(Played):
     def __init__(self) -> None:
         super().__init__()
         self.sides = Side(self.loop, self.lock), Side(self.loop, self.lock)
+        self._way: Way | None = None
 
     @property
     def error(self) -> str:  # type: ignore[override] # of both sides
@@ -68,6 +79,38 @@ class Pair(Played):
     def is_present(self) -> bool:
         """Whether the latest pictures are displayed."""
         return all(side.past.is_present for side in self.sides)
+
+    @property
+    def completed(self) -> int:
+        """The latest step of both models."""
+        return max((side.model.completed for side in self.sides if side.model is not None), default=0)
+
+    def go_on_to(self, step: int, *, plays: bool) -> None:
+        """Play up to a step as fast as it goes, as after a reload; then play on, or stop there."""
+        if self.completed < step and self._can_go_on():
+            self._way = Way(step, plays, self.loop.speed)
+            self.loop.speed = AS_FAST_AS_IT_GOES
+            self.play()
+        elif plays:
+            self.play()
+
+    def set_speed(self, speed: float) -> None:
+        """Set the speed, steps/s, also on the way to a step."""
+        self._way = None
+        super().set_speed(speed)
+
+    def rest(self) -> None:
+        """Show the state at rest; pausing on the way to a step ends the way."""
+        if not self.playing:
+            self._end_way()
+        super().rest()
+
+    def _end_way(self) -> bool:
+        """Play as fast as before; return whether to play on."""
+        way, self._way = self._way, None
+        if way is not None:
+            self.loop.speed = way.speed
+        return way is None or way.plays
 
     def place(self, first: SwarmModel | None, second: SwarmModel | None) -> None:
         """Stop, and continue with two other models."""
@@ -124,6 +167,9 @@ class Pair(Played):
             if stop.is_set():
                 return False
             goes_on = self._advance()
+            if self._way is not None and self.completed >= self._way.step:
+                goes_on = self._end_way() and goes_on
+                self.changed.notify()
         if self.error:
             self.rest()  # after an error, which has stopped the thread already
         return goes_on

@@ -17,7 +17,7 @@ from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, FilePicker, Link, Linked, TroubleCard
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import parameters_of
-from mesa_swarm.viewing.canvas_widget import PlayerView
+from mesa_swarm.viewing.canvas_widget import ON_A_PAGE, PlayerView
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import Past
 
@@ -99,7 +99,8 @@ def Replay(session: Session) -> None:
                 rv.Html(tag="p", class_="swarm-hint", children=[text])
             if player:
                 Trouble(player)
-                PlayerView(player, player.rewind).key(f"screen {id(player)}")
+                options = {**ON_A_PAGE, "remember": f"replay {replaying.name}"}
+                PlayerView(player, player.rewind, options).key(f"screen {id(player)}")
             else:
                 rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_OPEN])
         if player:

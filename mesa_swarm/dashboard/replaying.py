@@ -388,6 +388,16 @@ class Replaying:
             self.player.look_at(int(words["step"]))
         return [self.fault] if self.fault else []
 
+    def go_on_to(self, step: int, *, plays: bool, speed: float | None) -> None:
+        """Go on after a reload with the recording that is open again."""
+        if self.player is None:
+            return
+        if speed is not None:
+            self.player.set_speed(speed)
+        self.player.look_at(step)
+        if plays:
+            self.player.play()
+
     def close(self) -> None:
         """Release the recording, and delete uploads."""
         self.changed.clear()

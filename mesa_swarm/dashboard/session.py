@@ -158,8 +158,10 @@ class Session(Player):
             self._enter(name, dict(settings or {}), self.seed if seed is None else seed)
         self.reset(steps, edits)
 
-    def go_on_to(self, step: int, *, plays: bool) -> None:
-        """Play up to a step as fast as it goes, as after a reload; then play on, or stop there."""
+    def go_on_to(self, step: int, *, plays: bool, speed: float | None = None) -> None:
+        """Play up to a step as fast as it goes, as after a reload; then play on at this speed, or stop there."""
+        if speed is not None:
+            self.set_speed(speed)
         if self.model is None or self.error:
             return
         if self.model.completed < step and self.model.running:

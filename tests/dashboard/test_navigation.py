@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from mesa_swarm.about import model_info
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.addresses import Linkable, address_from, query_of
 from mesa_swarm.dashboard.app import COMPANIONS, MORE_TABS
@@ -131,6 +132,54 @@ def test_a_reload_goes_on_where_the_run_was_and_plays_on(pages):
     plain = Session("boids", steps=30)
     assert other.session.model.state_hash() == plain.model.state_hash()
     plain.close()
+
+
+@pytest.mark.parametrize("plays", [True, False])
+def test_a_reload_on_compare_goes_on_where_both_worlds_were_and_leaves_the_run_of_watch(pages, plays):
+    page = pages("tab=compare&model=boids", resume={"step": 40, "playing": plays, "speed": 3})
+    pair = page.session.companion(Comparing).pair
+    wait_until(lambda: pair.completed > 40 if plays else pair.completed == 40 and not pair.playing)
+    assert (pair.playing, pair.loop.speed) == (plays, 5.0)
+    pair.pause()
+    assert page.session.model.completed == 0
+    for side in pair.sides:
+        side.model.run(200 - side.model.completed)
+    again = Comparing(page.session)
+    for side, other in zip(again.pair.sides, pair.sides, strict=True):
+        assert side.model.run(200).state_hash() == other.model.state_hash()
+    again.close()
+
+
+def test_pausing_on_the_way_to_a_step_ends_the_way(pages):
+    page = pages("tab=compare&model=boids")
+    pair = page.session.companion(Comparing).pair
+    before = pair.loop.speed
+    page.session.companion(Comparing).go_on_to(10**9, plays=False, speed=None)
+    wait_until(lambda: pair.completed > 3)
+    pair.pause()
+    assert (pair.playing, pair.loop.speed) == (False, before)
+    done = pair.completed
+    pair.step()
+    assert pair.completed == done + 1
+
+
+def test_a_reload_on_replay_plays_on_in_the_recording(pages, tmp_path, monkeypatch):
+    monkeypatch.setenv(RECORDINGS_VARIABLE, str(tmp_path))
+    model = Boids(n_robots=5, rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(20)
+    page = pages("tab=replay&replay.recording=run.arrow", resume={"step": 12, "playing": True, "speed": 0})
+    player = page.session.companion(Replaying).player
+    assert (player.playing, player.loop.speed) == (True, 0.5)
+    player.pause()
+    assert 12 <= player.step_shown < 20
+    assert page.session.model.completed == 0
+
+
+@pytest.mark.parametrize("tab", ["models", "experiment"])
+def test_a_reload_on_a_tab_without_a_player_changes_no_speed(pages, tab):
+    page = pages(f"tab={tab}&model=boids", resume={"step": 0, "playing": False, "speed": -1})
+    assert page.session.own_speed == model_info("boids").speed
 
 
 @pytest.mark.parametrize(
