@@ -21,6 +21,12 @@ COUNTS = {"seed": LARGEST_SEED, "step": MOST_STEPS}
 MOST_FAULTS = 5
 # Words of a link besides parameters; those of a tab begin with its name and a dot.
 TAB, EDITS, PLAY, TOUR, CHANGED = "tab", "edits", "play", "tour", "changed"
+# Values of CHANGED, and what a page states that is opened by such a link.
+BY_HAND, OTHER_MAP = "yes", "map"
+LEFT_OUT = {
+    BY_HAND: "the run behind this link was changed by hand more often than a link can hold; it begins anew",
+    OTHER_MAP: "the run behind this link is on an uploaded or drawn map, which a link does not hold; load it here too",
+}
 WATCH = "watch"
 
 
@@ -88,8 +94,8 @@ def address_from(query: str | None, first: str, tabs: tuple[str, ...] = (WATCH,)
             values[word] = _value(known, word, words[word])
         except SwarmError as error:
             faults.append(str(error))
-    if values.pop(CHANGED, 0):
-        faults.append("the run behind this link was changed by hand more often than a link can hold; it begins anew")
+    if changed := values.pop(CHANGED, ""):
+        faults.append(LEFT_OUT.get(changed, LEFT_OUT[BY_HAND]))
     numbers = {"seed": values.pop("seed", 1), "steps": values.pop("step", 0), "edits": tuple(values.pop(EDITS, ()))}
     return Address(model=name, settings=values, faults=_first_few(faults), **numbers, **others)
 
@@ -114,8 +120,8 @@ def _first_few(faults: list[str]) -> tuple[str, ...]:
 def query_of(session: Session, tab: str = WATCH, words: dict[str, str] | None = None) -> str:
     """Return the query of a link to what a session shows, except for uploaded maps, and to the words of a tab.
 
-    It has the settings with which the run began, and what was changed by hand since; where that cannot be written, it
-    states so.
+    It has the settings with which the run began, and what was changed by hand since; where that cannot be written, and
+    where the map was uploaded, it states so.
     """
     found = {TAB: tab} if tab != WATCH else {}
     found |= {"model": session.name}
@@ -127,6 +133,8 @@ def query_of(session: Session, tab: str = WATCH, words: dict[str, str] | None = 
             found[name] = written(value)
     found["seed"] = str(began["seed"])
     found |= _of_run(session) if not waits else {}
+    if began.get("map") in session.uploads:
+        found[CHANGED] = OTHER_MAP
     found |= {f"{tab}.{name}": text for name, text in (words or {}).items()}
     return urlencode(found)
 
@@ -135,7 +143,7 @@ def _of_run(session: Session) -> dict[str, str]:
     """Return the edits of the run and, at rest, the displayed step."""
     edits, shown, words = as_text(session.edits), session.past.shown, {}
     if not session.straight or len(edits) > LONGEST // 2:
-        return {CHANGED: "yes"}
+        return {CHANGED: BY_HAND}
     if edits:
         words[EDITS] = edits
     if shown and not session.playing and 0 < shown.step <= MOST_STEPS:

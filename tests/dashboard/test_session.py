@@ -225,6 +225,7 @@ def test_an_uploaded_map_is_built_on_and_a_wrong_one_is_refused_in_one_line(sess
     session.upload("hall.svg", HALL.replace(b"<rect", b'<circle class="fire" cx="99" cy="99" r="20"/><rect'))
     wait_for_readers()
     assert (session.error, session.settings["map"], session.model.map.name) == ("", "hall", "hall")
+    assert "uploaded or drawn map" in address_from(query_of(session), "boids").faults[0]
     session.upload("hall.svg", b"<svg")
     wait_for_readers()
     assert session.faults["map"].startswith("hall.svg: line 1")
