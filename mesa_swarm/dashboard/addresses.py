@@ -35,6 +35,10 @@ class Linkable(Protocol):
     """The state of a tab that can be written into a link."""
 
     @property
+    def model_shown(self) -> str:
+        """The name of the model of the tab, empty for none of the page."""
+
+    @property
     def linked(self) -> Listeners:
         """Notified when the words change."""
 

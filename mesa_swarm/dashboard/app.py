@@ -37,7 +37,7 @@ from mesa_swarm.dashboard.replaying import Replaying
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
 from mesa_swarm.errors import in_words
-from mesa_swarm.gallery import description
+from mesa_swarm.gallery import description, find_model
 from mesa_swarm.looks import looks_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
@@ -155,10 +155,11 @@ def Header(navigation: Navigation) -> None:
             for name in (WATCH, MODELS, *MORE_TABS):
                 current = "page" if name == navigation.tab else ""
                 Button(name.capitalize(), partial(navigation.go, name), current=current).key(name)
-        shown = rv.Html(tag="b", children=[title(session.name)])
-        rv.Html(tag="p", children=[shown, f" {description(session.model_class)}"])
+        if model := navigation.model_shown:
+            shown = rv.Html(tag="b", children=[title(model)])
+            rv.Html(tag="p", children=[shown, f" {description(find_model(model))}"]).key("model")
         traits = {"shown": navigation.shown, "tours": navigation.tours}
-        solara.Title(page_title(title(session.name), navigation.tab.capitalize(), WATCH.capitalize()))
+        solara.Title(page_title(title(model or session.name), navigation.tab.capitalize(), WATCH.capitalize()))
         ScreenButtons.element()
         bar = PageBar.element(**traits, on_dark=lambda dark: setattr(solara.lab.theme, "dark", dark))
         solara.use_effect(lambda: PageLink(solara.get_widget(bar), navigation).close, [])

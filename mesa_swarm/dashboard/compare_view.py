@@ -409,7 +409,8 @@ def Found(report: Report) -> None:
                 classes=["swarm-scroll"], unsafe_innerHTML=table_html(report.title, report.table), attributes=about
             )
             rv.Html(tag="p", class_="swarm-hint", children=[" ".join(report.notes)])
-            solara.FileDownload(report.runs, filename="runs.csv", label="All runs as CSV", mime_type="text/csv")
+            with solara.FileDownload(report.runs, filename="runs.csv", mime_type="text/csv"):
+                rv.Html(tag="button", attributes={"type": "button"}, children=["All runs as CSV"])
         Image(report.picture, "Every run, and the differences on the same seed", "swarm-pairs")
 
 

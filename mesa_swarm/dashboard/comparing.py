@@ -173,6 +173,11 @@ class Comparing:
         """Notified when the words of a link change."""
         return self.pair.changed
 
+    @property
+    def model_shown(self) -> str:
+        """The name of the compared model."""
+        return self.name
+
     def words(self) -> dict[str, str]:
         """Return what is compared, as words of a link; settings of both worlds are those of the session."""
         first, second = (str(value) for value in self.values)

@@ -103,7 +103,7 @@ class Plot {
   #map({ x, y, width, height }) {
     const columns = this.#first.labels.length, rows = this.#second.labels.length, context = this.#context;
     const widest = this.#widest(this.#second.labels), from = x + 30 + widest, right = x + width - 100, top = y + 6, bottom = y + height - 46;
-    const across = Math.min((right - from) / columns, 240), down = Math.min((bottom - top) / rows, 200);
+    const across = Math.min((right - from) / columns, 340), down = Math.min((bottom - top) / rows, 300);
     const left = from + (right - from - across * columns) / 2;
     const end = top + down * rows, { values } = this.#colours;
     const range = this.#about.share && this.#range(false) ? [0, 100] : this.#range(false);
@@ -145,7 +145,7 @@ class Plot {
       if (j % every === 0) this.#text(label, left - 7, place.y + place.height / 2, { align: "right" });
     });
     this.#named(this.#second, left - widest - 20, (top + end) / 2, end - top, true);
-    if (range) this.#bar(left + across * columns + 16, top, Math.min(end - top, 340), range);
+    if (range) this.#bar(left + across * columns + 16, top, end - top, range);
   }
 
   /** Labels below an axis, as many as there is room for, and its name. */

@@ -94,6 +94,11 @@ class Experimenting:
                 self.set(name, words[name])
         return [self.faults[name] for name in LINKED if name in words and name in self.faults]
 
+    @property
+    def model_shown(self) -> str:
+        """The name of the model of the experiment."""
+        return self.name
+
     def words(self) -> dict[str, str]:
         """Return the choices as text, which `set` reads back."""
         chosen = {

@@ -74,6 +74,12 @@ class Navigation:
         return query_of(self.session, self.tab, state.words() if state else None)
 
     @property
+    def model_shown(self) -> str:
+        """The name of the model of the present tab, empty for none of the page."""
+        state = self._state_of(self.tab)
+        return state.model_shown if state else self.session.name
+
+    @property
     def place(self) -> str:
         """The model and the tab: what Back and Forward walk."""
         return f"{self.session.name} {self.tab}"

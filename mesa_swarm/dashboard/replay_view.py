@@ -21,7 +21,7 @@ from mesa_swarm.viewing.canvas_widget import ON_A_PAGE, PlayerView
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import Past
 
-NOTHING_LISTED = "Recordings of a folder are listed here when the dashboard is started with --recordings FOLDER."
+NOTHING_LISTED = "Recordings of a folder are listed here when the dashboard is started with"
 BRANCHING = (
     "Continue from this step on the Watch page, with identical results or with other parameters. "
     "Reset there starts again from step 0 with the same parameters and seed."
@@ -127,7 +127,8 @@ def Recordings(replaying: Replaying) -> None:
             rv.Html(tag="p", class_=kind, attributes={"role": "status"}, children=[text])
     names = replaying.listed
     if not names:
-        rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_LISTED])
+        option = rv.Html(tag="code", children=["--recordings FOLDER"])
+        rv.Html(tag="p", class_="swarm-hint", children=[NOTHING_LISTED, " ", option, "."])
     with solara.Div(classes=["swarm-list"]):
         for name in names:
             current = "true" if name == replaying.name else ""

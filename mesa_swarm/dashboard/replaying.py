@@ -374,6 +374,11 @@ class Replaying:
         """Notified when the words of a link change."""
         return self.changed
 
+    @property
+    def model_shown(self) -> str:
+        """The name of the recorded model, as far as it is one of the page."""
+        return self.model_name
+
     def words(self) -> dict[str, str]:
         """Return the open recording, unless it was uploaded, and the displayed step, as words of a link."""
         if self.player is None or self.name not in self.listed:

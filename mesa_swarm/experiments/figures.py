@@ -97,7 +97,7 @@ def _draw_differences(axes: Axes, comparison: PairedRuns, measure: str) -> None:
         mean = bootstrap_mean(pair_differences(base, comparison.column(value, measure)))
         _draw_interval(axes, place + 1.5 * reach, mean, LIGHT.series[1] if mean.excludes_zero else LIGHT.series[0])
     axes.set_xlim(everywhere[1:].min() - 2 * reach, everywhere[1:].max() + 2.5 * reach)
-    axes.set_title(literal(f"minus {comparison.plan.parameter} {first}, on the same seed"), fontsize=TEXT)
+    axes.set_title(literal(fill(f"minus {comparison.plan.parameter} {first}, on the same seed", 32)), fontsize=TEXT)
     _label_values(axes, comparison, measure, everywhere[1:], others, paired=True)
 
 

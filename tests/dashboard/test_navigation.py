@@ -208,6 +208,21 @@ def test_a_changed_run_is_in_the_link_or_the_link_states_that_it_is_not():
     session.close()
 
 
+def test_the_model_shown_is_that_of_the_tab(pages, tmp_path, monkeypatch):
+    monkeypatch.setenv(RECORDINGS_VARIABLE, str(tmp_path))
+    model = Boids(n_robots=5, rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(3)
+    page = pages("tab=compare&compare.model=flocking")
+    assert page.model_shown == "flocking"
+    page.go("watch")
+    assert page.model_shown == "fire_fighting"
+    page.go("replay")
+    assert page.model_shown == ""
+    page.session.companion(Replaying).open_listed("run.arrow")
+    assert page.model_shown == "boids"
+
+
 def test_every_tab_with_a_state_can_be_linked():
     session = Session("boids")
     for name in MORE_TABS:
