@@ -37,6 +37,7 @@ SOURCES = {
     "connect-src": "'self'",
     "form-action": "'self'",
 }
+PACKED = ((b"content-encoding", b"gzip"), (b"vary", b"accept-encoding"))
 SAFE = [(name.lower().encode(), value.encode()) for name, value in safe_headers(SOURCES).items()]
 HOST = re.compile(r"([a-z0-9._-]{1,253}|\[[0-9a-f:.]+\])(?::([0-9]{1,5}))?", re.IGNORECASE)
 # Headers of a proxy: uvicorn has read them; Solara would trust them from any client, for all later pages too.
@@ -118,7 +119,7 @@ class Gate:
         headers = [(name, value) for name, value in scope["headers"] if not PROXY.fullmatch(name.lower())]
         if _asks_for_page(scope):  # which comes as it is written, since it is completed
             headers = [(name, value) for name, value in headers if name.lower() != b"accept-encoding"]
-            send = _completely(send)
+            send = _completely(send, packs=_takes_gzip(scope))
         await self.app({**scope, "headers": headers}, _sound(receive), send)
 
     def _has(self, name: str) -> bool:
@@ -220,8 +221,8 @@ def _asks_for_page(scope: Scope) -> bool:
     )
 
 
-def _completely(send: Send) -> Send:
-    """Return `send` that completes pages."""
+def _completely(send: Send, *, packs: bool) -> Send:
+    """Return `send` that completes pages, and compresses them if the browser takes that."""
     begun: list[Scope] = []
     parts: list[bytes] = []
 
@@ -232,7 +233,9 @@ def _completely(send: Send) -> Send:
             parts.append(message.get("body", b""))
             if not message.get("more_body"):
                 page = completed(b"".join(parts))
-                await send({**begun[0], "headers": _with_length(begun[0]["headers"], len(page))})
+                page = gzip.compress(page, mtime=0) if packs else page
+                headers = [*_with_length(begun[0]["headers"], len(page)), *(PACKED if packs else ())]
+                await send({**begun[0], "headers": headers})
                 await send({**message, "body": page})
         else:
             await send(message)
@@ -277,12 +280,8 @@ def _takes_gzip(scope: Scope) -> bool:
 
 
 async def _send_fonts(send: Send, content: bytes) -> None:
-    headers = [
-        (b"content-type", b"text/css; charset=utf-8"),
-        (b"content-encoding", b"gzip"),
-        (b"cache-control", FOR_GOOD),
-    ]
-    await send({"type": "http.response.start", "status": 200, "headers": [*headers, (b"vary", b"accept-encoding")]})
+    headers = [(b"content-type", b"text/css; charset=utf-8"), (b"cache-control", FOR_GOOD), *PACKED]
+    await send({"type": "http.response.start", "status": 200, "headers": headers})
     await send({"type": "http.response.body", "body": content})
 
 

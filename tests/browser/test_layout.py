@@ -1,5 +1,6 @@
 """Room for the world, in a real browser: columns fold, the world fills the screen, type grows for a projector."""
 
+import gzip
 import urllib.request
 
 import pytest
@@ -47,10 +48,14 @@ def test_the_page_names_its_language_and_its_model_and_can_be_enlarged(opened):
     page.wait_for_function("document.title === 'Models: Fire fighting - mesa_swarm'")
 
 
-def test_a_page_without_compression_is_completed_as_well(server):
-    request = urllib.request.Request(server[1], headers={"Accept": "text/html", "Accept-Encoding": "gzip"})
+@pytest.mark.parametrize("taken", ["gzip", "identity"])
+def test_a_page_is_completed_and_compressed_if_the_browser_takes_that(server, taken):
+    request = urllib.request.Request(server[1], headers={"Accept": "text/html", "Accept-Encoding": taken})
     with urllib.request.urlopen(request) as answer:
-        assert b'<html lang="en">' in answer.read()
+        page, packed = answer.read(), answer.headers["content-encoding"] == "gzip"
+        assert int(answer.headers["content-length"]) == len(page)
+    assert packed == (taken == "gzip")
+    assert b'<html lang="en">' in (gzip.decompress(page) if packed else page)
 
 
 @pytest.mark.slow
