@@ -43,10 +43,14 @@ class SeedBySeed(Experiment):
 
 @dataclass(frozen=True, slots=True)
 class GridRuns:
-    """The runs of an experiment, to be done in the background; those that its folder has are done already."""
+    """The runs of an experiment, to be done in the background; those that its folder has are done already.
+
+    With `retry_failed` those that ended in an error are done again.
+    """
 
     experiment: SeedBySeed
     folder: Path
+    retry_failed: bool = False
 
     def __len__(self) -> int:
         return len(self.experiment)
@@ -54,12 +58,15 @@ class GridRuns:
     def do(self, workers: int, send: Send) -> None:
         """Send the number of each run and its outcome: those done earlier at once, each other one when it is done."""
         places = {run.key: number for number, run in enumerate(self.experiment.runs())}
-        send("before", [(places[run.key], outcome) for run, outcome in stored_runs(self.experiment, self.folder)])
+        stored = stored_runs(self.experiment, self.folder)
+        known = [(run, outcome) for run, outcome in stored if not (self.retry_failed and outcome.error is not None)]
+        send("before", [(places[run.key], outcome) for run, outcome in known])
 
         def heard(run: Run, outcome: Outcome) -> None:
             send("run", (places[run.key], outcome))
 
-        send("report", run_experiment(self.experiment, self.folder, workers, heard=heard))
+        made = run_experiment(self.experiment, self.folder, workers, retry_failed=self.retry_failed, heard=heard)
+        send("report", made)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +111,11 @@ class GridResults:
     def is_complete(self) -> bool:
         """Whether all runs are done."""
         return len(self.outcomes) == len(self.experiment)
+
+    @property
+    def failed(self) -> list[int]:
+        """The numbers of the runs that ended in an error."""
+        return [number for number, outcome in self.outcomes.items() if outcome.error is not None]
 
     @property
     def results(self) -> list[str]:

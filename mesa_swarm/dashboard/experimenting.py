@@ -235,12 +235,18 @@ class Experimenting:
         return self.measure.endswith(TIME)
 
     def start(self) -> None:
-        """Do all runs, or those that are left, in the background."""
+        """Do all runs, or those that are left, or after the last one those that failed, in the background."""
         try:
             self._check_size()
             found = self.found if self.found is not None and self.is_current else self._results(self._experiment())
             self._folder = self._folder or TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
-            self.runs.start(GridRuns(found.experiment, Path(self._folder.name)), found.take)
+            failed = {number: found.outcomes.pop(number) for number in (found.failed if found.is_complete else ())}
+            try:
+                runs = GridRuns(found.experiment, Path(self._folder.name), retry_failed=bool(failed))
+                self.runs.start(runs, found.take)
+            except Exception:
+                found.outcomes |= failed
+                raise
             self.found = found
             self.faults.pop("runs", None)
         except Exception as problem:  # a model may raise anything
@@ -264,7 +270,10 @@ class Experimenting:
         if found is None or not found.outcomes:
             return f"Run {self.total:,} runs", "runs" not in self.faults
         left = self.total - len(found.outcomes)
-        return (f"Go on with {left:,} runs", True) if left else (f"All {self.total:,} runs are done", False)
+        if left:
+            return f"Go on with {left:,} runs", True
+        failed = len(found.failed)
+        return (f"Try {failed:,} failed runs again", True) if failed else (f"All {self.total:,} runs are done", False)
 
     def size_in_words(self) -> str:
         """Return the number of runs that are chosen, and the time that is left at the last pace, if it is known."""

@@ -203,6 +203,24 @@ def test_a_setting_that_cannot_be_built_is_an_error_of_its_cell_and_the_others_g
     assert "noise is 7" in csv_rows(found.csv("fires out"))[2]["error"]
 
 
+def test_runs_that_failed_are_tried_again_and_only_those(experimenting, tmp_path, monkeypatch):
+    choose(experimenting, q_values="0, 7")
+    found, _ = done_here(experimenting, tmp_path)
+    assert experimenting.next_action() == ("Try 4 failed runs again", True)
+    heard = []
+    GridRuns(found.experiment, tmp_path, retry_failed=True).do(1, lambda kind, value: heard.append((kind, value)))
+    assert [(kind, len(value)) for kind, value in heard if kind == "before"] == [("before", 4)]
+    assert [kind for kind, _ in heard].count("run") == 4
+    monkeypatch.setattr(experimenting.runs, "start", lambda runs, take: 1 / 0)
+    experimenting.start()
+    assert (len(found.outcomes), "division" in experimenting.faults["runs"]) == (8, True)
+    begun = []
+    monkeypatch.setattr(experimenting.runs, "start", lambda runs, take: begun.append(runs))
+    experimenting.start()
+    assert [runs.retry_failed for runs in begun] == [True]
+    assert (len(found.outcomes), found.failed) == (4, [])
+
+
 def test_an_experiment_of_which_nothing_can_be_built_is_refused_with_the_reason(experimenting):
     choose(experimenting, q_values="7, 8")
     experimenting.start()
@@ -447,6 +465,6 @@ def test_an_error_of_the_process_is_shown(experimenting, monkeypatch, tmp_path):
     do_task(GridRuns(found.experiment, tmp_path), 1, lambda kind, value: sent.append((kind, value)))
     assert sent[-1][0] == "error"
     assert "is not a ledger" in sent[-1][1]
-    monkeypatch.setattr(experimenting_module, "GridRuns", lambda *_: 1 / 0)
+    monkeypatch.setattr(experimenting_module, "GridRuns", lambda *_, **__: 1 / 0)
     experimenting.start()
     assert "ZeroDivisionError" in experimenting.faults["runs"]
