@@ -4,7 +4,7 @@ import math
 import secrets
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import anywidget
@@ -91,7 +91,16 @@ class Designer:
         constants, warned = (self._constants, self._warned) if self._constants else self._designed()
         if any(self.session.settings[key] != getattr(constants, key) for key in CONSTANTS):
             return [("remark", "k1 to k4, leave or join were set by hand; any of these sliders sets all of them again")]
-        return [("warning" if remark in warned else "remark", in_labels(remark)) for remark in constants.remarks]
+        marked = [("warning" if remark in warned else "remark", in_labels(remark)) for remark in constants.remarks]
+        return [*marked, *(("remark", text) for text in self._beyond(constants))]
+
+    def _beyond(self, constants: FireConstants) -> Iterator[str]:
+        """Yield remarks on the constants that their sliders do not reach."""
+        for key in CONSTANTS:
+            value, control = getattr(constants, key), self.session.parameters[key].control
+            if isinstance(control, Slider) and not control.minimum <= value <= control.maximum:
+                end = control.minimum if value < control.minimum else control.maximum
+                yield f"{key} is {value:.4g}, beyond its slider, which ends at {end:g}"
 
     def fields(self) -> list[dict[str, Any]]:
         """Return the sliders of the requirements."""

@@ -73,6 +73,16 @@ def test_remarks_call_requirements_as_their_sliders_are_called(session, name, pl
     assert not [requirement for requirement in REQUIREMENTS if "_" in requirement and requirement in remarks]
 
 
+def test_a_constant_that_its_slider_does_not_reach_is_remarked_on_and_used(session):
+    designer = Designer(session)
+    designer.place("extinguish_time", 0)
+    ends = session.parameters["k2"].control
+    assert session.model.fire_constants.k2 > ends.maximum
+    assert any(text.startswith("k2 is ") and f"ends at {ends.maximum:g}" in text for _, text in designer.notes())
+    designer.require("extinguish_time", 1600)
+    assert not any("beyond its slider" in text for _, text in designer.notes())
+
+
 def test_each_position_of_a_requirement_is_the_one_that_its_value_has(session):
     panel = Panel(ControlPanel(), session)
     for name, one in REQUIREMENTS.items():
