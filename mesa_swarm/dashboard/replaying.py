@@ -1,20 +1,18 @@
 """A recording played like a model, uploaded in pieces, and continued as a run from any of its steps."""
 
-import os
 import threading
 from bisect import bisect_left
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 from typing import Any, cast
 
 import numpy as np
-import pyarrow as pa
 
-from mesa_swarm.dashboard import RECORDINGS_VARIABLE, page_models
+from mesa_swarm.dashboard import page_models
 from mesa_swarm.dashboard.edits import MOST_ROBOTS
 from mesa_swarm.dashboard.inputs import LARGEST_SEED
+from mesa_swarm.dashboard.listed_recordings import recordings_in, recordings_place
 from mesa_swarm.dashboard.recorded_series import RecordedSeries, collided_in
 from mesa_swarm.dashboard.robot_columns import RobotValues, values_of_frame
 from mesa_swarm.dashboard.session import Session
@@ -37,13 +35,6 @@ from mesa_swarm.viewing.scene import Scene, scene_of_recording
 from mesa_swarm.world.map import Map, builtin_maps
 
 LARGEST_RECORDING = 200_000_000
-MOST_LISTED = 500
-# Files of which it is remembered whether they are recordings.
-MOST_KNOWN = 20_000
-# Recordings begin with an Arrow schema, whose metadata have these names; a larger one is not looked into.
-MESSAGE = b"\xff\xff\xff\xff"
-METADATA = frozenset({b"format", b"model", b"parameters", b"versions"})
-LARGEST_SCHEMA = 64_000_000
 MOST_EVENTS = 500
 # Shortest time between messages about background work, s.
 SHOWN_EVERY = 0.5
@@ -527,56 +518,6 @@ class _Rows:
             if self.stop.is_set():
                 raise StoppedError
             yield self.recording[row]
-
-
-def recordings_place() -> Path | None:
-    """Return the recording or the folder of recordings of the server, None without one."""
-    place = os.environ.get(RECORDINGS_VARIABLE, "")
-    return Path(place) if place else None
-
-
-# Whether a file is a recording, by its path, time of change and size.
-_KNOWN: dict[tuple[str, int, int], bool] = {}
-
-
-def recordings_in(folder: Path) -> list[str]:
-    """Return the names of the recordings in a folder, whatever they are called, the latest first."""
-    files = []
-    with suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            with suppress(OSError):  # it may have been deleted meanwhile
-                if entry.is_file() and not entry.name.startswith("."):
-                    status = entry.stat()
-                    files.append((-status.st_mtime_ns, entry.name, status.st_size))
-    found: list[str] = []
-    for time, name, size in sorted(files):
-        key = str(folder / name), time, size
-        if key not in _KNOWN:
-            if len(_KNOWN) >= MOST_KNOWN:
-                _KNOWN.clear()
-            _KNOWN[key] = is_recording(folder / name)
-        if _KNOWN[key]:
-            found.append(name)
-            if len(found) == MOST_LISTED:
-                break
-    return found
-
-
-def is_recording(path: Path) -> bool:
-    """Return whether a file begins as a recording does: with an Arrow schema that has its metadata.
-
-    It may still be damaged, which is found when it is opened.
-    """
-    try:
-        with path.open("rb") as file:
-            begin = file.read(8)
-            size = int.from_bytes(begin[4:], "little")
-            if begin[:4] != MESSAGE or not 0 < size <= LARGEST_SCHEMA:
-                return False
-            schema = pa.ipc.read_schema(pa.py_buffer(begin + file.read(size)))
-    except (OSError, pa.ArrowException, ValueError, MemoryError):
-        return False
-    return set(schema.metadata or ()) >= METADATA
 
 
 def _page_name(provenance: dict[str, Any]) -> str:

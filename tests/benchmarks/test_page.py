@@ -47,7 +47,7 @@ def test_pictures_of_all_robots_go_on_coming_while_a_model_is_played(visit, robo
     assert visitor.complaints == []
 
 
-def test_the_page_weighs_less_than_a_megabyte_and_asks_nobody_else(chromium, server):
+def test_the_page_weighs_less_than_a_megabyte_and_loads_nothing_from_elsewhere(chromium, server):
     began = time.perf_counter()
     visitor = Visit(chromium.new_context(viewport={"width": 1366, "height": 768}), server[1])
     seconds, weight = time.perf_counter() - began, visitor.page.evaluate(WEIGHT)

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.dashboard import replaying
+from mesa_swarm.dashboard import listed_recordings
 from mesa_swarm.dashboard.chart_content import HISTOGRAM, OVER_TIME, ChosenChart, HistogramContent
 from mesa_swarm.dashboard.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.inspector import Inspector, ReplayInspecting, inspect
+from mesa_swarm.dashboard.listed_recordings import is_recording, recordings_in
 from mesa_swarm.dashboard.recorded_series import WITHOUT_REPORTERS, RecordedSeries, collected_reporters
-from mesa_swarm.dashboard.replaying import ReplayPlayer, is_recording, recordings_in
+from mesa_swarm.dashboard.replaying import ReplayPlayer
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import WATCHED
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -228,7 +229,7 @@ def test_a_file_is_looked_into_once_until_it_changes(fires, tmp_path, monkeypatc
     content, looked = fires[0].read_bytes(), []
     for k in range(500):
         (tmp_path / f"run {k}").write_bytes(content if k % 100 == 0 else b"text")
-    monkeypatch.setattr(replaying, "is_recording", lambda path: looked.append(path.name) or is_recording(path))
+    monkeypatch.setattr(listed_recordings, "is_recording", lambda path: looked.append(path.name) or is_recording(path))
     for _ in range(3):
         assert len(recordings_in(tmp_path)) == 5
     assert len(looked) == 500
