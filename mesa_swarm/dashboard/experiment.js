@@ -407,7 +407,7 @@ class ExperimentView {
     const about = this.#about;
     if (!this.details.open || this.#filled === about) return;
     this.#filled = about;
-    const head = [...about.axes.map((axis) => axis.name), `${about.measure} [95 %]`, "n", "runs", ""];
+    const head = [...about.axes.map((axis) => axis.name), `${about.measure} [95 %]`, "n", "runs", "open"];
     const rows = about.cells.map(([, , , text, counted, done, failed], index) => {
       const rowsOf = about.axes[1]?.labels.length ?? 1, error = failed ? ` (${failed} failed: ${about.errors[index] ?? ""})` : "";
       const names = about.axes.map((axis, k) => make("th", { scope: "row" }, axis.labels[k ? index % rowsOf : Math.floor(index / rowsOf)]));

@@ -22,6 +22,8 @@ from mesa_swarm.viewing.play_loop import use_changes
 
 # Words of docstrings between such quotes are names.
 QUOTED = re.compile(r"`([^`]+)`")
+# Attributes of what may be wider than the panel: it can be scrolled by keys.
+SCROLLED = 'tabindex="0" role="group"'
 
 
 @solara.component
@@ -132,15 +134,17 @@ def drawn_equation(equation: Equation) -> str:
         drawn = convert(latex, display="block")
     except Exception:  # text of a user's may be any LaTeX
         drawn = f"<p><code>{escape(equation.latex)}</code></p>"
-    return f'<div class="swarm-equation">{drawn}</div>{prose(equation.text)}'
+    return f'<div class="swarm-equation" {SCROLLED} aria-label="equation">{drawn}</div>{prose(equation.text)}'
 
 
 @cache
 def drawn_listing(listing: Listing) -> str:
     """Return code with its tokens marked by classes, folded under its name."""
-    code = highlight(listing.code, PythonLexer(), HtmlFormatter(cssclass="swarm-code"))
+    code = highlight(listing.code, PythonLexer(), HtmlFormatter(nowrap=True))
     head = f"{escape(listing.name)} <small>{escape(listing.module)}</small>"
-    return f"<details><summary>{head}</summary>{code}</details>"
+    name = f'aria-label="code of {escape(listing.name)}"'
+    box = f'<div class="swarm-code" {SCROLLED} {name}><pre>{code}</pre></div>'
+    return f"<details><summary>{head}</summary>{box}</details>"
 
 
 def _drivers(session: Session) -> tuple:

@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import subprocess
 import sys
 import time
@@ -69,7 +70,7 @@ class Twin:
             self.session.back()
 
     def reset(self) -> None:
-        self.visitor.press("Reset")
+        self.visitor.page.get_by_role("button", name=re.compile("^(Reset|Apply)$")).click()
         self.session.reset()
 
     def seed(self) -> None:

@@ -8,12 +8,13 @@ import solara
 
 from mesa_swarm.about import Equation, Listing, Preset, model_info
 from mesa_swarm.dashboard import info_view
-from mesa_swarm.dashboard.info_view import Info, drawn_equation, drawn_listing, is_built, play_with, prose
+from mesa_swarm.dashboard.info_view import SCROLLED, Info, drawn_equation, drawn_listing, is_built, play_with, prose
 from mesa_swarm.dashboard.session import Session
 from support.names import HOSTILE_NAMES
 
 # Tags and attributes of what is drawn; besides these there are only those of MathML.
-ALLOWED = {"p", "code", "div", "details", "summary", "small", "pre", "span", "class", "xmlns", "display", "stretchy"}
+TAGS = {"p", "code", "div", "details", "summary", "small", "pre", "span"}
+ALLOWED = TAGS | {"class", "xmlns", "display", "stretchy", "tabindex", "role", "aria-label"}
 
 
 @pytest.fixture
@@ -115,7 +116,8 @@ def test_equations_are_mathml_and_stay_latex_where_they_cannot_be_drawn(monkeypa
     assert "<math" in drawn_equation(Equation(latex=r"\frac{a}{b}", text="a over b"))
     monkeypatch.setattr(info_view, "convert", lambda *_, **__: 1 / 0)
     drawn = drawn_equation(Equation(latex=r"x < \y", text="letters"))
-    assert drawn == r'<div class="swarm-equation"><p><code>x &lt; \y</code></p></div><p>letters</p>'
+    box = f'<div class="swarm-equation" {SCROLLED} aria-label="equation">'
+    assert drawn == rf"{box}<p><code>x &lt; \y</code></p></div><p>letters</p>"
 
 
 def test_code_is_highlighted_by_classes_and_escaped():
