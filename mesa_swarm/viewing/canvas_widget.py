@@ -21,6 +21,8 @@ from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
 
 # Frames on their way to the browser: one is drawn while the next is made.
 MOST_AHEAD = 2
+# Most frames that a browser draws for one report.
+MOST_EACH = 4
 # How long the other views of a canvas wait for one that does not answer, s: it may be in a hidden tab.
 PATIENCE = 1.0
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.0, AS_FAST_AS_IT_GOES)
@@ -32,18 +34,24 @@ IN_A_NOTEBOOK = {"bar": True, "keys": "own", "toggles": {}, "compact": True}
 
 @dataclass
 class CanvasView:
-    """One place in which a browser shows a canvas: the last frame that it drew, and since when an answer is due, s."""
+    """One place in which a browser shows a canvas.
+
+    `drawn` is the last frame of which it has reported that it drew it; `since` is when an answer became due, s. It
+    reports every one of `each` frames.
+    """
 
     drawn: int
     since: float
+    each: int = 1
 
 
 class SwarmCanvas(anywidget.AnyWidget):
     """A world drawn in the browser, frame after frame.
 
-    Frames are numbered when they are sent, and each view of the canvas answers with the number that it has drawn: at
-    most `MOST_AHEAD` are on their way to any of them, and of those that wait all but the latest are dropped. A view
-    that does not answer for `PATIENCE` seconds is not waited for; it shows the latest frame when it can.
+    Frames are numbered when they are sent, and each view of the canvas answers with the number that it has drawn, in
+    quick succession not for each one: at most `MOST_AHEAD` and those between two answers are on their way to any of
+    them, and of those that wait all but the latest are dropped. A view that does not answer for `PATIENCE` seconds is
+    not waited for; it shows the latest frame when it can.
     """
 
     _esm = palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
@@ -107,7 +115,7 @@ class SwarmCanvas(anywidget.AnyWidget):
                 self._views.pop(view, None)
                 self._send_frame()
         elif name == "drawn":
-            if self._note_drawn(view, message["value"]):
+            if self._note_drawn(view, message["value"], message.get("each")):
                 self.caught_up()
         elif name in self.commands:
             self.commands[name](*(() if value is None else (value,)))
@@ -124,16 +132,17 @@ class SwarmCanvas(anywidget.AnyWidget):
                 self.send({"kind": "world", "world": self._frame.world, "to": view})
                 self._send_picture(self._frame, to=view)
 
-    def _note_drawn(self, view: str, number: int) -> bool:
+    def _note_drawn(self, view: str, number: int, each: object) -> bool:
         """Note which frame a view has drawn, and send it the next one; return whether it has drawn all."""
         with self._lock:
             if view in self._views:
-                self._views[view] = CanvasView(max(self._views[view].drawn, number), self.clock())
+                drawn, rarely = max(self._views[view].drawn, number), min(each, MOST_EACH) if type(each) is int else 1
+                self._views[view] = CanvasView(drawn, self.clock(), max(1, rarely))
                 self._send_frame()
             return view in self._views and self._views[view].drawn == self._sent
 
     def _has_room(self, view: CanvasView) -> bool:
-        return self._sent - view.drawn < MOST_AHEAD
+        return self._sent - view.drawn < MOST_AHEAD + view.each - 1
 
     def _is_late(self, view: CanvasView) -> bool:
         return self.clock() - view.since > PATIENCE

@@ -28,6 +28,9 @@ const LEGEND = "mesa_swarm.legend", VIEW = "mesa_swarm.view ";
 const STORE_EVERY = 0.3;
 // How much larger lines and texts are on a projector.
 const PROJECTED = 1.6;
+// Pictures that wait to be drawn; how close together they count as quick, s; of quick ones every one of this many is
+// reported, and a last one after this time, s.
+const MOST_WAITING = 5, QUICK = 0.03, ANSWERED = 3, LATEST = 0.1;
 const TOO_MANY = ": of the selected robot only, too many in sight";
 
 /** What the browser stores, and until the page is left also where it stores nothing: in some notebooks. */
@@ -84,8 +87,12 @@ class PlayerView {
   #name = Math.random().toString(36).slice(2);
   #model; #root; #canvas; #stage = null; #world = null;
   #state = { playing: false, speed: 0, speeds: [], finished: false, error: "", can_reset: false, newest: 0 };
-  #next = null;
+  // Pictures that wait for the next frames of the screen, one for each: two that arrive together are both drawn.
+  #waiting = [];
   #asked = 0;
+  // How many pictures were drawn and not reported, how many the server waits for, when the last one was drawn, and the
+  // timer of the report.
+  #unanswered = 0; #each = 1; #before = 0; #answering = 0;
   #drawn = 0;
   #written = 0;
   #shown = { pushed: 0, fingerprint: "" };
@@ -118,6 +125,7 @@ class PlayerView {
     this.#send({ do: "left" });
     this.#leave.forEach((leave) => leave());
     cancelAnimationFrame(this.#asked);
+    clearTimeout(this.#answering);
     this.#stage?.destroy();
   }
 
@@ -306,8 +314,9 @@ class PlayerView {
     else if (message.kind === "state") this.#settle(message.state);
     else if (message.kind === "picture") {
       const bytes = buffers[0];
-      this.#next = { ...message, bytes: new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength) };
-      this.#asked ||= requestAnimationFrame(() => this.#draw());
+      this.#waiting.push({ ...message, bytes: new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength) });
+      if (this.#waiting.length > MOST_WAITING) this.#waiting.shift(); // in a hidden tab
+      this.#askToDraw();
     }
   }
 
@@ -317,7 +326,7 @@ class PlayerView {
     this.#store();
     before?.destroy();
     this.#world = world;
-    this.#next = null;
+    this.#waiting = [];
     const onSelect = (id) => this.#choose(id), onFollow = (id) => this.#followed(id), onView = () => this.#viewed();
     const again = this.#stores ? this.#restored() : this.#sameView(before);
     this.#parts.switched = again?.switched ?? {};
@@ -363,13 +372,17 @@ class PlayerView {
     return { ...nothing, right, bottom: Math.max(size * SCALE.height, key.hidden ? 0 : all.bottom - layers.top) + GAP };
   }
 
+  #askToDraw() {
+    this.#asked ||= requestAnimationFrame(() => this.#draw());
+  }
+
   #draw() {
     this.#asked = 0;
-    const picture = this.#next;
-    this.#next = null;
+    const picture = this.#waiting.shift();
+    if (this.#waiting.length) this.#askToDraw();
     if (!picture || (this.#staged && !this.#stage)) return;
     this.#stage?.show(unpacked(this.#world, picture.bytes));
-    this.#send({ do: "drawn", value: picture.number });
+    this.#answer(picture);
     this.#root.dataset.drawn = ++this.#drawn;
     this.#canvas.step = picture.step;
     this.#shown = picture;
@@ -379,6 +392,20 @@ class PlayerView {
       this.#write(picture);
     }
     this.#describeRest();
+  }
+
+  /** Report which picture was drawn: while they come quickly only every third one, which is less work for the server. */
+  #answer({ number, rest }) {
+    const now = performance.now(), each = now - this.#before < 1000 * QUICK ? ANSWERED : 1;
+    this.#before = now;
+    this.#unanswered += 1;
+    clearTimeout(this.#answering);
+    const send = () => {
+      [this.#unanswered, this.#each] = [0, each];
+      this.#send({ do: "drawn", value: number, each });
+    };
+    if (rest || this.#unanswered >= this.#each) send();
+    else this.#answering = setTimeout(send, 1000 * LATEST);
   }
 
   #write({ step, readings, rate, index, length, first, last, fingerprint }) {

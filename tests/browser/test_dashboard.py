@@ -296,3 +296,24 @@ def test_a_page_that_is_closed_plays_no_more(visitor, server):
         return seconds_of_processor(server[0]) - before < 0.05
 
     wait_until(is_idle)
+
+
+PLAYED = """async (pictures) => {
+  const { stage } = document.querySelector(".swarm-stage canvas"), show = stage.show.bind(stage), steps = [];
+  stage.show = (frame) => (steps.push(frame.step), show(frame));
+  document.querySelector(".swarm-main").click();
+  while (steps.length < pictures) await new Promise((done) => setTimeout(done, 20));
+  stage.show = show;
+  return steps;
+}"""
+
+
+def test_pictures_are_drawn_in_order_each_once_and_the_last_one_at_rest(visitor):
+    steps = visitor.page.evaluate(PLAYED, 60)
+    assert steps == sorted(set(steps))
+    visitor.press("Pause")
+    visitor.wait("player.rest === 'true'")
+    last = visitor.step
+    assert last >= steps[-1]
+    visitor.press("Step")
+    visitor.wait_for_step(last + 1)

@@ -217,6 +217,25 @@ def test_a_faster_view_waits_for_a_slower_one_but_not_for_one_that_does_not_answ
     assert not canvas.ready, "it answers again, and is waited for again"
 
 
+def test_to_a_view_that_answers_rarely_as_many_more_frames_are_sent(sent, canvas):
+    canvas._hear({"do": "drawn", "view": "a", "value": 1, "each": 3})
+    for number in range(10, 20):
+        play_step(canvas, number)
+    assert canvas._sent == 5, "four are on their way: two, and two for which there is no answer"
+    canvas._hear({"do": "drawn", "view": "a", "value": 4, "each": 1})
+    play_step(canvas, 30)
+    play_step(canvas, 31)
+    assert canvas._sent == 6, "only two again"
+
+
+@pytest.mark.parametrize("each", [0, -5, 10**9, "3", None, 2.5, True])
+def test_nonsense_in_an_answer_changes_at_most_how_many_frames_are_on_their_way(sent, canvas, each):
+    canvas._hear({"do": "drawn", "view": "a", "value": 1, "each": each})
+    for number in range(10, 40):
+        play_step(canvas, number)
+    assert 3 <= canvas._sent <= 6
+
+
 def test_a_frame_at_rest_reaches_every_view_that_can_draw_it(sent, canvas):
     canvas._hear({"do": "ready", "view": "hidden"})
     answer(canvas, "a", 1)
