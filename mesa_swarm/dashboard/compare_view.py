@@ -260,7 +260,7 @@ class SideView:
     def __init__(self, canvas: SwarmCanvas, comparing: Comparing, index: int) -> None:
         self.canvas, self.comparing, self.index = canvas, comparing, index
         self.side = comparing.pair.sides[index]
-        self.side.add_viewer(self)
+        self.side.add_viewer(self, first=True)
 
     @property
     def ready(self) -> bool:

@@ -208,8 +208,7 @@ export class Stage {
     this.#trail = [];
     this.#seen.clear();
     this.#prepare();
-    if (moved) this.fit();
-    else this.draw();
+    if (moved) this.fit(); // else its first frame is soon drawn, over the last one of the other world
   }
 
   get frame() { return this.#frame; }
@@ -430,8 +429,13 @@ export class Stage {
     Object.assign(this.#canvas.style, { touchAction: "", cursor: "" });
   }
 
-  /** Draw anew. */
+  /** Draw anew; before the first frame later, since there may be much to set. */
   draw() {
+    if (this.#frame === null) this.#redraw();
+    else this.#drawNow();
+  }
+
+  #drawNow() {
     if (this.#view === null) return;
     this.#keepInSight();
     const context = this.#context;
@@ -476,7 +480,7 @@ export class Stage {
   #redraw() {
     this.#asked ||= requestAnimationFrame(() => {
       this.#asked = 0;
-      this.draw();
+      this.#drawNow();
     });
   }
 

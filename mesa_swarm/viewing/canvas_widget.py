@@ -192,7 +192,7 @@ class Connection:
         if isinstance(player, Player):
             self._let_select(player)
         self.send_state()
-        player.add_viewer(self)
+        player.add_viewer(self, first=True)
 
     @property
     def ready(self) -> bool:

@@ -184,9 +184,9 @@ class Played(ABC):
         """Whether it is played."""
         return self.loop.playing
 
-    def add_viewer(self, viewer: Viewer) -> None:
-        """Send frames to a viewer from now on."""
-        self.viewers = (*self.viewers, viewer)
+    def add_viewer(self, viewer: Viewer, *, first: bool = False) -> None:
+        """Send frames to a viewer from now on, after the others or, if it shows them quickly, before them."""
+        self.viewers = (viewer, *self.viewers) if first else (*self.viewers, viewer)
         self.show()
 
     def remove_viewer(self, viewer: Viewer) -> None:
@@ -294,6 +294,7 @@ class Player(Played):
         self.selection = Listeners()
         self.stepping = False
         self._scene: Scene | None = None
+        self._world: dict = {}
         self._scene_key: tuple = ()
         self.rest()
 
@@ -414,9 +415,12 @@ class Player(Played):
         key = *key, *model.fields
         if self._scene is None or key != self._scene_key:
             self._scene, self._scene_key = scene_of(model), key
+            world = self._scene.world()
+            # Browsers enter another world, which takes a while: most changes of a model leave it as it was.
+            self._world = self._world if self._world == world else world
         content = packed_frame(frame_of(model, PACKED_FROM), self._scene)
         state_hash = model.state_hash() if fingerprint else ""
-        return PackedFrame(model.completed, content, self._scene.world(), readings_of(model), state_hash)
+        return PackedFrame(model.completed, content, self._world, readings_of(model), state_hash)
 
 
 def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:

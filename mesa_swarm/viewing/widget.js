@@ -324,9 +324,14 @@ class PlayerView {
     if (!this.#staged) return;
     const before = this.#stage;
     this.#store();
-    before?.destroy();
     this.#world = world;
     this.#waiting = [];
+    if (before && this.#sameView(before)) { // a parameter was changed, something was added, or it was reset
+      before.world = world;
+      this.#fillBoxes();
+      return;
+    }
+    before?.destroy();
     const onSelect = (id) => this.#choose(id), onFollow = (id) => this.#followed(id), onView = () => this.#viewed();
     const again = this.#stores ? this.#restored() : this.#sameView(before);
     this.#parts.switched = again?.switched ?? {};

@@ -145,3 +145,36 @@ def test_a_change_of_a_model_that_cannot_be_stored_is_not_undone_with_an_earlier
     monkeypatch.setattr(LiveRun, "stored", refuse)
     session.edit("obstacle", 200, 100, 20)
     assert session.undoable is None
+
+
+def test_a_change_that_leaves_the_world_as_it_was_makes_browsers_enter_no_other():
+    session = played("boids")
+    session.step()
+    before = session.past.shown
+    session.set_parameter("noise", 0.3)
+    after = session.past.shown
+    assert session.model.noise == 0.3
+    assert after is not before
+    assert after.world is before.world
+    session.edit("obstacle", 300.0, 300.0, 10.0)
+    assert session.past.shown.world is not before.world
+
+
+def test_the_canvas_receives_pictures_before_the_panels():
+    session, received = played("boids"), []
+
+    class Panel:
+        ready = False
+
+        def push(self, number, frame):
+            received.append("panel")
+
+    class Canvas(Panel):
+        def push(self, number, frame):
+            received.append("canvas")
+
+    session.add_viewer(Panel())
+    session.add_viewer(Canvas(), first=True)
+    del received[:]
+    session.step()
+    assert received == ["canvas", "panel"]
