@@ -153,7 +153,7 @@ def test_a_change_that_leaves_the_world_as_it_was_makes_browsers_enter_no_other(
     before = session.past.shown
     session.set_parameter("noise", 0.3)
     after = session.past.shown
-    assert session.model.noise == 0.3
+    assert session.built["noise"] == 0.3
     assert after is not before
     assert after.world is before.world
     session.edit("obstacle", 300.0, 300.0, 10.0)
