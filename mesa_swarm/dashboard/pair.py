@@ -167,9 +167,10 @@ class Pair(Played):
             if stop.is_set():
                 return False
             goes_on = self._advance()
-            if self._way is not None and self.completed >= self._way.step:
-                goes_on = self._end_way() and goes_on
-                self.changed.notify()
+            has_arrived = self._way is not None and self.completed >= self._way.step
+        if has_arrived:
+            goes_on = self._end_way() and goes_on
+            self.changed.notify()
         if self.error:
             self.rest()  # after an error, which has stopped the thread already
         return goes_on

@@ -458,7 +458,7 @@ class Session(Player):
         except Exception:  # the panel of explanations shows what is wrong with the file beside the model
             self._models_speed = USUAL_SPEED
         if not was_chosen:
-            self.set_speed(self._models_speed)
+            self.own_speed = self.loop.speed = self._models_speed
 
     def _defaults(self) -> dict[str, Any]:
         return {name: parameter.default for name, parameter in self.parameters.items()}
