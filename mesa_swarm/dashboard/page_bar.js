@@ -36,6 +36,7 @@ class PageBarView {
     parts.theme = plainButton("", () => (localStorage.setItem(THEME, NEXT[this.#choice]), this.#applyTheme()), { class: "swarm-theme" });
     root.append(parts.tour, parts.keys, parts.link, parts.theme);
     this.#listen();
+    this.#keepTabInSight();
     this.#applyTheme();
     this.#write();
     this.#begin();
@@ -64,6 +65,20 @@ class PageBarView {
     this.#on(window, "pagehide", () => this.#store());
     this.#on(window, "keydown", (event) => this.#hear(event));
     this.#timer = setInterval(() => this.#look(), LOOK_EVERY);
+  }
+
+  /** Where the tabs are wider than their place, as on a telephone, scroll to the one that is shown. */
+  #keepTabInSight() {
+    const tabs = this.#root.closest("header")?.querySelector("nav");
+    if (!tabs) return;
+    const show = () => {
+      const box = tabs.getBoundingClientRect(), tab = tabs.querySelector("[aria-current]")?.getBoundingClientRect();
+      if (tab) tabs.scrollLeft += Math.min(tab.left - box.left, 0) + Math.max(tab.right - box.right, 0);
+    };
+    const changes = new MutationObserver(show), sizes = new ResizeObserver(show);
+    changes.observe(tabs, { attributes: true, attributeFilter: ["aria-current"], subtree: true });
+    sizes.observe(tabs);
+    this.#leave.push(() => changes.disconnect(), () => sizes.disconnect());
   }
 
   /* Theme. */

@@ -26,6 +26,11 @@ SMALL = """(least) => {
         return [one.ariaLabel ?? one.textContent, Math.round(width), Math.round(height)];
     }).filter(([, width, height]) => width < least || height < least);
 }"""
+IN_SIGHT = """(name) => {
+    const tabs = document.querySelector(".swarm-header nav"), tab = tabs.querySelector("[aria-current]");
+    const box = tabs.getBoundingClientRect(), { left, right } = tab?.getBoundingClientRect() ?? {};
+    return tab?.textContent === name && left >= box.left - 1 && right <= box.right + 1;
+}"""
 FOCUSED = "document.activeElement.textContent"
 PHONE = {"has_touch": True, "is_mobile": True, "viewport": {"width": 390, "height": 844}}
 
@@ -133,6 +138,9 @@ def test_on_a_telephone_the_world_is_first_its_bar_below_and_the_panels_fold(vis
     assert page.locator(PANEL).bounding_box()["y"] > play["y"]
     visitor.press("Robot, charts, export")
     assert page.locator(SIDE).is_hidden()
+    for tab in ("Replay", "Models", "Experiment", "Watch"):
+        visitor.press(tab)
+        page.wait_for_function(IN_SIGHT, arg=tab)
 
 
 @pytest.mark.slow
