@@ -138,9 +138,19 @@ def test_on_a_telephone_the_world_is_first_its_bar_below_and_the_panels_fold(vis
     assert page.locator(PANEL).bounding_box()["y"] > play["y"]
     visitor.press("Robot, charts, export")
     assert page.locator(SIDE).is_hidden()
-    for tab in ("Replay", "Models", "Experiment", "Watch"):
+
+
+@pytest.mark.slow
+def test_on_a_telephone_the_present_tab_is_in_sight_also_where_more_buttons_come(visit, recorded_fires):
+    visitor = visit(LINK, **PHONE)
+    page = visitor.page
+    for tab in ("Replay", "Models", "Experiment", "Watch", "Replay"):
         visitor.press(tab)
         page.wait_for_function(IN_SIGHT, arg=tab)
+    page.set_input_files(".swarm-set input[type=file]", recorded_fires)
+    page.wait_for_selector(".swarm-events button")
+    page.wait_for_selector(".swarm-full", state="visible")
+    page.wait_for_function(IN_SIGHT, arg="Replay")
 
 
 @pytest.mark.slow
