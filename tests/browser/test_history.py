@@ -19,7 +19,7 @@ HIDE = """hidden => {
 
 
 def tab_of(visitor) -> str:
-    return visitor.page.locator(".swarm-header button[aria-current]").inner_text()
+    return " ".join(visitor.page.locator(".swarm-header button[aria-current]").all_inner_texts())
 
 
 def choose(visitor, name: str) -> None:
@@ -58,7 +58,7 @@ def test_back_and_forward_walk_through_models_and_tabs(visit):
     visitor.wait_for_step(0)
     page.go_forward()
     page.wait_for_selector(SIDES)
-    assert tab_of(visitor) == "Compare"
+    wait_until(lambda: tab_of(visitor) == "Compare")
 
 
 def test_settings_and_steps_are_no_steps_back(visit):

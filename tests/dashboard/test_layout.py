@@ -1,6 +1,7 @@
 """The arrangement of the page: its title, what folds, and what the gate adds to Solara's page."""
 
 import asyncio
+import gzip
 from functools import cache
 
 import pytest
@@ -16,7 +17,7 @@ WHOLE = (
 )
 
 
-def answer(parts, *, kind=b"text/html; charset=utf-8", accept=b"text/html,*/*", more=()):
+def answer(parts, *, kind=b"text/html; charset=utf-8", accept=b"text/html,*/*", more=(), takes=b"gzip"):
     """Return the headers and the bytes of an answer in parts that pass the gate, and the request behind it."""
     length, asked, sent = sum(map(len, parts)), [], []
 
@@ -30,7 +31,7 @@ def answer(parts, *, kind=b"text/html; charset=utf-8", accept=b"text/html,*/*", 
     async def send(message):
         sent.append(message)
 
-    headers = [(b"host", b"localhost"), (b"accept", accept), (b"accept-encoding", b"gzip")]
+    headers = [(b"host", b"localhost"), (b"accept", accept), (b"accept-encoding", takes)]
     scope = {"type": "http", "path": "/", "query_string": b"", "headers": headers}
     asyncio.run(Gate(app)(scope, None, send))
     return dict(sent[0]["headers"]), b"".join(one["body"] for one in sent[1:]), dict(asked[0]["headers"])
@@ -39,9 +40,12 @@ def answer(parts, *, kind=b"text/html; charset=utf-8", accept=b"text/html,*/*", 
 @pytest.mark.parametrize("parts", [(BARE,), (BARE[:20], BARE[20:50], BARE[50:])])
 def test_a_page_gets_its_language_a_viewport_that_can_be_enlarged_and_its_length(parts):
     headers, body, asked = answer(parts)
-    assert body == WHOLE
-    assert headers[b"content-length"] == b"%d" % len(WHOLE)
+    assert (gzip.decompress(body), headers[b"content-encoding"]) == (WHOLE, b"gzip")
+    assert headers[b"content-length"] == b"%d" % len(body)
     assert b"accept-encoding" not in asked, "it comes as it is written"
+    headers, body, _ = answer(parts, takes=b"identity")
+    assert (body, b"content-encoding" in headers) == (WHOLE, False)
+    assert headers[b"content-length"] == b"%d" % len(body)
 
 
 @pytest.mark.parametrize(

@@ -365,18 +365,18 @@ def test_only_robots_inside_of_solids_leave_them_and_other_robots_do_not_count_y
 
 
 def test_contacts_are_listed_with_the_numbers_of_both_bodies():
-    robots, obstacles, fires = ([SimpleNamespace(unique_id=first + k) for k in range(5)] for first in (100, 200, 300))
+    obstacles, fires = ([SimpleNamespace(unique_id=first + k) for k in range(5)] for first in (200, 300))
     kinds, index = np.array([ROBOT, OBSTACLE, FIRE, OBSTACLE, LOAD]), np.array([3, 2, 1, BORDER, 4])
     collided = np.array([True, True, True, True, True])
     swarm = SimpleNamespace(
-        collided=collided, contact_kind=kinds, contact_index=index, agents=robots,
+        collided=collided, contact_kind=kinds, contact_index=index, unique_ids=np.arange(100, 105),
         contact_normal=np.arange(10.0).reshape(5, 2), contact_depth=np.arange(5.0),
     )  # fmt: skip
-    found = Contacts.of(swarm, obstacles, {ROBOT: robots, FIRE: fires})
+    found = Contacts.of(swarm, obstacles, {FIRE: fires})
     assert (found.robot.tolist(), found.kind.tolist()) == ([100, 101, 102, 103, 104], kinds.tolist())
     assert found.other.tolist() == [103, 202, 301, -1, 204]
     collided[[0, 2, 3]] = False
-    found = Contacts.of(swarm, obstacles, {ROBOT: robots, FIRE: fires})
+    found = Contacts.of(swarm, obstacles, {FIRE: fires})
     assert (found.robot.tolist(), found.other.tolist()) == ([101, 104], [202, 204])
     assert (found.normal.tolist(), found.depth.tolist()) == ([[2.0, 3.0], [8.0, 9.0]], [1.0, 4.0])
 
