@@ -155,9 +155,10 @@ def Header(navigation: Navigation) -> None:
             for name in (WATCH, MODELS, *MORE_TABS):
                 current = "page" if name == navigation.tab else ""
                 Button(name.capitalize(), partial(navigation.go, name), current=current).key(name)
-        if model := navigation.model_shown:
-            shown = rv.Html(tag="b", children=[title(model)])
-            rv.Html(tag="p", children=[shown, f" {description(find_model(model))}"]).key("model")
+        model = navigation.model_shown
+        shown = rv.Html(tag="b", children=[title(model) if model else ""])
+        # Always there: what follows it would be made anew if it came and went.
+        rv.Html(tag="p", children=[shown, f" {description(find_model(model))}" if model else ""])
         traits = {"shown": navigation.shown, "tours": navigation.tours}
         solara.Title(page_title(title(model or session.name), navigation.tab.capitalize(), WATCH.capitalize()))
         ScreenButtons.element()

@@ -23,7 +23,7 @@ function plainButton(label, act, more = {}) {
 }
 
 class PageBarView {
-  #model; #root; #leave = []; #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0; #waiting = 0; #awaited = null; #patience = 0;
+  #model; #root; #leave = []; #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0; #waiting = 0; #awaited = null; #patience = 0; #tabs = null;
 
   constructor(model, root) {
     this.#model = model;
@@ -36,7 +36,6 @@ class PageBarView {
     parts.theme = plainButton("", () => (localStorage.setItem(THEME, NEXT[this.#choice]), this.#applyTheme()), { class: "swarm-theme" });
     root.append(parts.tour, parts.keys, parts.link, parts.theme);
     this.#listen();
-    this.#keepTabInSight();
     this.#applyTheme();
     this.#write();
     this.#begin();
@@ -69,8 +68,9 @@ class PageBarView {
 
   /** Where the tabs are wider than their place, as on a telephone, scroll to the one that is shown. */
   #keepTabInSight() {
-    const tabs = this.#root.closest("header")?.querySelector("nav");
-    if (!tabs) return;
+    const tabs = document.querySelector(".swarm-header nav");
+    if (!tabs || this.#tabs === tabs) return;
+    this.#tabs = tabs;
     const show = () => {
       const box = tabs.getBoundingClientRect(), tab = tabs.querySelector("[aria-current]")?.getBoundingClientRect();
       if (tab) tabs.scrollLeft += Math.min(tab.left - box.left, 0) + Math.max(tab.right - box.right, 0);
@@ -157,6 +157,7 @@ class PageBarView {
   /* The server. */
 
   #look() {
+    this.#keepTabInSight(); // they may have been made after this view, or anew
     const status = globalThis.solara?.debug?.connectionStatus, gone = this.#parts.gone;
     if (status && status !== "connected" && !gone) this.#showGone();
     else if (status === "connected" && gone) {

@@ -177,8 +177,10 @@ def test_no_tab_of_a_touched_screen_scrolls_sideways_or_has_a_target_below_44_px
 
 @pytest.mark.slow
 def test_every_target_of_a_pointer_is_at_least_24_px(opened):
-    for tab in ("Models", "Compare", "Experiment", "Replay", "Watch"):
+    shown = {"Models": ".swarm-card", "Compare": ".swarm-clock", "Experiment": ".swarm-experiment"}
+    for tab, part in {**shown, "Replay": ".swarm-list", "Watch": SIDE}.items():
         opened.press(tab)
+        opened.page.wait_for_selector(part, state="attached")
         settle(opened.page)
         assert opened.page.evaluate(SMALL, 24) == [], tab
 
