@@ -262,7 +262,8 @@ def test_tables_have_all_points_and_all_bins(flock, session):
 
 
 def test_means_of_agents_are_charts():
-    model = SwarmModel(rng=1, agent_reporters={"heading": "heading", "word": lambda agent: "far"})
+    reporters = {"heading": lambda agent: getattr(agent, "heading", None), "word": lambda agent: "far"}
+    model = SwarmModel(rng=1, agent_reporters=reporters)
     robots = model.add_robots(AGENT9, 4)
     series = followed(model)
     model.run(3)
