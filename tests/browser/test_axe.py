@@ -21,21 +21,23 @@ def findings(page) -> list[tuple]:
     return found
 
 
-def test_the_first_page_breaks_no_rule(visit):
-    visitor = visit(LINK)
+def with_a_robot(visitor):
+    """Select a robot, and return when the inspector has drawn its readings."""
     visitor.wait_for_step(50)
     visitor.press("Next robot")
     visitor.page.wait_for_selector(".swarm-diagram text")
+    return visitor
+
+
+def test_the_first_page_breaks_no_rule(visit):
+    visitor = with_a_robot(visit(LINK))
     assert axe_findings(visitor.page) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_watch_with_a_robot_a_fault_and_an_error_breaks_no_rule(visit, theme):
-    visitor = visit(LINK, color_scheme=theme)
-    visitor.wait_for_step(50)
-    visitor.press("Next robot")
-    visitor.page.wait_for_selector(".swarm-diagram text")
+    visitor = with_a_robot(visit(LINK, color_scheme=theme))
     assert findings(visitor.page) == []
     visitor.field("n_robots").locator("input[type=text]").fill("many")
     visitor.field("n_robots").locator("input[type=text]").press("Enter")

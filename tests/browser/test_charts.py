@@ -5,6 +5,7 @@ import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.flocking import Flocking
+from support.browsers import recorded_run
 from support.visits import add_chart, resize, settle
 from support.waiting import wait_until
 
@@ -36,11 +37,7 @@ def watched(visit):
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recordings") / "an evening of fires"
-    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
-    with model.record(path):
-        model.run(120)
-    return path
+    return recorded_run(tmp_path_factory.mktemp("recordings") / "an evening of fires", 120)
 
 
 def chart(visitor, title: str):

@@ -3,6 +3,7 @@
 import pytest
 
 from mesa_swarm.models.fire_fighting import FireFighting
+from support.browsers import recorded_run
 from support.visits import resize
 from support.waiting import wait_until
 
@@ -25,11 +26,7 @@ COVERED = """[...document.querySelectorAll(".swarm-stage")].map((stage) => {
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    path = tmp_path_factory.mktemp("recordings") / "fires.arrow"
-    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
-    with model.record(path):
-        model.run(120)
-    return path
+    return recorded_run(tmp_path_factory.mktemp("recordings") / "fires.arrow", 120)
 
 
 @pytest.fixture

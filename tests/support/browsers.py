@@ -55,14 +55,18 @@ def visit(server, chromium):
         assert {urlsplit(url).hostname for url in one.asked} <= {HOST}
 
 
+def recorded_run(path, steps):
+    """Record a run in which a fire goes out, and return the path."""
+    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
+    with model.record(path):
+        model.run(steps)
+    return path
+
+
 @pytest.fixture(scope="session")
 def recorded_fires(tmp_path_factory):
     """A recording of 60 steps in which a fire goes out."""
-    path = tmp_path_factory.mktemp("recordings") / "fires.arrow"
-    model = FireFighting(strategy="A", initial_temperature=0.02, rng=4)
-    with model.record(path):
-        model.run(60)
-    return path
+    return recorded_run(tmp_path_factory.mktemp("recordings") / "fires.arrow", 60)
 
 
 @pytest.fixture
