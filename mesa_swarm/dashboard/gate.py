@@ -61,11 +61,12 @@ input,button{font:inherit;padding:.4em .8em}</style>
 <form><label>Token <input name="token" type="password" autofocus></label> <button>Enter</button></form></html>"""
 MALFORMED = "This request is malformed."
 HTML = b"text/html"
-# What Solara's page lacks: its language and a name of its progress bar, for screen readers, and leave to be enlarged.
+# What Solara's page lacks: its language, a name and liveness of its progress bar, for screen readers, and leave to be
+# enlarged.
 COMPLETED = (
     (re.compile(rb"<html>"), b'<html lang="en">'),
     (re.compile(rb'(?<=<meta name="viewport" content=")[^"]*'), b"width=device-width, initial-scale=1"),
-    (re.compile(rb"<v-progress-linear(?= :style)"), b'<v-progress-linear aria-label="Busy"'),
+    (re.compile(rb"<v-progress-linear(?= :style)"), b'<v-progress-linear aria-label="Busy" aria-live="polite"'),
 )
 
 

@@ -104,7 +104,10 @@ class PanelView {
     const labels = boxes.map((box) => make("label", {}, box, box.value));
     const list = make("div", { class: "swarm-ticks", role: "group", "aria-label": field.label }, ...labels);
     const text = make("output", { hidden: true }), frame = this.#frame(field, list, text);
-    this.#fields.get(field.name).more = ({ ticked }) => boxes.forEach((box) => { box.checked = ticked.includes(box.value); });
+    // An answer to an earlier tick may come after a later one: boxes in use stay as the user left them.
+    this.#fields.get(field.name).more = ({ ticked }) => {
+      if (!list.contains(document.activeElement)) boxes.forEach((box) => { box.checked = ticked.includes(box.value); });
+    };
     return frame;
   }
 

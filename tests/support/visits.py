@@ -51,6 +51,17 @@ def settle(page) -> None:
     page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
+def complete(page) -> None:
+    """Return when nothing on the page has changed for a tenth of a second: the parts around the canvas come after it."""
+    page.evaluate(
+        """new Promise((done) => {
+          let waiting = setTimeout(done, 100);
+          new MutationObserver(() => { clearTimeout(waiting); waiting = setTimeout(done, 100); })
+            .observe(document, { subtree: true, childList: true });
+        })"""
+    )
+
+
 def resize(page, width: int, height: int) -> None:
     """Give the page a window of this size, and return when all on it has found its place."""
     page.set_viewport_size({"width": width, "height": height})
@@ -87,6 +98,8 @@ class Visit:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.goto(address if plays else quiet(address))
         page.wait_for_selector(".swarm-player[data-drawn]")
+        if not plays:
+            complete(page)
 
     def _note(self, url: str) -> None:
         if not url.startswith(("data:", "blob:")):
