@@ -9,7 +9,6 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 sys.path.insert(0, str(Path(__file__).parent))
-pytest.register_assert_rewrite("support")  # before the imports: what failed there is stated too
 
 from support.hostile import Tally, table
 from support.pace import in_time, is_out_of_time

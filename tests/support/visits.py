@@ -52,12 +52,17 @@ def settle(page) -> None:
 
 
 def complete(page) -> None:
-    """Return when nothing on the page has changed for a tenth of a second: the parts around the canvas come after it."""
+    """Return when all parts of the page have come, and none has changed for 0.1 s: those around the canvas come last.
+
+    A widget that is closed before it was drawn leaves an error on the console.
+    """
     page.evaluate(
         """new Promise((done) => {
-          let waiting = setTimeout(done, 100);
-          new MutationObserver(() => { clearTimeout(waiting); waiting = setTimeout(done, 100); })
-            .observe(document, { subtree: true, childList: true });
+          let waiting;
+          const again = () => { clearTimeout(waiting); waiting = setTimeout(check, 100); };
+          const check = () => document.querySelector("div[style='height: 100%;']:empty") ? again() : done();
+          new MutationObserver(again).observe(document, { subtree: true, childList: true });
+          again();
         })"""
     )
 
