@@ -169,8 +169,14 @@ def test_a_connection_that_was_lost_for_a_moment_leaves_no_trace(visit):
     visitor = visit(LINK)
     visitor.press("Step")
     visitor.wait_for_step(1)
-    visitor.page.evaluate("solara.debug.dropConnection()")
-    visitor.page.wait_for_function("solara.debug.kernel().connectionStatus === 'connected'")
+    visitor.page.evaluate(
+        """() => {
+          window.statuses = [];
+          solara.debug.kernel().connectionStatusChanged.connect((kernel, status) => window.statuses.push(status));
+          solara.debug.dropConnection();
+        }"""
+    )
+    visitor.page.wait_for_function("window.statuses.at(-1) === 'connected'")
     visitor.press("Step")
     visitor.wait_for_step(2)
     visitor.page.wait_for_function("!document.querySelector('.swarm-gone')")

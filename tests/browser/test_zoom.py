@@ -6,11 +6,11 @@ from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
-ARENA = "document.querySelector('.swarm-stage canvas').arena().map(Math.round)"
+ARENA = "document.querySelector('.swarm-stage canvas')?.arena?.().map(Math.round)"
 
 
-def arena(visitor) -> list[int]:
-    """Return where the map is on the canvas: left, top, right, bottom."""
+def arena(visitor) -> list[int] | None:
+    """Return where the map is on the canvas: left, top, right, bottom; None while there is no canvas."""
     return visitor.page.evaluate(ARENA)
 
 

@@ -20,6 +20,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+TABS = ("Models", "Watch", "Compare", "Experiment", "Replay")
 LAUNCH = "import sys; from mesa_swarm.dashboard import launch; launch(port=int(sys.argv[1]), open_browser=False)"
 
 
@@ -128,7 +129,10 @@ class Visit:
         self.wait(f"player.step === '{step}' && player.rest === 'true'")
 
     def press(self, label: str) -> None:
+        """Press a button; of a tab, return when it is open."""
         self.page.get_by_role("button", name=label, exact=True).click()
+        if label in TABS:
+            self.page.locator(".swarm-header button[aria-current]").filter(has_text=label).wait_for()
 
     def play_slowly(self) -> None:
         """Let steps come so slowly that what a busy machine does late is still early in the run: five a second."""
