@@ -127,3 +127,24 @@ def test_ticks_and_equal_distances_set_the_values_and_a_wrong_one_is_named(exper
     page.wait_for_selector(".swarm-field[data-name=values].swarm-wrong")
     enter(experiment, "seeds", "5000")
     page.wait_for_selector(".swarm-field[data-name=seeds] .swarm-fault:not([hidden])")
+
+
+@pytest.mark.slow
+def test_a_late_answer_to_a_tick_does_not_undo_a_later_one(experiment):
+    page = experiment.page
+    choose(experiment, "p", "strategy")
+    page.wait_for_selector(".swarm-ticks")
+    page.evaluate(
+        """() => {
+          const [a, b] = document.querySelectorAll(".swarm-ticks input");
+          const { get, set } = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "checked");
+          window.ticked = [];
+          Object.defineProperty(a, "checked", { get, set(value) { window.ticked.push(value); set.call(a, value); } });
+          a.focus();
+          b.click();
+          a.click();
+        }"""
+    )
+    page.wait_for_selector(".swarm-field[data-name=values].swarm-wrong")
+    assert True not in page.evaluate("window.ticked")
+    assert [box.is_checked() for box in page.locator(".swarm-ticks input").all()] == [False, False]
