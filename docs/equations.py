@@ -1,34 +1,34 @@
-"""A hook of MkDocs: convert equations to MathML, which browsers draw without an external script."""
+"""Equations of a page as MathML, which browsers draw without a script."""
 
 import re
-from html import unescape
 
 from latex2mathml.converter import convert
-from mkdocs.structure.pages import Page
 
-EQUATION = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.DOTALL)
-# Equations of notebooks are still between dollars. Code, its output and its clipboard text contain no equations.
-OF_NOTEBOOK = re.compile(
-    r'<(?P<code>pre|code|script|style)\b.*?</(?P=code)>|<div [^>]*class="clipboard-copy-txt"[^>]*>.*?</div>'
-    r"|(?P<mark>\$\$?)(?P<latex>[^$]+)(?P=mark)",
-    re.DOTALL,
+# Code and links contain no equations; a dollar that is followed or preceded by a space is money.
+PARTS = re.compile(
+    r"(?P<code>^(?P<fence>`{3,}|~{3,})[^\n]*\n.*?^(?P=fence)[ \t]*$|(?P<ticks>`+)(?!`).+?(?<!`)(?P=ticks)(?!`)"
+    r"|<(?P<tag>pre|code|script|style)\b.*?</(?P=tag)>)"
+    r"|\$\$(?P<block>.+?)\$\$|(?<![\\$])\$(?P<inline>[^\s$](?:[^$]*?[^\s$\\])?)\$(?![\d$])",
+    re.DOTALL | re.MULTILINE,
 )
+# Read as marks of Markdown otherwise, also within an element.
+MARKS = str.maketrans({mark: f"&#{ord(mark)};" for mark in "*_`|\\[]{}~^"})
 
 
-def on_page_content(html: str, *, page: Page, **_: object) -> str:
-    """Replace every equation of a page."""
-    html = EQUATION.sub(_of_markdown, html)
-    return OF_NOTEBOOK.sub(_of_notebook, html) if page.file.src_uri.endswith(".ipynb") else html
+def with_mathml(markdown: str) -> str:
+    """Return a page with its equations, ``$...$`` within a line and ``$$...$$`` as a block, as MathML.
+
+    >>> with_mathml("`$v$` is code, $5 and $6 are money, $v$ is a speed")
+    '`$v$` is code, $5 and $6 are money, <math xmlns="http://www.w3.org/1998/Math/MathML" display="inline"><mrow><mi>v</mi></mrow></math> is a speed'
+    """  # noqa: E501 - MathML is long
+    return PARTS.sub(_replaced, markdown)
 
 
-def _of_markdown(found: re.Match) -> str:
-    latex = unescape(found[2]).strip()
-    return _mathml(latex[2:-2], is_block=latex.startswith(r"\["))
+def _replaced(found: re.Match) -> str:
+    if found["inline"]:
+        return _mathml(found["inline"], "inline")
+    return f'\n\n<div class="equation">{_mathml(found["block"], "block")}</div>\n\n' if found["block"] else found[0]
 
 
-def _of_notebook(found: re.Match) -> str:
-    return _mathml(unescape(found["latex"]), is_block=found["mark"] == "$$") if found["latex"] else found[0]
-
-
-def _mathml(latex: str, is_block: bool) -> str:
-    return convert(latex.strip(), display="block" if is_block else "inline")
+def _mathml(latex: str, display: str) -> str:
+    return convert(" ".join(latex.split()), display=display).translate(MARKS)

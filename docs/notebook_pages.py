@@ -1,38 +1,77 @@
-"""A hook of MkDocs for notebook pages: resolve links to pages, and show pictures in place of widgets."""
+"""Notebooks as pages of Markdown: text, code, and what the code printed and drew."""
 
-import logging
 import os
-import posixpath
 import re
+from base64 import b64decode
+from collections.abc import Iterator
 from pathlib import Path
 
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import Files
-from mkdocs.structure.pages import Page
+import nbformat
+from nbclient import NotebookClient
+from nbformat import NotebookNode
 
-LINK = re.compile(r'(?<= href=")(?P<path>[^":#]+\.(?:ipynb|md))(?=[#"])')
-# Its warnings end a strict build.
-LOG = logging.getLogger("mkdocs.hooks.notebook_pages")
-
-
-def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Add the folder of this file to the search path of nbconvert's settings."""
-    found = os.environ.get("JUPYTER_CONFIG_PATH", "")
-    os.environ["JUPYTER_CONFIG_PATH"] = os.pathsep.join(filter(None, (str(Path(__file__).parent), found)))
-    return config
+# A link to another notebook leads to its page.
+LINK = re.compile(r"(?<=\]\()(?P<path>[^):#\s]+)\.ipynb(?=[#)])")
+ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
+SECONDS = 600
+PICTURES = {"image/png": ".png", "image/svg+xml": ".svg"}
 
 
-def on_page_content(html: str, *, page: Page, files: Files, **_: object) -> str:
-    """Replace a notebook's links to source files by links to their pages, as MkDocs does in Markdown."""
-    if not page.file.src_uri.endswith(".ipynb"):
-        return html
+def executed(file: Path) -> NotebookNode:
+    """Return a notebook with the output of its cells; an error in a cell is raised."""
+    notebook = nbformat.read(file, as_version=4)
+    NotebookClient(notebook, timeout=SECONDS, resources={"metadata": {"path": str(file.parent)}}).execute()
+    return notebook
 
-    def to_page(found: re.Match) -> str:
-        path = posixpath.normpath(posixpath.join(posixpath.dirname(page.file.src_uri), found["path"]))
-        target = files.get_file_from_path(path)
-        if target is None:
-            LOG.warning("%s links to %s, which is not in the site", page.file.src_uri, path)
-            return found[0]
-        return target.url_relative_to(page.file)
 
-    return LINK.sub(to_page, html)
+def write_page(notebook: NotebookNode, name: str, folder: Path) -> Path:
+    """Write the page of a notebook, and its pictures beside it; return the page."""
+    pieces = [piece for cell in notebook.cells for piece in _pieces(cell, name, folder)]
+    pieces.append(f"[Download this notebook]({name}.ipynb)")
+    (folder / f"{name}.md").write_text("\n\n".join(pieces) + "\n", encoding="utf-8")
+    stripped = {
+        **notebook,
+        "cells": [{**cell, "outputs": []} if "outputs" in cell else cell for cell in notebook.cells],
+    }
+    nbformat.write(nbformat.from_dict(stripped), folder / f"{name}.ipynb")
+    return folder / f"{name}.md"
+
+
+def _pieces(cell: NotebookNode, name: str, folder: Path) -> Iterator[str]:
+    if cell.cell_type == "markdown":
+        yield LINK.sub(r"\g<path>.md", cell.source)
+    elif cell.cell_type == "code":
+        yield _fenced(cell.source, "python")
+        for number, output in enumerate(cell.get("outputs", [])):
+            yield _shown(output, f"{name}-{cell.id}-{number}", folder)
+
+
+def _shown(output: NotebookNode, name: str, folder: Path) -> str:
+    """Return an output as Markdown; of several forms the one that shows most, without a script."""
+    if output.output_type == "stream":
+        return _fenced(output.text, "text")
+    forms = output.get("data", {})
+    for kind, ending in PICTURES.items():
+        if kind in forms:
+            content = b64decode(forms[kind]) if ending == ".png" else forms[kind].encode()
+            (folder / f"{name}{ending}").write_bytes(content)
+            return f"![{_alt(forms)}]({name}{ending}){{ .output loading=lazy }}"
+    if "text/html" in forms:
+        return f'<div class="output">{"".join(forms["text/html"].split(chr(10)))}</div>'
+    return forms["text/markdown"] if "text/markdown" in forms else _fenced(forms.get("text/plain", ""), "text")
+
+
+def _alt(forms: NotebookNode) -> str:
+    """Return what stands for a picture: its description, without marks of Markdown."""
+    return re.sub(r"[^\w .,:;()-]", " ", forms.get("text/plain", "").split("\n")[0]).strip()
+
+
+def _fenced(text: str, language: str) -> str:
+    text = ESCAPES.sub("", text).rstrip("\n")
+    fence = "`" * max(3, 1 + max(map(len, re.findall(r"`+", text)), default=0))
+    return f"{fence}{language}\n{text}\n{fence}"
+
+
+def is_executed() -> bool:
+    """Return whether notebooks are to be executed: not if MESA_SWARM_EXECUTE is false."""
+    return os.environ.get("MESA_SWARM_EXECUTE", "true") != "false"

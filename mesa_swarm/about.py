@@ -6,6 +6,10 @@ The file has the module's name and ends in ``.toml``: ``mine.toml`` beside ``min
     watch = "What to watch."
     source = "The full reference."
     speed = 120  # steps a second at which a page plays it first
+    patterns = "By what one judges whether it does what it should."
+
+    [concepts]  # of the ODD protocol; others are found in the model
+    emergence = "What arises from the rules."
 
     [[try]]
     label = "Half as many"
@@ -24,7 +28,7 @@ import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -46,8 +50,19 @@ from mesa_swarm.world.map_parts import file_content, text_of
 from mesa_swarm.world.map_toml import parsed_toml
 
 LARGEST_INFO_FILE = 100_000
-TEXTS = ("how", "watch", "source")
-KEYS = (*TEXTS, "speed", "try", "equations")
+TEXTS = ("how", "watch", "source", "patterns")
+KEYS = (*TEXTS, "speed", "concepts", "try", "equations")
+# Design concepts of the ODD protocol that only a text can state.
+CONCEPTS = (
+    "principles",
+    "emergence",
+    "adaptation",
+    "objectives",
+    "learning",
+    "prediction",
+    "interaction",
+    "collectives",
+)
 USUAL_SPEED = 60.0
 SLOWEST, FASTEST = 0.5, 1000.0
 # Headings of a model's docstring, and what the text below each is used for where the file has none.
@@ -105,8 +120,10 @@ class ModelInfo:
     model_class : type
     model : SwarmModel, optional
         Whose layers `code` shows; without it, those of a model with all defaults.
-    what, how, watch, source : str
+    what, how, watch, source, patterns : str
         Empty if not known.
+    concepts : mapping
+        Texts on design concepts of the ODD protocol, by their names.
     speed : float
         At which a page plays it at first, so that something is seen to happen, 0.5 to 1000 steps a second.
     presets : tuple of Preset
@@ -120,6 +137,8 @@ class ModelInfo:
     how: str = ""
     watch: str = ""
     source: str = ""
+    patterns: str = ""
+    concepts: Mapping[str, str] = field(default_factory=dict)
     speed: float = USUAL_SPEED
     presets: tuple[Preset, ...] = ()
     equations: tuple[Equation, ...] = ()
@@ -137,7 +156,12 @@ class ModelInfo:
     @cached_property
     def code(self) -> tuple[Listing, ...]:
         """The rules of the layers that drive the robots, then the model itself."""
-        return tuple(_listings(self.model_class, _built(self.model_class) if self.model is None else self.model))
+        return tuple(_listings(self.model_class, self.built))
+
+    @cached_property
+    def built(self) -> Any:
+        """The model, or one with all defaults; None of a class that cannot be built so."""
+        return _built(self.model_class) if self.model is None else self.model
 
     def command(self, preset: Preset) -> str:
         """Return the command that runs a preset.
@@ -247,6 +271,8 @@ def _read(file: Path, model_class: type) -> dict[str, Any]:
         known = parameters_of(model_class)
         if "speed" in inside:
             found["speed"] = check_number("speed", inside["speed"], minimum=SLOWEST, maximum=FASTEST)
+        if "concepts" in inside:
+            found["concepts"] = _concepts(inside["concepts"])
         if "try" in inside:
             found["presets"] = tuple(
                 Preset(label=_text(f"{key}, label", table["label"]), text=_joined(_text(f"{key}, text", table["text"])),
@@ -267,6 +293,15 @@ def _text(key: str, value: object) -> str:
     if isinstance(value, str) and value.strip():
         return value.strip()
     raise InvalidValueError(f"{key} is {shortened(value)}; expected a text")
+
+
+def _concepts(value: object) -> dict[str, str]:
+    if not isinstance(value, dict):
+        raise InvalidValueError(f"concepts is {shortened(value)}; expected a table of texts, headed [concepts]")
+    for name in value:
+        if name not in CONCEPTS:
+            raise InvalidValueError(unknown_name("concept", name, CONCEPTS))
+    return {name: _joined(_text(f"concepts, {name}", text)) for name, text in value.items()}
 
 
 def _tables(key: str, value: object, names: tuple[str, ...]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -49,6 +49,9 @@ NAMES = {
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
     "mesa_swarm.recording.marks.Mark": "mesa_swarm.recording.changes.ChangeDetector",
     "mesa_swarm.model.SwarmModel": "mesa_swarm.swarm_model.SwarmModel",
+    "mesa_swarm.teaching.Wish": "mesa_swarm.teaching.checks.Criterion",
+    "mesa_swarm.teaching.checks.Wish": "mesa_swarm.teaching.checks.Criterion",
+    "mesa_swarm.teaching.wish.Wish": "mesa_swarm.teaching.checks.Criterion",
 }
 
 

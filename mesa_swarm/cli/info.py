@@ -21,12 +21,19 @@ commands = typer.Typer()
 
 @commands.command()
 def info(
-    model: Model, *, code: Annotated[bool, typer.Option("--code", help="Print the code of its rules as well.")] = False
+    model: Model,
+    *,
+    code: Annotated[bool, typer.Option("--code", help="Print the code of its rules as well.")] = False,
+    odd: Annotated[bool, typer.Option("--odd", help="Print its description by the ODD protocol, as Markdown.")] = False,
 ) -> None:
     """Explain a model: what it is, how it works, what to watch, and commands to try."""
     prepare()
     from mesa_swarm.about import model_info
+    from mesa_swarm.odd import odd as description_of
 
+    if odd:
+        print(description_of(model_info(model)), end="")
+        return
     width = max(NARROWEST, min(shutil.get_terminal_size((80, 24)).columns, WIDEST))
     for line in explained(model_info(model), width, code=code):
         print(line)

@@ -118,6 +118,7 @@ def _read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 
 # What a rule returns when it is not active: a pair of numbers like any other, so that it compiles.
 PASS = (math.inf, math.inf)
+"""What a rule returns to leave the decision to the layers below."""
 CHANGES = "changes its readings; a rule may only read me: change a copy()"
 # Numba's words for branches that return unlike things.
 UNLIKE = "Can't unify return type"

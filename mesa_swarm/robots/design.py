@@ -237,12 +237,17 @@ def _infrared(bearings: list[float], field_of_view_degrees: float) -> tuple[Prox
 
 
 AGENT3 = RobotDesign(name="AGENT3", sensors=_infrared([0, 40, -40], 40))
+"""The robot of the thesis with three infrared sensors: ahead, and 40 degrees to the left and right."""
 AGENT6 = RobotDesign(name="AGENT6", sensors=_infrared([0, 60, -60, 120, -120, 180], 40))
+"""The robot of the thesis with six infrared sensors all round, 60 degrees apart."""
 AGENT9 = RobotDesign(name="AGENT9", sensors=_infrared([0, 30, -30, 60, -60, 90, -90, 140, -140], 30))
+"""The robot of the thesis with nine infrared sensors, seven of them in the half ahead."""
 AGENT_FIRE = RobotDesign(name="AGENT_FIRE", sensors=(*AGENT9.sensors, RadiationSensor()))
+"""`AGENT9` with a sensor for the radiation of fires ahead."""
 # Feels heat as far as AGENT9 sees, ahead and on both sides.
 _FEELERS = (RadiationSensor(bearing_degrees=b, range=50.0, field_of_view_degrees=60.0) for b in (0, 60, -60))
 AGENT_HEAT = RobotDesign(name="AGENT_HEAT", sensors=(*AGENT9.sensors, *_FEELERS))
+"""`AGENT9` with three sensors for radiation: ahead, left and right."""
 
 
 # Columns of `proximity` and `radiation`; the compiled functions take them as constants.

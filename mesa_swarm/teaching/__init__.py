@@ -1,8 +1,11 @@
 """For notebooks: exercises that check themselves, pictures, and small runs for a quick pass."""
 
+from typing import TYPE_CHECKING
+
+from mesa_swarm.moved import moved_name
 from mesa_swarm.teaching.checks import (
+    Criterion,
     Verdict,
-    Wish,
     check_estimate,
     check_function,
     check_model,
@@ -12,8 +15,8 @@ from mesa_swarm.teaching.checks import (
 from mesa_swarm.teaching.pictures import picture, sized
 
 __all__ = [
+    "Criterion",
     "Verdict",
-    "Wish",
     "check_estimate",
     "check_function",
     "check_model",
@@ -22,3 +25,10 @@ __all__ = [
     "picture",
     "sized",
 ]
+
+
+if not TYPE_CHECKING:  # a type checker would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Return a name by which a part of this package was called before; `from` asks twice, which warns once."""
+        return globals().setdefault(name, moved_name(__name__, name))

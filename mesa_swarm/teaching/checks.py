@@ -1,12 +1,17 @@
-"""Exercises that check themselves over several seeds, and what they require."""
+"""Exercises that check themselves over several seeds, and what they require.
+
+A hint may have several stages, the first of which reveals least: the first failed check of an exercise shows the first
+one, the next check the second. An exercise that passes begins anew.
+"""
 
 import linecache
 import math
 import traceback
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +19,7 @@ from mesa_swarm.control.arbiter import Subsumption
 from mesa_swarm.control.behaviour import Behaviour, behaviour
 from mesa_swarm.control.explore import Explore
 from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.moved import moved_name
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -47,7 +53,7 @@ def is_missing(answer: object) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class Criterion:
     """A criterion for one number of every run.
 
     Parameters
@@ -69,9 +75,9 @@ class Wish:
 
     Examples
     --------
-    >>> print(Wish("fires out", at_least=7))
-    fires out: at least 7
-    >>> Wish("fires out", at_least=7).is_met(6)
+    >>> print(Criterion("fires out", at_least=7))
+    fires out: required >= 7
+    >>> Criterion("fires out", at_least=7).is_met(6)
     False
     """
 
@@ -88,13 +94,15 @@ class Wish:
             raise InvalidValueError(f"{self.what!r} has no limit; give at_least, at_most or both")
 
     def __str__(self) -> str:
-        low = f"at least {self.at_least:,g}" if self.at_least > -math.inf else ""
-        high = f"at most {self.at_most:,g}" if self.at_most < math.inf else ""
-        return f"{self.what}: {' and '.join(part for part in (low, high) if part)}"
+        low = f">= {self.at_least:,g}" if self.at_least > -math.inf else ""
+        high = f"<= {self.at_most:,g}" if self.at_most < math.inf else ""
+        return f"{self.what}: required {' and '.join(part for part in (low, high) if part)}"
 
     def is_met(self, number: float | None) -> bool:
-        """Return whether a number is within the limits; None is not."""
-        return number is not None and self.at_least <= number <= self.at_most
+        """Return whether a number is within the limits, but for rounding; None is not."""
+        if number is None:
+            return False
+        return self.at_least - _rounding(self.at_least) <= number <= self.at_most + _rounding(self.at_most)
 
     def number_of(self, outcome: Any) -> float | None:
         """Return the number that a run gave."""
@@ -108,7 +116,13 @@ class Wish:
         raise UnknownNameError(unknown_name("result", self.what, results))
 
 
-PASSED = "Well done: all criteria met."
+def _rounding(limit: float) -> float:
+    """Return by how much a number may miss a limit that it meets on paper."""
+    return ROUNDING * max(1.0, abs(limit)) if math.isfinite(limit) else 0.0
+
+
+ROUNDING = 1e-6
+PASSED = "All criteria met."
 NOT_YET = "Not yet."
 
 
@@ -132,24 +146,53 @@ class Verdict:
         return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
 
 
-def _refused(answer: object, expected: str, hint: str) -> Verdict:
-    return Verdict(False, f"your answer is {shortened(answer)}; expected {expected}", hint)
+# How often in a row each exercise was not passed, by its hints.
+_failures: Counter[tuple[str, ...]] = Counter()
+
+
+def _hinted(verdict: Verdict, hint: str | Sequence[str]) -> Verdict:
+    """Return a verdict with the next stage of its exercise's hint, if it did not pass."""
+    stages = (hint,) if isinstance(hint, str) else tuple(hint)
+    if verdict.passed or not any(stages):
+        _failures.pop(stages, None)
+        return verdict
+    stage = min(_failures[stages], len(stages) - 1)
+    _failures[stages] += 1
+    number = f"({stage + 1} of {len(stages)}) " if len(stages) > 1 else ""
+    return replace(verdict, hint=number + stages[stage])
+
+
+def _refused(answer: object, expected: str) -> Verdict:
+    return Verdict(False, f"your answer is {shortened(answer)}; expected {expected}")
+
+
+def _refusal(answer: object, expects: str, accepts: Callable[[Any], bool] | None) -> Verdict | None:
+    """Return why an answer cannot be checked, if it cannot."""
+    if is_missing(answer):
+        return Verdict(False, NO_ANSWER)
+    if accepts is None:
+        return None
+    try:
+        accepted = bool(accepts(answer))
+    except Exception:  # an answer of any type may be given
+        accepted = False
+    return None if accepted else _refused(answer, expects)
 
 
 def verdict_on(
-    criteria: Sequence[Wish], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int], hint: str
+    criteria: Sequence[Criterion], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int]
 ) -> Verdict:
     """Return the verdict on measured numbers, a row a criterion."""
     rows = list(zip(criteria, numbers, strict=True))
     passed = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
-    return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows), hint)
+    return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows))
 
 
-def _line(criterion: Wish, row: Sequence[float | None], seeds: Sequence[int]) -> str:
+def _line(criterion: Criterion, row: Sequence[float | None], seeds: Sequence[int]) -> str:
     met, runs = sum(map(criterion.is_met, row)), len(row)
     measured = ", ".join(map(shown, row))
     enough = f" ({runs - criterion.misses} required)" if criterion.misses else ""
-    return f"  {criterion} required; got {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
+    return f"  {criterion}; measured {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
 
 
 def shown(number: float | None) -> str:
@@ -173,8 +216,19 @@ SEEDS = (101, 102, 103, 104, 105)
 NO_ANSWER = "there is no answer yet; put yours where the dots are"
 
 
+# An answer that is checked by itself is given beside the function that uses it.
+GIVEN: Any = object()
+
+
 def check_model(
-    make: Callable[[int], Any], *criteria: Wish, steps: int = 0, seeds: Sequence[int] = SEEDS, hint: str = ""
+    make: Callable[[int], Any],
+    *criteria: Criterion,
+    answer: Any = GIVEN,
+    expects: str = "another answer",
+    accepts: Callable[[Any], bool] | None = None,
+    steps: int = 0,
+    seeds: Sequence[int] = SEEDS,
+    hint: str | Sequence[str] = "",
 ) -> Verdict:
     """Run what a function makes with several seeds, and check the results.
 
@@ -182,32 +236,43 @@ def check_model(
     ----------
     make : callable
         Takes a seed; returns a SwarmModel, which is then run, or a mapping of numbers by name.
-    *criteria : Wish
+    *criteria : Criterion
         The criteria.
+    answer : object, optional
+        The learner's answer, where `make` is not it but uses it.
+    expects : str
+        What an answer must be, in words.
+    accepts : callable, optional
+        Takes the answer and returns whether it is such; it may raise.
     steps : int
         That each model is run.
     seeds : sequence of int
-    hint : str
-        Shown if the answer does not pass.
+    hint : str or sequence of str
+        Shown if the answer does not pass; of several stages the first one at first.
 
     Examples
     --------
-    >>> check_model(lambda rng: {"seed": rng}, Wish("seed", at_most=4), seeds=[3, 4])
-    Well done: all criteria met.
-      seed: at most 4 required; got 3, 4 with seeds 3 and 4; 2 of 2 seeds pass
+    >>> check_model(lambda rng: {"seed": rng}, Criterion("seed", at_most=4), seeds=[3, 4])
+    All criteria met.
+      seed: required <= 4; measured 3, 4 with seeds 3 and 4; 2 of 2 seeds pass
     """
-    if is_missing(make):
-        return Verdict(False, NO_ANSWER, hint)
-    if not callable(make):
-        return _refused(make, "a function that takes a seed", hint)
+    return _hinted(_model_verdict(make, criteria, (answer, expects, accepts), steps, seeds), hint)
+
+
+def _model_verdict(
+    make: Callable[[int], Any], criteria: Sequence[Criterion], given: tuple, steps: int, seeds: Sequence[int]
+) -> Verdict:
+    refusal = _refusal(make, "a function that takes a seed", callable) or _refusal(*given)
+    if refusal is not None:
+        return refusal
     try:
         rows = [_numbers(make, criteria, steps, seed) for seed in seeds]
     except Exception as error:  # every error of a learner becomes a sentence
-        return Verdict(False, in_words(error), hint)
-    return verdict_on(criteria, list(zip(*rows, strict=True)), seeds, hint)
+        return Verdict(False, in_words(error))
+    return verdict_on(criteria, list(zip(*rows, strict=True)), seeds)
 
 
-def _numbers(make: Callable[[int], Any], criteria: Sequence[Wish], steps: int, seed: int) -> list[float | None]:
+def _numbers(make: Callable[[int], Any], criteria: Sequence[Criterion], steps: int, seed: int) -> list[float | None]:
     outcome = make(seed)
     if is_missing(outcome):
         raise ValueError(f"it returned {outcome}; return what you made")
@@ -218,20 +283,20 @@ def _numbers(make: Callable[[int], Any], criteria: Sequence[Wish], steps: int, s
 
 def check_rule(
     rule: Any,
-    *criteria: Wish,
+    *criteria: Criterion,
     world: Callable[[int], Any],
     above: Sequence = (),
     below: Sequence = (Explore(),),
     steps: int = 1_000,
     seeds: Sequence[int] = SEEDS,
-    hint: str = "",
+    hint: str | Sequence[str] = "",
 ) -> Verdict:
     """Let robots follow a rule in several worlds, and check the results.
 
     Parameters
     ----------
     rule : function of me, or layer
-    *criteria : Wish
+    *criteria : Criterion
     world : callable
         Takes a seed; returns a model with robots and no control.
     above, below : sequences of layers
@@ -247,18 +312,21 @@ def check_rule(
     ...     model = SwarmModel(rng=rng)
     ...     model.add_robots(AGENT3, 2)
     ...     return model
-    >>> print(check_rule(..., Wish("total_collisions", at_most=0), world=world))
+    >>> print(check_rule(..., Criterion("total_collisions", at_most=0), world=world))
     Not yet. There is no answer yet; put yours where the dots are.
     """
-    if is_missing(rule):
-        return Verdict(False, NO_ANSWER, hint)
 
     def make(seed: int) -> SwarmModel:
         model = world(seed)
         model.control = Subsumption(*above, _layer(rule), *below)
         return model
 
-    return check_model(make, *criteria, steps=steps, seeds=seeds, hint=hint)
+    given = rule, "a function of me with @behaviour, or a layer such as Avoid()", _is_rule
+    return _hinted(_model_verdict(make, criteria, given, steps, seeds), hint)
+
+
+def _is_rule(rule: Any) -> bool:
+    return hasattr(rule, "decide") or (callable(rule) and not isinstance(rule, type))
 
 
 def _layer(rule: Any) -> Any:
@@ -269,11 +337,11 @@ def _layer(rule: Any) -> Any:
 def check_settings(
     model: Callable[..., Any],
     settings: Mapping[str, Any],
-    *criteria: Wish,
+    *criteria: Criterion,
     only: Sequence[str] = (),
     steps: int = 1_000,
     seeds: Sequence[int] = SEEDS,
-    hint: str = "",
+    hint: str | Sequence[str] = "",
 ) -> Verdict:
     """Run a model with a learner's settings, and check the results.
 
@@ -283,7 +351,7 @@ def check_settings(
         Of the gallery, one of your own, or a function that makes one; with keyword-only parameters and `rng`.
     settings : mapping
         Its parameters by name.
-    *criteria : Wish
+    *criteria : Criterion
     only : sequence of str
         The parameters that may be set; any of them by default.
     steps, seeds, hint
@@ -292,18 +360,23 @@ def check_settings(
     Examples
     --------
     >>> from mesa_swarm.gallery import find_model
-    >>> print(check_settings(find_model("boids"), {"memry": 5}, Wish("alignment", at_least=0), only=["memory"]))
+    >>> print(check_settings(find_model("boids"), {"memry": 5}, Criterion("alignment", at_least=0), only=["memory"]))
     Not yet. Unknown parameter 'memry'; did you mean 'memory'? known: memory.
     """
-    if is_missing(settings) or (isinstance(settings, Mapping) and any(map(is_missing, settings.values()))):
-        return Verdict(False, NO_ANSWER, hint)
     known = [name for name in parameters_of(model) if not only or name in only]
+    verdict = _settings_refusal(settings, known) or _model_verdict(
+        lambda rng: model(**settings, rng=rng), criteria, (GIVEN, "", None), steps, seeds
+    )
+    return _hinted(verdict, hint)
+
+
+def _settings_refusal(settings: Any, known: Sequence[str]) -> Verdict | None:
+    if is_missing(settings) or (isinstance(settings, Mapping) and any(map(is_missing, settings.values()))):
+        return Verdict(False, NO_ANSWER)
     if not isinstance(settings, Mapping):
-        return _refused(settings, f"settings by name, such as dict({known[0]}=...)", hint)
-    for name in settings:
-        if name not in known:
-            return Verdict(False, unknown_name("parameter", name, known), hint)
-    return check_model(lambda rng: model(**settings, rng=rng), *criteria, steps=steps, seeds=seeds, hint=hint)
+        return _refused(settings, f"settings by name, such as dict({known[0]}=...)")
+    unknown = [name for name in settings if name not in known]
+    return Verdict(False, unknown_name("parameter", unknown[0], known)) if unknown else None
 
 
 def check_estimate(
@@ -313,7 +386,7 @@ def check_estimate(
     within: float,
     what: str = "the mean",
     seeds: Sequence[int] = SEEDS,
-    hint: str = "",
+    hint: str | Sequence[str] = "",
 ) -> Verdict:
     """Compare a number that a learner expects with the mean over several seeds.
 
@@ -334,20 +407,24 @@ def check_estimate(
     >>> check_estimate(3, float, within=1, what="it", seeds=[1, 2])
     Not yet. You expected 3 for it; the mean of seeds 1 and 2 is 1.5 (1 to 2); required: within 1.
     """
-    if is_missing(guess):
-        return Verdict(False, NO_ANSWER, hint)
-    try:
-        expected, measured = float(guess), np.array([run(seed) for seed in seeds], dtype=float)
-    except (TypeError, ValueError):
-        return _refused(guess, "a number", hint)
-    if not np.isfinite(expected):
-        return _refused(guess, "a number", hint)
+    verdict = _refusal(guess, "a number", _is_number) or _estimate_verdict(float(guess), run, within, what, seeds)
+    return _hinted(verdict, hint)
+
+
+def _is_number(guess: Any) -> bool:
+    return not isinstance(guess, str | bool) and math.isfinite(float(guess))
+
+
+def _estimate_verdict(
+    expected: float, run: Callable[[int], float], within: float, what: str, seeds: Sequence[int]
+) -> Verdict:
+    measured = np.array([run(seed) for seed in seeds], dtype=float)
     text = (
         f"you expected {shown(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {shown(measured.mean())} "
         f"({shown(measured.min())} to {shown(measured.max())}); required: within {within:g}"
     )
-    near = bool(abs(expected - measured.mean()) <= within)
-    return Verdict(near, f"  {text}" if near else text, hint)
+    near = bool(abs(expected - measured.mean()) <= within + _rounding(within))
+    return Verdict(near, f"  {text}" if near else text)
 
 
 def check_function(
@@ -355,9 +432,12 @@ def check_function(
     twin: Callable[..., Any],
     inputs: Callable[[int], tuple],
     *,
+    answer: Any = GIVEN,
+    expects: str = "another answer",
+    accepts: Callable[[Any], bool] | None = None,
     tolerance: float = 1e-6,
     seeds: Sequence[int] = SEEDS,
-    hint: str = "",
+    hint: str | Sequence[str] = "",
 ) -> Verdict:
     """Compare a learner's function with a correct one, on several inputs.
 
@@ -367,6 +447,8 @@ def check_function(
         The learner's, and the correct one.
     inputs : callable
         Takes a seed, returns the arguments.
+    answer, expects, accepts
+        See `check_model`.
     tolerance : float
         By which numbers may differ.
     seeds, hint
@@ -377,10 +459,17 @@ def check_function(
     >>> check_function(lambda x: x * x, lambda x: x + x, lambda seed: (seed,), seeds=[2, 3])
     Not yet. It returned 9 where 6 was expected, with seed 3.
     """
-    if is_missing(function):
-        return Verdict(False, NO_ANSWER, hint)
-    if not callable(function):
-        return _refused(function, "a function", hint)
+    refusal = _refusal(function, "a function", callable) or _refusal(answer, expects, accepts)
+    return _hinted(refusal or _function_verdict(function, twin, inputs, tolerance, seeds), hint)
+
+
+def _function_verdict(
+    function: Callable[..., Any],
+    twin: Callable[..., Any],
+    inputs: Callable[[int], tuple],
+    tolerance: float,
+    seeds: Sequence[int],
+) -> Verdict:
     for seed in seeds:
         expected = twin(*inputs(seed))
         try:
@@ -388,10 +477,10 @@ def check_function(
             same = not is_missing(got) and np.shape(got) == np.shape(expected)
             same = same and np.allclose(got, expected, rtol=0, atol=tolerance, equal_nan=True)
         except Exception as error:  # every error of a learner becomes a sentence
-            return Verdict(False, in_words(error), hint)
+            return Verdict(False, in_words(error))
         if not same:
             text = f"it returned {_short(got)} where {_short(expected)} was expected, with {seeds_in_words([seed])}"
-            return Verdict(False, text, hint)
+            return Verdict(False, text)
     return Verdict(True, f"  it returned what was expected with {seeds_in_words(seeds)}")
 
 
@@ -403,3 +492,10 @@ def _short(value: Any) -> str:
         return f"{numbers:.6g}" if numbers.ndim == 0 else np.array2string(numbers, precision=4, threshold=6)
     except (TypeError, ValueError):
         return repr(value)[:60]
+
+
+if not TYPE_CHECKING:  # a type checker would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Return a name by which a part of this module was called before."""
+        return moved_name(__name__, name)

@@ -226,6 +226,8 @@ function loader(about) {
 class Player {
   row = 0;
   playing = false;
+  /** Whether playing begins again at the end. */
+  repeats = false;
   events = [];
   #wanted = 0;
   #due = 0;
@@ -326,8 +328,12 @@ class Player {
     this.#then = now;
     if (this.speed === Infinity) this.playAll();
     else this.playRegulated(elapsed);
-    if (this.row >= this.last) this.pause();
-    else requestAnimationFrame((next) => this.tick(next));
+    if (this.row >= this.last && !this.repeats) {
+      this.pause();
+      return;
+    }
+    if (this.row >= this.last) this.goTo(0);
+    requestAnimationFrame((next) => this.tick(next));
   }
 
   playRegulated(elapsed) {
@@ -584,6 +590,14 @@ function spaced(name) {
   return name.replace(/(?<=[a-z0-9])(?=[A-Z])/g, " ");
 }
 
+/** In a frame of another page the world is shown with few buttons, and plays until it is paused, unless the system requests less motion. */
+function embed(player) {
+  document.documentElement.dataset.embedded = "true";
+  find("whole").hidden = false;
+  player.repeats = true;
+  if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play();
+}
+
 async function start() {
   const about = JSON.parse(find("about").textContent), player = new Player(about);
   player.showState();
@@ -591,6 +605,7 @@ async function start() {
   await player.goTo(0);
   player.hideIdleToggles();
   player.showEvents(about.embedded ? about.events : await (await fetch("events")).json());
+  if (self !== top || location.hash === "#embedded") embed(player);
   document.documentElement.dataset.ready = "true";
 }
 

@@ -12,4 +12,4 @@ def probabilities(values, temperature):
 
 # %% exercise-2
 # Warm for a thousand steps: long enough to try all actions, short enough to use the result.
-answer = dict(n_robots=10, beta=0.005, first_temperature=1.0, last_temperature=0.2)
+answer = dict(beta=0.005, first_temperature=1.0, last_temperature=0.2)

@@ -118,7 +118,7 @@ BACKS = "@behaviour\ndef turn_away(me, distance=15.0):\n    return -0.03, -0.03"
         ("02", 1, "answer = ...", "no answer yet"),
         ("02", 1, "answer = (30, 'stationary')", "expected settings by name, such as dict(distance=...)"),
         ("02", 1, "answer = dict(distanc=30)", "did you mean 'distance'"),
-        ("03", 1, BACKS, "nearest to the corner: at most 60 required"),
+        ("03", 1, BACKS, "nearest to the corner: required <= 60"),
         ("03", 2, "distance = ...", "no answer yet"),
         ("03", 2, "distance = None", "no answer yet"),
         ("03", 2, "distance = '6'", "distance is '6'; expected"),

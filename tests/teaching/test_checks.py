@@ -9,8 +9,8 @@ from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.teaching import (
+    Criterion,
     Verdict,
-    Wish,
     check_estimate,
     check_function,
     check_model,
@@ -20,7 +20,7 @@ from mesa_swarm.teaching import (
     sized,
 )
 
-CALM = Wish("total_collisions", at_most=0)
+CALM = Criterion("total_collisions", at_most=0)
 
 
 def hall(rng):
@@ -52,14 +52,14 @@ class TestRules:
     def test_a_rule_that_meets_its_criterion_passes(self, rule):
         verdict = check_rule(rule, CALM, world=hall, steps=200, seeds=[1, 2])
         assert verdict.passed, verdict
-        assert str(verdict).startswith("Well done")
+        assert str(verdict).startswith("All criteria met.")
 
     def test_a_rule_that_fails_gets_the_criterion_and_the_measured_numbers(self):
         verdict = check_rule(passes_on, CALM, world=hall, steps=200, seeds=[1, 2], hint="look ahead.")
         assert not verdict.passed
         first, second, hint = str(verdict).splitlines()
         assert first == "Not yet."
-        assert second.startswith("  total_collisions: at most 0 required; got ")
+        assert second.startswith("  total_collisions: required <= 0; measured ")
         assert second.endswith("with seeds 1 and 2; 0 of 2 seeds pass")
         assert hint == "Hint: look ahead."
 
@@ -82,22 +82,22 @@ class TestModels:
         def seed_of(rng):
             return {"seed": rng}
 
-        criterion = Wish("seed", at_least=3, misses=1)
+        criterion = Criterion("seed", at_least=3, misses=1)
         assert check_model(seed_of, criterion, seeds=[2, 3, 4]).passed
         refused = check_model(seed_of, criterion, seeds=[1, 2, 3])
         assert not refused.passed
         assert str(refused).endswith("1 of 3 seeds pass (2 required)")
 
     def test_an_undefined_result_does_not_pass(self):
-        verdict = check_model(lambda rng: {"out at": None}, Wish("out at", at_most=9), seeds=[1])
+        verdict = check_model(lambda rng: {"out at": None}, Criterion("out at", at_most=9), seeds=[1])
         assert not verdict.passed
-        assert "got undefined" in str(verdict)
+        assert "measured undefined" in str(verdict)
 
     def test_an_error_shows_the_learner_s_line_without_a_traceback(self):
         def broken(rng):
             return {"a": [1, 2][rng]}
 
-        verdict = check_model(broken, Wish("a", at_least=0), seeds=[5])
+        verdict = check_model(broken, Criterion("a", at_least=0), seeds=[5])
         assert "IndexError: list index out of range, at the line: return" in str(verdict)
         assert "Traceback" not in str(verdict)
 
@@ -111,21 +111,21 @@ class TestModels:
         ],
     )
     def test_an_answer_that_cannot_run_is_refused_in_words(self, answer, message):
-        verdict = check_model(answer, Wish("a", at_least=0), seeds=[1])
+        verdict = check_model(answer, Criterion("a", at_least=0), seeds=[1])
         assert not verdict.passed
         assert message in str(verdict)
 
     def test_a_number_may_be_measured_by_a_function(self):
-        criterion = Wish("robots", at_least=1, measure=lambda model: len(model.swarm))
+        criterion = Criterion("robots", at_least=1, measure=lambda model: len(model.swarm))
         assert check_model(hall, criterion, seeds=[1]).passed
 
     def test_a_criterion_without_limits_is_refused(self):
         with pytest.raises(InvalidValueError, match="has no limit"):
-            Wish("robots")
+            Criterion("robots")
 
 
 class TestSettings:
-    CRITERION = Wish("collisions per robot and 1,000 steps", at_most=5)
+    CRITERION = Criterion("collisions per robot and 1,000 steps", at_most=5)
 
     def test_settings_that_meet_the_criterion_pass(self):
         assert check_settings(CollisionAvoidance, {"n_robots": 1}, self.CRITERION, steps=50, seeds=[1, 2]).passed
@@ -158,7 +158,7 @@ class TestSettings:
         def made(*, side, rng):
             return {"area": check_number("side", side) ** 2}
 
-        verdict = check_settings(made, settings, Wish("area", at_most=1), seeds=[1, 2])
+        verdict = check_settings(made, settings, Criterion("area", at_most=1), seeds=[1, 2])
         assert message in str(verdict)
 
 
@@ -213,7 +213,9 @@ def test_a_hint_ends_like_a_sentence():
     ("number", "text"), [(1234.5678, "1,235"), (0.123456, "0.1235"), (True, "1"), (None, "undefined")]
 )
 def test_a_measured_number_is_shown_to_four_digits(number, text):
-    assert f"got {text} with seed 1" in str(check_model(lambda seed: {"it": number}, Wish("it", at_least=0), seeds=[1]))
+    assert f"measured {text} with seed 1" in str(
+        check_model(lambda seed: {"it": number}, Criterion("it", at_least=0), seeds=[1])
+    )
 
 
 def test_several_models_are_shown_side_by_side():
@@ -226,3 +228,64 @@ def test_several_models_are_shown_side_by_side():
 def test_runs_are_small_where_the_environment_asks_for_it(monkeypatch, value, size):
     monkeypatch.setenv("MESA_SWARM_QUICK", value)
     assert sized(300, 3) == size
+
+
+class TestHints:
+    STAGES = ("where is it?", "it is behind the door", "open the door")
+
+    def check(self, passes: bool):
+        return check_model(lambda rng: {"it": int(passes)}, Criterion("it", at_least=1), seeds=[1], hint=self.STAGES)
+
+    def test_each_failed_check_shows_the_next_stage_and_the_last_one_stays(self):
+        shown = [str(self.check(False)).splitlines()[-1] for _ in range(4)]
+        self.check(True)
+        assert shown[0] == "Hint: (1 of 3) where is it?"
+        assert shown[1] == "Hint: (2 of 3) it is behind the door."
+        assert shown[2] == shown[3] == "Hint: (3 of 3) open the door."
+
+    def test_an_exercise_that_passes_begins_anew_and_shows_no_hint(self):
+        self.check(False)
+        assert "Hint" not in str(self.check(True))
+        assert "(1 of 3)" in str(self.check(False))
+        self.check(True)
+
+    def test_exercises_count_by_themselves(self):
+        self.check(False)
+        other = check_model(lambda rng: {"it": 0}, Criterion("it", at_least=1), seeds=[1], hint=("else", "more"))
+        assert str(other).endswith("Hint: (1 of 2) else.")
+        self.check(True)
+
+
+class TestGivenAnswers:
+    def check(self, answer):
+        def make(rng):
+            return {"it": sum(answer)}
+
+        return check_model(
+            make,
+            Criterion("it", at_least=1),
+            seeds=[1],
+            answer=answer,
+            expects="two numbers",
+            accepts=lambda given: len(given) == 2 and sum(given) > -9,
+        )
+
+    @pytest.mark.parametrize("answer", [3, "no", [1], [1, 2, 3], object(), ["a", "b"], {}])
+    def test_an_answer_of_another_kind_is_refused_by_what_is_expected(self, answer):
+        text = str(self.check(answer))
+        assert text.startswith("Not yet. Your answer is ")
+        assert text.endswith("; expected two numbers.")
+
+    @pytest.mark.parametrize("answer", [None, ...])
+    def test_a_missing_answer_is_named(self, answer):
+        assert "no answer yet" in str(self.check(answer))
+
+    def test_an_accepted_answer_is_measured(self):
+        assert self.check([1, 2]).passed
+        assert not self.check([0, 0]).passed
+
+
+@pytest.mark.parametrize(("number", "passes"), [(0.05, True), (0.05 - 1e-12, True), (0.05 - 1e-3, False)])
+def test_a_limit_is_met_but_for_rounding(number, passes):
+    assert Criterion("turn", at_least=0.05).is_met(number) is passes
+    assert Criterion("turn", at_most=-0.05).is_met(-number) is passes

@@ -1,0 +1,106 @@
+"""Write the pages of the site as plain Markdown, for any builder that reads the settings of MkDocs.
+
+What builders differ in is done here: equations become MathML, notebooks Markdown with their output, each model of the
+gallery a page, and recorded runs pages that play without a server. Then ``mkdocs build`` or ``zensical build``.
+
+::
+
+    python docs/prepare.py
+"""
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+import nbformat
+from equations import with_mathml
+from gallery_page import gallery_page, write_pictures
+from notebook_pages import executed, is_executed, write_page
+from recorded_runs import RecordedRun, recorded_runs
+from slide_show import slide_show
+
+from mesa_swarm.about import model_info
+from mesa_swarm.gallery import gallery_names
+from mesa_swarm.odd import odd
+
+ROOT = Path(__file__).parents[1]
+SOURCES, TARGET = ROOT / "docs", ROOT / "build" / "docs"
+NOT_PAGES = shutil.ignore_patterns("*.py", "*.toml", "__pycache__", "notebooks")
+# Files of the repository that are pages too.
+OF_THE_REPOSITORY = ("CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md")
+SLIDES = "slides_of_a_lecture.md"
+# Stands where a page embeds a recorded run.
+EMBEDDED = re.compile(r"^<!-- recorded run: (?P<name>\w+) -->$", re.MULTILINE)
+
+
+def prepare(target: Path = TARGET) -> None:
+    """Write all pages."""
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(SOURCES, target, ignore=NOT_PAGES)
+    runs = recorded_runs()
+    _write_repository(target)
+    _write_models(target / "models")
+    _write_notebooks(target / "notebooks", runs)
+    for page in sorted(target.rglob("*.md")):
+        text = with_mathml(page.read_text(encoding="utf-8"))
+        if page.name == SLIDES:
+            page.with_suffix(".html").write_text(slide_show(_with_frames(text, "../", runs)), encoding="utf-8")
+            page.unlink()
+        else:
+            place = page.relative_to(target).with_suffix("")
+            up = "../" * (len(place.parts) - (place.name == "index"))
+            page.write_text(_with_frames(text, up, runs), encoding="utf-8")
+    _write_runs(target / "recorded", runs)
+
+
+def _write_repository(folder: Path) -> None:
+    """Write the files of the repository as pages; links between them lead to pages."""
+    for name in OF_THE_REPOSITORY:
+        text = (ROOT / name).read_text(encoding="utf-8")
+        for other in OF_THE_REPOSITORY:
+            text = text.replace(f"({other})", f"({other.lower()})")
+        (folder / name.lower()).write_text(text.replace("](docs/", "]("), encoding="utf-8")
+
+
+def _write_models(folder: Path) -> None:
+    folder.mkdir()
+    for name in gallery_names():
+        info = model_info(name)
+        title, _, rest = info.markdown(level=1, command=info.command).partition("\n")
+        described = f"## Description by the ODD protocol\n\n{odd(info, level=3)}"
+        text = f"{title}\n\n<!-- recorded run: {name} -->\n{rest}\n{described}"
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
+    (folder / "index.md").write_text(gallery_page(), encoding="utf-8")
+    write_pictures(folder)
+
+
+def _write_notebooks(folder: Path, runs: dict[str, RecordedRun]) -> None:
+    folder.mkdir()
+    sources = ROOT / "notebooks"
+    (folder / "index.md").write_text((sources / "README.md").read_text(encoding="utf-8").replace(".ipynb)", ".md)"))
+    for file in sorted(sources.glob("*.ipynb")):
+        notebook = executed(file) if is_executed() else nbformat.read(file, as_version=4)
+        if file.stem in runs:
+            notebook.cells.insert(1, nbformat.v4.new_raw_cell(f"<!-- recorded run: {file.stem} -->"))
+        write_page(notebook, file.stem, folder)
+
+
+def _with_frames(text: str, up: str, runs: dict[str, RecordedRun]) -> str:
+    """Return a page with the elements that play recorded runs; `up` leads to the top of the site."""
+
+    def frame(found: re.Match) -> str:
+        source, title = f"{up}recorded/{found['name']}.html", f"A recorded run: {runs[found['name']].title}"
+        return f'<iframe class="recorded-run" src="{source}" title="{title}" loading="lazy"></iframe>'
+
+    return EMBEDDED.sub(frame, text)
+
+
+def _write_runs(folder: Path, runs: dict[str, RecordedRun]) -> None:
+    folder.mkdir()
+    for name, run in runs.items():
+        (folder / f"{name}.html").write_text(run.page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    prepare(Path(os.environ.get("MESA_SWARM_PAGES", TARGET)))

@@ -1,0 +1,109 @@
+"""How pages of the site are prepared for any builder: equations, notebooks, recorded runs, slides, the gallery."""
+
+from pathlib import Path
+
+import nbformat
+import pytest
+from equations import with_mathml
+from gallery_page import gallery_page
+from notebook_pages import write_page
+from recorded_runs import LARGEST, RecordedRun, recorded_runs
+
+from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.parameters import parameters_of
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOKS = [path.stem for path in sorted((ROOT / "notebooks").glob("*.ipynb"))]
+
+
+class TestEquations:
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "`$v$`",
+            "```python\nprice = '$a$'\n```",
+            "~~~\n$$x$$\n~~~",
+            "costs $5 and $6",
+            "from $ 5 $ on",
+            "<code>$v$</code>",
+            "``a ` $v$``",
+        ],
+    )
+    def test_code_and_money_stay_as_they_are(self, text):
+        assert with_mathml(text) == text
+
+    def test_an_equation_within_a_line_stays_within_it(self):
+        text = with_mathml("a speed $v_L + 1$, then")
+        assert text.startswith("a speed <math ")
+        assert text.endswith("</math>, then")
+        assert "\n" not in text
+
+    def test_a_block_is_an_element_of_its_own(self):
+        before, block, after = with_mathml("this:\n$$\na < b\n$$\nthat").split("\n\n")
+        assert (before.strip(), after.strip()) == ("this:", "that")
+        assert block.startswith('<div class="equation"><math ')
+        assert 'display="block"' in block
+
+    def test_no_mark_of_markdown_is_left_in_an_equation(self):
+        text = with_mathml(r"$a^* \le |b|_1$")
+        inside = text[text.index("<math") :]
+        assert not set("*|_`") & set(inside)
+
+
+def page_of(folder: Path, *cells) -> str:
+    notebook = nbformat.v4.new_notebook(cells=list(cells))
+    return write_page(notebook, "one", folder).read_text()
+
+
+class TestNotebooks:
+    def test_text_code_and_output_come_in_their_order_and_links_lead_to_pages(self, tmp_path):
+        code = nbformat.v4.new_code_cell("print(1)", outputs=[nbformat.v4.new_output("stream", text="1\n")])
+        page = page_of(tmp_path, nbformat.v4.new_markdown_cell("# Top\n[next](two.ipynb#end)"), code)
+        assert page.index("[next](two.md#end)") < page.index("```python\nprint(1)\n```") < page.index("```text\n1\n```")
+        assert "](one.ipynb)" in page
+        assert (tmp_path / "one.ipynb").exists()
+
+    def test_a_picture_is_a_file_beside_the_page(self, tmp_path):
+        picture = nbformat.v4.new_output("display_data", {"image/png": "aGVsbG8=", "text/plain": "<Figure size 1x1>"})
+        page = page_of(tmp_path, nbformat.v4.new_code_cell("draw()", outputs=[picture], id="cell"))
+        assert "(one-cell-0.png)" in page
+        assert (tmp_path / "one-cell-0.png").read_bytes() == b"hello"
+
+    def test_of_a_widget_its_text_is_shown_if_it_has_no_picture(self, tmp_path):
+        widget = {"application/vnd.jupyter.widget-view+json": {"model_id": "1"}, "text/plain": "SwarmCanvas"}
+        page = page_of(
+            tmp_path,
+            nbformat.v4.new_code_cell("show()", outputs=[nbformat.v4.new_output("display_data", widget)]),
+        )
+        assert "widget" not in page
+        assert "SwarmCanvas" in page
+
+    def test_output_with_fences_or_colours_of_a_terminal_is_fenced(self, tmp_path):
+        output = nbformat.v4.new_output("stream", text="\x1b[31m```\x1b[0m")
+        assert "````text\n```\n````" in page_of(tmp_path, nbformat.v4.new_code_cell("f()", outputs=[output]))
+
+
+class TestRecordedRuns:
+    def test_there_is_one_of_each_model_and_of_each_notebook(self):
+        assert set(recorded_runs()) == {*gallery_names(), *NOTEBOOKS}
+
+    @pytest.mark.parametrize("name", recorded_runs())
+    def test_its_settings_are_parameters_of_its_model(self, name):
+        run = recorded_runs()[name]
+        assert set(run.settings) <= set(parameters_of(find_model(run.model)))
+
+    def test_a_page_is_no_larger_than_permitted_and_as_long_as_that_permits(self):
+        page = RecordedRun(model="collision_avoidance", title="", settings={"n_robots": 100}).page()
+        assert 0.8 * LARGEST < len(page) <= LARGEST
+
+    def test_it_begins_at_its_first_step_and_plays_at_the_speed_of_its_model(self):
+        run = RecordedRun(model="boids", title="", start=30)
+        assert run.every == 2
+        assert '"first":32,' in run.page()
+
+
+def test_the_gallery_shows_every_model_with_a_picture_and_a_link():
+    page = gallery_page()
+    for name in gallery_names():
+        assert f'href="{name}/"' in page
+        assert f'src="pictures/{name}.svg"' in page
