@@ -1,39 +1,16 @@
 """The notebooks: stripped, of one form, running to their end; exercises that fail unsolved and pass solved."""
 
-import ast
-import io
 import os
 import re
-from contextlib import redirect_stdout
-from pathlib import Path
 
-import nbformat
 import pytest
 from nbclient import NotebookClient
 
-ROOT = Path(__file__).parents[2]
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-NAMES = [path.stem for path in NOTEBOOKS]
-EXERCISES = ("exercise-1", "exercise-2")
+from support.exercises import EXERCISES, NAMES, NOTEBOOKS, ROOT, cells_of, check_of, read, solutions_of, verdict_of
+
 # Run by default; the others are in .ci/run.
 ALWAYS = {"01_a_first_robot"}
 SLOWLY = [pytest.param(path, id=path.stem, marks=() if path.stem in ALWAYS else pytest.mark.slow) for path in NOTEBOOKS]
-
-
-def read(path: Path) -> nbformat.NotebookNode:
-    return nbformat.read(path, as_version=4)
-
-
-def cells_of(path: Path) -> dict[str, str]:
-    """Return the sources of a notebook's cells by id."""
-    return {cell.id: cell.source for cell in read(path).cells}
-
-
-def solutions_of(path: Path) -> dict[str, str]:
-    """Return what stands in the file of solutions for each exercise."""
-    text = (path.parent / "solutions" / f"{path.stem}.py").read_text()
-    parts = re.split(r"^# %% (\S+)\n", text, flags=re.MULTILINE)[1:]
-    return dict(zip(parts[::2], parts[1::2], strict=True))
 
 
 class TestForm:
@@ -67,31 +44,6 @@ class TestForm:
     @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
     def test_there_is_a_solution_for_every_exercise(self, path):
         assert set(solutions_of(path)) == set(EXERCISES)
-
-
-def check_of(exercise: str) -> str:
-    return exercise.replace("exercise", "check")
-
-
-def last_value(source: str, place: dict, path: Path):
-    """Run a cell and return the value of its last line, as a notebook shows it."""
-    path.write_text(source)  # rules are compiled, for which their source must be in a file
-    tree = ast.parse(source)
-    *body, last = tree.body
-    exec(compile(ast.Module(body, []), str(path), "exec"), place)
-    if not isinstance(last, ast.Expr):
-        exec(compile(ast.Module([last], []), str(path), "exec"), place)
-        return None
-    return eval(compile(ast.Expression(last.value), str(path), "eval"), place)
-
-
-def verdict_of(path: Path, exercise: str, answer: str, folder: Path):
-    """Return the verdict of an exercise on an answer."""
-    cells, place = cells_of(path), {"__name__": "__main__"}
-    with redirect_stdout(io.StringIO()):
-        for number, source in enumerate([cells["setup"], answer]):
-            last_value(source, place, folder / f"cell_{number}.py")
-        return last_value(cells[check_of(exercise)], place, folder / "check.py")
 
 
 @pytest.mark.slow
