@@ -1,7 +1,7 @@
 """Answers to the exercises that somebody else could give: right ones pass, wrong ones and garbage are refused.
 
-They stand in `answers/`, a file a notebook, each after a line such as `# %% exercise-1 right: with two sensors`. The kind
-is `right`, `wrong` or `hint`: the last stage of the exercise's own hint, taken literally.
+They stand in `answers/`, a file a notebook, each after a line such as `# %% exercise-1 right: with two sensors`. The
+kind is `right`, `wrong` or `hint`: the last stage of the exercise's own hint, taken literally.
 """
 
 import re
@@ -11,7 +11,7 @@ import pytest
 from support.exercises import ANSWERS, EXERCISES, NAMES, NOTEBOOKS, Desk, answers_of, name_of_answer
 
 TITLE = re.compile(r"(exercise-[12]) (right|wrong|hint): \S.*")
-GARBAGE = ["None", "...", "'a text'", "-1", "float('nan')", "10**30", "[]", "{}", "object()", "lambda *_: 1 / 0", "dict"]
+GARBAGE = ["None", "...", "'a text'", "-1", "float('nan')", "10**30", "[]", "{}", "object()", "lambda *_: 1 / 0"]
 LEAST = {"right": 5, "wrong": 5, "hint": 1}
 
 

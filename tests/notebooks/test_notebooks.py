@@ -3,6 +3,7 @@
 import os
 import re
 
+import nbformat
 import pytest
 from nbclient import NotebookClient
 
