@@ -6,6 +6,7 @@ one, the next check the second. An exercise that passes begins anew.
 
 import linecache
 import math
+import re
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -277,8 +278,22 @@ def _numbers(make: Callable[[int], Any], criteria: Sequence[Criterion], steps: i
     if is_missing(outcome):
         raise ValueError(f"it returned {outcome}; return what you made")
     if not isinstance(outcome, Mapping):
-        outcome.run(steps)
+        _run(outcome, steps)
     return [criterion.number_of(outcome) for criterion in criteria]
+
+
+def _run(model: Any, steps: int) -> None:
+    """Run a model; an error names its robots by their places among the robots, where unique_ids count all agents."""
+    try:
+        model.run(steps)
+    except SwarmError as error:
+        ids = [robot.unique_id for robot in getattr(model, "robots", ())]
+
+        def place(named: re.Match[str]) -> str:
+            number = int(named[1])
+            return f"robot {ids.index(number) + 1} of {len(ids)}" if number in ids else named[0]
+
+        raise SwarmError(re.sub(r"\brobot (\d+)\b", place, str(error))) from error
 
 
 def check_rule(

@@ -1,8 +1,10 @@
 """Pictures as notebooks show them, for full or quick runs."""
 
+import math
 import os
 from typing import TYPE_CHECKING, Any
 
+from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.scene import scene_of
@@ -45,7 +47,14 @@ class Picture:
         return png(self.figure)
 
 
-def picture(*shown: Any, titles: tuple[str, ...] = (), sectors: bool = False, perceived: bool = False) -> Picture:
+def picture(
+    *shown: Any,
+    titles: tuple[str, ...] = (),
+    sectors: bool = False,
+    perceived: bool = False,
+    around: Any = None,
+    reach: float = 75.0,
+) -> Picture:
     """Return a picture of one or more models side by side, as they are now, or of a figure.
 
     Parameters
@@ -58,17 +67,42 @@ def picture(*shown: Any, titles: tuple[str, ...] = (), sectors: bool = False, pe
         Whether to show where the robots' sensors look.
     perceived : bool
         Whether to draw a line from each robot to where it perceives the centroid of those that it sees.
+    around : robot or point, optional
+        The centre of the part of each world that is shown, in which headings are visible; by default all is shown.
+    reach : float
+        From there to the edges of the picture, map units, above 0.
+
+    Raises
+    ------
+    InvalidValueError
+        If `around` is neither a robot nor a point, or `reach` is out of its range.
 
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
-    >>> picture(SwarmModel(rng=1))._repr_png_()[1:4]
+    >>> picture(SwarmModel(rng=1), around=(100, 100), reach=50)._repr_png_()[1:4]
     b'PNG'
     """
     if len(shown) == 1 and hasattr(shown[0], "get_size_inches"):
-        return Picture(shown[0])
+        return Picture(_part_of(shown[0], around, reach))
     names = titles or [f"{type(model).__name__}, step {model.steps:,}" for model in shown]
     worlds = {
         name: (frame_of(model, perceived=perceived), scene_of(model)) for name, model in zip(names, shown, strict=True)
     }
-    return Picture(world_figure(worlds, sectors))
+    return Picture(_part_of(world_figure(worlds, sectors), around, reach))
+
+
+def _part_of(figure: "Figure", around: Any, reach: float) -> "Figure":
+    """Return a figure of worlds, each cut to the part around a robot or point, if one is given."""
+    if around is None:
+        return figure
+    reach = check_number("reach", reach, above=0)
+    try:
+        x, y = (float(number) for number in getattr(around, "position", around))
+    except (TypeError, ValueError):
+        x = y = math.nan
+    if not math.isfinite(x + y):
+        raise InvalidValueError(f"around is {shortened(around)}; expected a robot or a point such as (100, 50)")
+    for axes in figure.axes:
+        axes.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
+    return figure

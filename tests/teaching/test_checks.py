@@ -1,5 +1,7 @@
 """Exercises that check themselves: verdicts on answers that are right, wrong, missing and broken."""
 
+import math
+
 import pytest
 
 from mesa_swarm.control import PASS, Avoid
@@ -19,6 +21,7 @@ from mesa_swarm.teaching import (
     picture,
     sized,
 )
+from mesa_swarm.viewing.run_pictures import trace
 
 CALM = Criterion("total_collisions", at_most=0)
 
@@ -47,6 +50,11 @@ def divides(me):
     return 1.0 / (me.max_speed - me.max_speed), 0.0
 
 
+def fails_near(me):
+    """Return no speed where something is ahead."""
+    return (math.nan, 0.0) if me.distance[me.front] >= 0 else PASS
+
+
 class TestRules:
     @pytest.mark.parametrize("rule", [stops, Avoid(distance=15)], ids=["function", "layer"])
     def test_a_rule_that_meets_its_criterion_passes(self, rule):
@@ -68,6 +76,17 @@ class TestRules:
         assert not verdict.passed
         assert str(verdict).count("\n") == 0
         assert "Rule divides failed" in str(verdict)
+
+    @pytest.mark.parametrize("place", [1, 2, 3])
+    def test_an_error_names_the_robot_by_its_place_among_the_robots(self, place):
+        def row(rng):
+            model = SwarmModel(map="original", rng=rng)
+            model.add_robots(AGENT9, poses=[(750 if k == place else 700, 200 + 100 * k, 0.0) for k in (1, 2, 3)])
+            assert model.robots[0].unique_id > 3  # the map's obstacles come first
+            return model
+
+        verdict = check_rule(fails_near, CALM, world=row, steps=20, seeds=[1])
+        assert f"Rule fails_near failed for robot {place} of 3 in step 1: it returned (nan, 0)" in str(verdict)
 
     @pytest.mark.parametrize("answer", [None, ...])
     def test_dots_are_no_answer(self, answer):
@@ -222,6 +241,32 @@ def test_several_models_are_shown_side_by_side():
     shown = picture(hall(1), Boids(n_robots=3, rng=1), titles=("one", "two"))
     assert [axes.get_title() for axes in shown.figure.axes] == ["one", "two"]
     assert shown._repr_png_().startswith(b"\x89PNG")
+
+
+class TestParts:
+    """Pictures of a part of the world."""
+
+    def limits(self, shown):
+        axes = shown.figure.axes[0]
+        return [*axes.get_xlim(), *axes.get_ylim()]
+
+    @pytest.mark.parametrize("kind", ["point", "robot"])
+    def test_a_picture_shows_the_part_around_a_point_or_a_robot(self, kind):
+        model = hall(1)
+        around = model.robots[0] if kind == "robot" else (700, 300)
+        assert self.limits(picture(model, around=around, reach=40)) == [660, 740, 260, 340]
+        assert self.limits(picture(model)) == [0, 800, 0, 600]
+
+    def test_that_of_a_figure_too(self):
+        model = hall(1)
+        assert self.limits(picture(trace(model, 5), around=(700, 300), reach=25)) == [675, 725, 275, 325]
+
+    @pytest.mark.parametrize(
+        "wrong", [dict(around="here"), dict(around=(1, 2, 3)), dict(around=(math.nan, 1)), dict(around=(1, 1), reach=0)]
+    )
+    def test_what_is_no_point_or_no_reach_is_refused(self, wrong):
+        with pytest.raises(InvalidValueError, match=r"(around|reach) is .*expected"):
+            picture(hall(1), **wrong)
 
 
 @pytest.mark.parametrize(("value", "size"), [("1", 3), ("0", 300), ("", 300)])
