@@ -160,7 +160,7 @@ class ModelInfo:
 
     @cached_property
     def built(self) -> Any:
-        """The model, or one with all defaults; None of a class that cannot be built so."""
+        """The model, or one with all defaults; None if the class cannot be built so."""
         return _built(self.model_class) if self.model is None else self.model
 
     def command(self, preset: Preset) -> str:
@@ -333,7 +333,7 @@ def _settings(key: str, value: object, known: Mapping[str, Parameter]) -> dict[s
 
 
 def _built(model_class: type) -> Any:
-    """Return a model with all defaults, None of one that cannot be built so."""
+    """Return a model with all defaults, None if it cannot be built so."""
     try:
         return model_class(rng=1)
     except Exception:  # a class of a user's may raise anything, and may need parameters
