@@ -40,6 +40,8 @@ def write_page(notebook: NotebookNode, name: str, folder: Path) -> Path:
 def _pieces(cell: NotebookNode, name: str, folder: Path) -> Iterator[str]:
     if cell.cell_type == "markdown":
         yield LINK.sub(r"\g<path>.md", cell.source)
+    elif cell.cell_type == "raw":
+        yield cell.source
     elif cell.cell_type == "code":
         yield _fenced(cell.source, "python")
         for number, output in enumerate(cell.get("outputs", [])):

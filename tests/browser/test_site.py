@@ -1,16 +1,20 @@
-"""The documentation's site as MkDocs builds it: links lead somewhere, equations are drawn, no external requests."""
+"""The documentation's site as both builders make it: links, equations, recorded runs, reference, search, widths."""
 
 import functools
 import http.server
+import importlib
+import inspect
 import os
 import re
 import subprocess
 import sys
 import threading
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html.parser import HTMLParser
 from pathlib import Path
+from pkgutil import iter_modules
 from urllib.parse import unquote, urlsplit
 
 import nbformat
@@ -19,6 +23,7 @@ from equations import with_mathml
 from notebook_pages import executed, write_page
 from recorded_runs import LARGEST
 
+import mesa_swarm
 from support.visits import HOST, blank_page
 from support.waiting import wait_until
 
@@ -26,6 +31,7 @@ pytest.importorskip("material", reason="the site needs the extra docs (pip insta
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
+PACKAGES = ["mesa_swarm", *(f"mesa_swarm.{module.name}" for module in iter_modules(mesa_swarm.__path__))]
 # No equation is looked for within these.
 CODE = {"pre", "code", "script", "style", "math"}
 TEXT = [
@@ -71,12 +77,17 @@ class Page(HTMLParser):
         return site if path.startswith("/") else self.path.parent
 
 
-def built(folder: Path, pages: Path, **settings) -> Path:
+# Where `.ci/run` has built the site, and how a builder is called.
+BUILT = {"mkdocs": "MESA_SWARM_SITE", "zensical": "MESA_SWARM_SITE_BY_ZENSICAL"}
+FLAGS = {"mkdocs": ["build", "--strict", "-q"], "zensical": ["build", "--strict"]}
+
+
+def built(folder: Path, pages: Path, builder: str = "mkdocs", **settings) -> Path:
     """Build a site of these pages like ours, and return its folder."""
     file = folder / "mkdocs.yml"
-    settings = {"INHERIT": ROOT / "mkdocs.yml", "docs_dir": pages, **settings}
+    settings = {"INHERIT": ROOT / "mkdocs.yml", "docs_dir": pages, "site_dir": folder / "site", **settings}
     file.write_text("".join(f"{name}: {value}\n" for name, value in settings.items()))
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", file, "-d", folder / "site"]
+    command = [sys.executable, "-m", builder, *FLAGS[builder], "-f", file]
     surroundings = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     made = subprocess.run(command, cwd=ROOT, env=surroundings, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stdout + made.stderr
@@ -101,14 +112,20 @@ def written(folder: Path, texts: list[str], code: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Return the folder of our site, whose notebooks are not executed: the one that `.ci/run` has built, if any."""
-    if "MESA_SWARM_SITE" in os.environ:
-        return Path(os.environ["MESA_SWARM_SITE"])
-    folder = tmp_path_factory.mktemp("site")
-    surroundings = {**os.environ, "MESA_SWARM_EXECUTE": "false", "MESA_SWARM_PAGES": str(folder / "pages")}
+def pages(tmp_path_factory):
+    """Return the folder of all pages, without executing their notebooks."""
+    folder = tmp_path_factory.mktemp("pages")
+    surroundings = {**os.environ, "MESA_SWARM_EXECUTE": "false", "MESA_SWARM_PAGES": str(folder)}
     subprocess.run([sys.executable, ROOT / "docs" / "prepare.py"], env=surroundings, check=True)
-    return built(folder, folder / "pages")
+    return folder
+
+
+@pytest.fixture(scope="module", params=BUILT)
+def site(request, tmp_path_factory):
+    """Return the folder of our site, whose notebooks are not executed: the one that `.ci/run` has built, if any."""
+    if BUILT[request.param] in os.environ:
+        return Path(os.environ[BUILT[request.param]])
+    return built(tmp_path_factory.mktemp("site"), request.getfixturevalue("pages"), request.param)
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +134,31 @@ def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small")
     nav = ["index.md", "notebooks/first.md", "notebooks/second.md"]
     return built(folder, written(folder, TEXT, SHOWS), nav=nav)
+
+
+def addresses_of(site: Path) -> set[str]:
+    """Return the names that the reference explains, from the inventory that other sites link by."""
+    packed = (site / "objects.inv").read_bytes().split(b"\n", 4)[4]
+    return {line.split()[0] for line in zlib.decompress(packed).decode().splitlines()}
+
+
+def names_of(value: object, package: str, name: str) -> set[str]:
+    """Return the names under which the reference may explain what a package exports."""
+    return {f"{package}.{name}", f"{getattr(value, '__module__', package)}.{getattr(value, '__qualname__', name)}"}
+
+
+def methods_of(one: type) -> list[str]:
+    """Return the names of a class's public methods and properties of this package that have a docstring."""
+    fields = set(getattr(one, "__dataclass_fields__", ()))
+    mine = {name for base in one.__mro__ if base.__module__.startswith("mesa_swarm") for name in vars(base)}
+    kinds = (property, classmethod, staticmethod)
+    return [
+        name
+        for name in sorted(mine - fields)
+        if not name.startswith("_")
+        and (inspect.isroutine(found := inspect.getattr_static(one, name)) or isinstance(found, kinds))
+        and inspect.getdoc(found)
+    ]
 
 
 @pytest.fixture
@@ -164,6 +206,21 @@ def test_every_link_within_the_site_leads_somewhere(site):
     assert not {name: links for name, links in broken.items() if links}
 
 
+def test_the_reference_explains_every_public_name_and_every_method(site):
+    explained, missing = addresses_of(site), []
+    for package in PACKAGES:
+        module = importlib.import_module(package)
+        for name in getattr(module, "__all__", ()):
+            value = getattr(module, name)
+            places = names_of(value, package, name)
+            if not places & explained:
+                missing.append(f"{package}.{name}")
+            elif inspect.isclass(value):
+                known = {place.removeprefix(one + ".") for one in places for place in explained}
+                missing += [f"{package}.{name}.{method}" for method in methods_of(value) if method not in known]
+    assert missing == []
+
+
 def test_no_equation_is_left_as_it_was_typed(site):
     assert [page.path.parent.name for page in pages_of(site) if "$" in page.text or "\\(" in page.text] == []
 
@@ -172,6 +229,12 @@ def test_no_page_makes_external_requests(site, asked):
     answers = asked(site, [str(page.path.parent.relative_to(site)) + "/" for page in pages_of(site)])
     assert {urlsplit(url).hostname for url in answers} == {HOST}
     assert {status for status in answers.values() if status >= 400} == set()
+
+
+def test_the_home_page_every_model_and_every_notebook_has_a_recorded_run(site):
+    pages = [site / "index.html", *site.glob("models/*/index.html"), *site.glob("notebooks/*/index.html")]
+    assert len(pages) >= 30
+    assert [str(page) for page in pages if 'class="recorded-run"' not in page.read_text(encoding="utf-8")] == []
 
 
 def test_a_recorded_run_plays_by_itself_and_begins_again_at_its_end(site, chromium):
@@ -198,15 +261,17 @@ def test_a_system_with_less_motion_shows_it_at_rest(site, chromium):
         page.close()
 
 
-@pytest.mark.parametrize("width", [390, 1366, 1920])
-def test_no_page_is_wider_than_its_window(site, chromium, width):
+def test_no_page_is_wider_than_its_window(site, chromium):
     with served(site) as address:
-        page = blank_page(chromium, viewport={"width": width, "height": 900})
+        page = blank_page(chromium)
+        page.route("**/recorded/**", lambda route: route.abort())  # as wide as their frame
         wide = []
         for one in pages_of(site):
             page.goto(f"{address}/{one.path.parent.relative_to(site)}/", wait_until="domcontentloaded")
-            if page.evaluate("document.documentElement.scrollWidth > innerWidth"):
-                wide.append(one.path.parent.name)
+            for width in (390, 1366, 1920):
+                page.set_viewport_size({"width": width, "height": 900})
+                if page.evaluate("document.documentElement.scrollWidth > innerWidth"):
+                    wide.append((one.path.parent.name, width))
         page.close()
     assert wide == []
 
@@ -215,6 +280,42 @@ def test_recorded_runs_are_small(site):
     sizes = {path.name: path.stat().st_size for path in (site / "recorded").glob("*.html")}
     assert len(sizes) >= 29
     assert max(sizes.values()) <= LARGEST
+
+
+LINKS = "(all) => all.map((link) => link.href)"
+# Words of a visitor, and a page that the search offers for them.
+SEARCHED = {
+    "cite": "cite",
+    "FAQ": "faq",
+    "troubleshooting": "faq",
+    "glossary": "glossary",
+    "video": "faq",
+    "licence": "cite",
+    "pheromone": "notebooks/14_stigmergy",
+    "deposit": "reference/model",
+    "get_neighbors_in_radius": "reference/model",
+    "stuck_robots": "reference/analysis",
+}
+
+
+@pytest.mark.parametrize("site", ["mkdocs"], indirect=True)
+def test_the_search_finds_what_visitors_look_for(site, chromium):
+    missed = {}
+    with served(site) as address:
+        page = blank_page(chromium)
+        page.goto(address)
+        field = page.locator("input.md-search__input")
+        field.click()
+        for words, wanted in SEARCHED.items():
+            field.fill(words)
+            page.locator(".md-search-result__meta").filter(has_text="matching").wait_for()
+            links = page.locator("a.md-search-result__link").evaluate_all(LINKS)
+            if not any(f"/{wanted}/" in link for link in links):
+                missed[words] = links
+            field.fill("")
+            page.locator(".md-search-result__meta").filter(has_text="Type to start").wait_for()
+        page.close()
+    assert missed == {}
 
 
 class TestAPageMadeOfANotebook:

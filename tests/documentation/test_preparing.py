@@ -41,7 +41,7 @@ class TestEquations:
     def test_a_block_is_an_element_of_its_own(self):
         before, block, after = with_mathml("this:\n$$\na < b\n$$\nthat").split("\n\n")
         assert (before.strip(), after.strip()) == ("this:", "that")
-        assert block.startswith('<div class="equation"><math ')
+        assert block.strip().startswith('<div class="equation"><math ')
         assert 'display="block"' in block
 
     def test_no_mark_of_markdown_is_left_in_an_equation(self):
@@ -62,6 +62,11 @@ class TestNotebooks:
         assert page.index("[next](two.md#end)") < page.index("```python\nprint(1)\n```") < page.index("```text\n1\n```")
         assert "](one.ipynb)" in page
         assert (tmp_path / "one.ipynb").exists()
+
+    def test_a_raw_cell_is_part_of_the_page_as_it_stands(self, tmp_path):
+        assert "<!-- recorded run: boids -->" in page_of(
+            tmp_path, nbformat.v4.new_raw_cell("<!-- recorded run: boids -->")
+        )
 
     def test_a_picture_is_a_file_beside_the_page(self, tmp_path):
         picture = nbformat.v4.new_output("display_data", {"image/png": "aGVsbG8=", "text/plain": "<Figure size 1x1>"})
