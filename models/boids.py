@@ -9,8 +9,8 @@ maintains the velocity. Robots perceive each other by infrared only, without com
 
 HOW TO USE IT. The four weights. 0 switches a rule off.
 
-THINGS TO NOTICE. Bodies keep their heading: the light half shows the front, not the direction of motion. Flocks split
-at walls and rejoin.
+THINGS TO NOTICE. The bodies never turn; the light half of each is drawn in its direction of motion. Flocks split at
+walls and rejoin.
 
 THINGS TO TRY. Alignment alone. Cohesion without separation. What is the smallest sufficient cruise weight?
 

@@ -256,7 +256,7 @@ class WorldDrawing:
                 fires["out"] > 0,
             ),
             draw_robots(
-                first["position"] - self._corner, first["heading"], self._radii(first.robots), self._is_marked(first)
+                first["position"] - self._corner, scene.facing(first), self._radii(first.robots), self._is_marked(first)
             ),
             draw_loads([shape for number, shape in loads if number in scene.small], self._corner),
         ]
@@ -304,8 +304,9 @@ class WorldDrawing:
         return {number: form for sight in self._sights for number, form in sight.scene.forms.items()}
 
     def _moving_robots(self, clock: Clock) -> Iterator[str]:
-        frames = [sight.frame for sight in self._sights]
-        rows = [np.column_stack([one["position"], one["heading"], self._is_marked(one)]) for one in frames]
+        pairs = [(sight.frame, sight.scene.facing(sight.frame)) for sight in self._sights]
+        frames = [frame for frame, _ in pairs]
+        rows = [np.column_stack([one["position"], facing, self._is_marked(one)]) for one, facing in pairs]
         radii = self._all_radii
         for track in tracks(zip((frame.robots for frame in frames), rows, strict=True)):
             radius = float(self._radii(np.array([track.number]))[0])

@@ -28,7 +28,7 @@ MERGE_ROBOTS = 3
 MOST_NAMED = 3
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
-PICTURED = ("position", "heading", "hot", "fires", "loads", "fields")
+PICTURED = ("position", "heading", "command", "hot", "fires", "loads", "fields")
 TABLE_TYPES = {
     table: np.dtype([(field, field_type(field, np.float64)) for field in fields]) for table, fields in TABLES.items()
 }

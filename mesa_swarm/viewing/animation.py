@@ -260,7 +260,8 @@ class Animation:
             )
 
     def _robots(self) -> Iterator[str]:
-        rows = [np.column_stack([frame["position"], frame["heading"], self._shades(frame)]) for frame in self._frames]
+        facing = self._drawn.scene.facing
+        rows = [np.column_stack([frame["position"], facing(frame), self._shades(frame)]) for frame in self._frames]
         radii = self._radii()
         for track in tracks(zip((frame.robots for frame in self._frames), rows, strict=True)):
             colours = [self._colours[int(shade)] for shade in track.values[:, 3]]

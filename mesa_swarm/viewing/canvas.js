@@ -85,6 +85,8 @@ const MOST_SECTORS = 2500;
 const LEAST_RADIUS = 3, MOST_COVERED = 0.12, PLAIN_BELOW = 1.75;
 // Below this radius, px, halves and lines blur: a robot is a drop that points ahead.
 const DROP_BELOW = 7;
+// Commanded speed below which a robot stands, map units a step.
+const STANDS = 1e-3;
 // How far a drop's tip is from its middle, by its radius; and the half-width of its pale front, rad.
 const TIP = 1.6, FRONT = 0.95;
 // A robot is pointed at within this distance, px.
@@ -811,10 +813,18 @@ export class Stage {
 
   #drawBodies(frame, rows, rings) {
     const bodies = rows.map((i) => {
-      const [x, y, heading] = frame.pose.subarray(3 * i, 3 * i + 3);
+      const [x, y] = frame.pose.subarray(3 * i, 3 * i + 2), heading = this.#facing(frame, i);
       return { x, y, heading, radius: this.#radius(frame, i), layer: rings ? frame.layer[i] : -1, value: this.#shade(frame, i) };
     });
     this.#drawDiscs(this.#context, bodies);
+  }
+
+  /** Return where a robot's front is drawn: its heading; of one that moves without turning its direction of motion. */
+  #facing(frame, row) {
+    const heading = frame.pose[3 * row + 2];
+    if (!frame.command || !this.#design(frame, row).holonomic) return heading;
+    const ahead = frame.command[2 * row], left = frame.command[2 * row + 1];
+    return Math.hypot(ahead, left) < STANDS ? heading : heading + Math.atan2(left, ahead);
   }
 
   /** Return which colour a robot's rear has: the index of its value, `HOT`, or -1 for the usual one. */
@@ -899,7 +909,7 @@ export class Stage {
     context.setTransform(1, 0, 0, 1, 0, 0);
     for (const i of rows) {
       const sheet = this.#sheet(this.#radius(frame, i), rings ? frame.layer[i] : -1, this.#shade(frame, i));
-      sheet.copy(context, left + s * pose[3 * i], top - s * pose[3 * i + 1], pose[3 * i + 2]);
+      sheet.copy(context, left + s * pose[3 * i], top - s * pose[3 * i + 1], this.#facing(frame, i));
     }
     this.#toMap(context);
   }
@@ -940,7 +950,7 @@ export class Stage {
     context.lineWidth = 1.2 * this.#pixel;
     context.beginPath();
     for (const i of rows) {
-      const x = pose[3 * i], y = pose[3 * i + 1], h = pose[3 * i + 2], r = this.#radius(frame, i);
+      const x = pose[3 * i], y = pose[3 * i + 1], h = this.#facing(frame, i), r = this.#radius(frame, i);
       context.moveTo(x, y);
       context.lineTo(x + r * Math.cos(h), y + r * Math.sin(h));
     }
@@ -966,9 +976,9 @@ export class Stage {
     if (!frame.command || !this.#designs.some((design) => design.holonomic)) return;
     const path = new Path2D();
     for (const i of rows) {
-      const design = this.#design(frame, i), ahead = frame.command[2 * i], left = frame.command[2 * i + 1];
-      if (!design.holonomic || Math.hypot(ahead, left) < 1e-3) continue;
-      const azimuth = frame.pose[3 * i + 2] + Math.atan2(left, ahead), r = this.#radius(frame, i);
+      const moves = Math.hypot(frame.command[2 * i], frame.command[2 * i + 1]) >= STANDS;
+      if (!moves || !this.#design(frame, i).holonomic) continue;
+      const azimuth = this.#facing(frame, i), r = this.#radius(frame, i);
       addArrow(path, frame.pose[3 * i], frame.pose[3 * i + 1], azimuth, 1.45 * r, 2.5 * r);
     }
     this.#context.fillStyle = this.#colours.travel;

@@ -259,12 +259,12 @@ def _discs(
 
 
 def _draw_robots(axes: Axes, frame: Frame, scene: Scene) -> None:
-    position, heading = frame["position"].astype(float), frame["heading"].astype(float)
+    position, facing = frame["position"].astype(float), scene.facing(frame)
     if not len(position):
         return
     radius, backs = scene.radius_of(frame.robots), _backs(frame, scene)
     _discs(axes, position, radius, backs, LIGHT.robot_outline, 5, label="robots")
-    ahead = radius[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    ahead = radius[:, None] * np.column_stack([np.cos(facing), np.sin(facing)])
     fronts = _half_discs(position, 0.92 * ahead)
     axes.add_collection(PathCollection(fronts, facecolors=LIGHT.robot_front, linewidths=0, zorder=6, label="fronts"))
     tips = position + ahead

@@ -54,6 +54,8 @@ USUAL_DESIGN = {"name": "robot", "radius": 5.0, "max_speed": 1.0, "holonomic": F
 USUAL_RADIUS = 10.0
 USUAL_LEAVE = 100.0
 THEMES = tuple(enumerate(PALETTES))
+# Commanded speed below which a robot stands, map units a step.
+STANDS = 1e-3
 UNKNOWN = RobotDesign(name="unknown", radius=5.0)
 
 
@@ -177,6 +179,24 @@ class Scene:
     def radius_of(self, ids: np.ndarray) -> np.ndarray:
         """Return the radius of each robot; of those that the scene does not know, 5 map units."""
         return np.array([design.radius for design in self.designs])[self.design_of(ids)]
+
+    def facing(self, frame: Frame) -> np.ndarray:
+        """Return the azimuth towards which each robot's front is drawn.
+
+        It is the heading, and of a robot that moves in any direction without turning (a holonomic drive) the direction
+        of its commanded velocity, if that is known and not 0.
+        """
+        heading, command = frame["heading"].astype(float), frame.columns.get("command")
+        if command is None or not self._holonomic.any():
+            return heading
+        ahead, left = command[:, :2].astype(float).T
+        moves = self._holonomic[self.design_of(frame.robots)] & (np.hypot(ahead, left) >= STANDS)
+        return np.where(moves, heading + np.arctan2(left, ahead), heading)
+
+    @cached_property
+    def _holonomic(self) -> np.ndarray:
+        """Whether robots of each design move without turning, that of unknown robots last."""
+        return np.array([*(bool(one.get("holonomic")) for one in self.changes[0][1]["designs"]), False])
 
     @cached_property
     def designs(self) -> tuple[RobotDesign, ...]:
