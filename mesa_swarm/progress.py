@@ -1,16 +1,32 @@
-"""A progress bar that shows the time left and the time of day at which the work will be done."""
+"""A progress bar that shows the time left and the time of day at which the work will be done.
 
+Where it cannot be seen to move, as in a file or a pipe, there is one line at the end instead, see `work_done`.
+"""
+
+import io
 from datetime import datetime, timedelta
+from time import perf_counter
 
 from tqdm import tqdm
 from tqdm.std import TqdmDefaultWriteLock
 
+from mesa_swarm.work_done import WorkDone, is_drawn, report
+
 LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {remaining} left, {finishing}"
+
+
+class _Nowhere(io.StringIO):
+    """A stream that keeps nothing."""
+
+    def write(self, text: str) -> int:
+        return len(text)
 
 
 class Progress(tqdm):
     """tqdm with one more field, ``finishing``: when it will be done, by the wall clock."""
 
+    # When the work began, if one line is printed at the end instead of a bar.
+    unseen_since: float | None = None
     noted = ""
     _noted_at = 0.0
 
@@ -24,6 +40,9 @@ class Progress(tqdm):
         if self in _SHOWN:
             _SHOWN.remove(self)
         super().close()
+        if self.unseen_since is not None:
+            report(WorkDone(self.unit, self.n, self.total, self.initial), self.unseen_since)
+            self.unseen_since = None
 
     @property
     def format_dict(self) -> dict:
@@ -62,8 +81,10 @@ def finishing_time(left: int, rate: float, now: datetime) -> str:
 
 
 def progress_bar(total: int, unit: str, shown: bool, layout: str = LAYOUT) -> Progress:
-    """Return a bar for `total` units of work; call its ``update``."""
-    bar = Progress(total=total, unit=unit, disable=not shown, bar_format=layout, mininterval=0.2)
+    """Return a bar for `total` units of work; call its ``update``, and ``close`` at the end."""
+    file = None if is_drawn() else _Nowhere()
+    bar = Progress(total=total, unit=unit, disable=not shown, bar_format=layout, mininterval=0.2, file=file)
     if shown:
         _SHOWN.append(bar)
+        bar.unseen_since = perf_counter() if file else None
     return bar

@@ -1,12 +1,13 @@
 """Running a model: steps, progress, what is collected, contacts, and a step that failed."""
 
 import math
+import re
 from datetime import datetime
 
 import numpy as np
 import pytest
 
-from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel, disc, rectangle
+from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel, disc, rectangle, work_done
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.progress import finishing_time
@@ -19,13 +20,19 @@ def test_run_takes_this_many_steps_and_returns_the_model():
     assert model.run(0).steps == 7
 
 
-def test_a_progress_bar_is_shown_when_asked_for_only(capsys):
+def test_a_progress_bar_is_shown_when_asked_for_only(capsys, monkeypatch):
+    monkeypatch.setattr(work_done, "always_drawn", True)
     empty().run(3)
     assert capsys.readouterr().err == ""
     empty().run(3, progress=True)
     shown = capsys.readouterr().err
     assert "3/3 steps" in shown
     assert "left, done at" in shown
+
+
+def test_where_no_bar_can_move_one_line_is_printed_at_the_end(capsys):
+    empty().run(3, progress=True)
+    assert re.fullmatch(r"3 of 3 steps in \d+\.\d s\n", capsys.readouterr().err)
 
 
 def test_the_time_at_which_work_is_done_has_its_day_if_that_is_not_today():

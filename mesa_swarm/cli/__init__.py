@@ -12,6 +12,7 @@ import typer
 
 from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, policies, run
 from mesa_swarm.errors import SwarmError, in_words
+from mesa_swarm.work_done import one_line
 
 INTERRUPTED = 130
 DISK_FULL = (errno.ENOSPC, errno.EFBIG)
@@ -45,7 +46,8 @@ def _run_command(words: list[str]) -> int:
     """Let Typer find the command and return its exit status; --debug may stand anywhere."""
     command = typer.main.get_command(app)
     arguments = [word for word in words if word != "--debug"]
-    status = command.main(arguments, prog_name="mesa-swarm", standalone_mode=False)
+    with one_line():
+        status = command.main(arguments, prog_name="mesa-swarm", standalone_mode=False)
     if status == INTERRUPTED:  # newer versions of Typer return this after Ctrl-C, older ones raise Abort
         raise KeyboardInterrupt
     sys.stdout.flush()

@@ -62,7 +62,11 @@ LARGEST_DOWNLOAD = 500_000_000
 # A repeated run lets other threads work after this time, s.
 TURN = 0.02
 PERCENT = re.compile(r"(\d+) %")
-COMMAND = "import sys; from mesa_swarm.cli import main; sys.exit(main())"
+# The bar of the command is read from a pipe.
+COMMAND = (
+    "import sys; import mesa_swarm.work_done as work_done; work_done.always_drawn = True; "
+    "from mesa_swarm.cli import main; sys.exit(main())"
+)
 # Shortest time between updates of the progress and the recorded steps, s.
 EVERY = 0.25
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from mesa_swarm import work_done
 from mesa_swarm.gallery import find_model
 from mesa_swarm.recording import Recording, verify
 
@@ -45,7 +46,8 @@ def test_a_map_may_be_a_file(typed):
     assert own[0] == 0
 
 
-def test_run_shows_a_progress_bar_on_stderr_with_the_finishing_time(typed):
+def test_run_shows_a_progress_bar_on_stderr_with_the_finishing_time(typed, monkeypatch):
+    monkeypatch.setattr(work_done, "always_drawn", True)
     _, out, err = typed("run collision_avoidance --steps 40")
     assert "40/40 steps" in err
     assert "done at" in err
@@ -170,7 +172,8 @@ def test_a_shipped_job_is_recorded_only_on_request(typed, tmp_path):
     assert "two runs are recorded to" in err
 
 
-def test_run_shows_for_each_run_how_long_it_takes_and_when_it_will_be_done(typed):
+def test_run_shows_for_each_run_how_long_it_takes_and_when_it_will_be_done(typed, monkeypatch):
+    monkeypatch.setattr(work_done, "always_drawn", True)
     Path("job.toml").write_text(MODEL + "robots = 2\nsteps = 30\nseeds = 2")
     _, out, err = typed("run job.toml")
     assert err.count("30/30 steps") == 2

@@ -2,6 +2,7 @@
 
 import pytest
 
+from mesa_swarm import work_done
 from mesa_swarm.experiments import warm_up as module
 from mesa_swarm.experiments.pool import WorkerDiedError
 from mesa_swarm.experiments.warm_up import STEPS, WarmUp, compile_for, missing_functions, warm_up
@@ -47,7 +48,8 @@ def test_a_second_time_nothing_is_compiled(needed, jobs):
     assert str(again).startswith("everything is compiled already; the machine code is stored in")
 
 
-def test_the_bar_counts_up_to_its_total(needed, capsys):
+def test_the_bar_counts_up_to_its_total(needed, capsys, monkeypatch):
+    monkeypatch.setattr(work_done, "always_drawn", True)
     warm_up(jobs=1, progress=True)
     shown = capsys.readouterr().err
     assert "compiling, once per installation: 0 of 4" in shown

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numba import types
 
 import mesa_swarm
+from mesa_swarm import work_done
 from mesa_swarm.gallery import find_model, gallery_names
 from mesa_swarm.geometry import compiling
 from mesa_swarm.geometry.compiled import FLOORS, FUNCTIONS
@@ -103,7 +104,8 @@ def test_a_subclass_needs_at_least_what_its_model_of_the_gallery_needs():
     assert set(names) > set(needed_by(["mine"])[0])
 
 
-def test_a_text_stands_in_place_of_the_innermost_bar_until_work_is_done(capsys):
+def test_a_text_stands_in_place_of_the_innermost_bar_until_work_is_done(capsys, monkeypatch):
+    monkeypatch.setattr(work_done, "always_drawn", True)
     with progress_bar(3, "runs", shown=True), progress_bar(4, "steps", shown=True) as bar:
         compiling.note(in_words(34, 60))
         assert "\rcompiling, once per installation: 34 of 60" in capsys.readouterr().err
