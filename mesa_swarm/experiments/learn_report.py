@@ -306,6 +306,9 @@ def curve_figure(runs: Sequence[Training]) -> Figure:
     panels[0, 0].set_ylim(0, 1.2 * max(max(curve) for name in names for curve in _curves(runs, name)) + LINEAR)
     for axes in panels.flat[len(names) :]:
         axes.set_visible(False)
+    figure.legend(
+        *panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9, frameon=False
+    )
     figure.supxlabel("share of the training", fontsize=10)
     figure.supylabel("collisions per robot and 1,000 steps", fontsize=10)
     return figure
@@ -314,8 +317,10 @@ def curve_figure(runs: Sequence[Training]) -> Figure:
 def _draw_curves(axes: Axes, curves: np.ndarray) -> None:
     """Draw the curves (seeds, parts) of a contestant."""
     at = (np.arange(curves.shape[1]) + 0.5) / curves.shape[1]
-    axes.plot(at, curves.T, color=COLOURS[0], linewidth=0.6, alpha=0.4)
-    axes.plot(at, np.median(curves, axis=0), color=COLOURS[0], linewidth=2.0)
+    # Not clipped: many curves end on the axis.
+    thin = axes.plot(at, curves.T, color=COLOURS[0], linewidth=0.6, alpha=0.4, clip_on=False)
+    thin[0].set_label("single seeds")
+    axes.plot(at, np.median(curves, axis=0), color=COLOURS[0], linewidth=2.0, clip_on=False, label="their median")
     axes.set_yscale("symlog", linthresh=LINEAR)
     axes.set(xlim=(0, 1), xticks=(0, 0.5, 1))
     axes.tick_params(labelsize=9)

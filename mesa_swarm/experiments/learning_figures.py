@@ -5,8 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import StrMethodFormatter
 
 from mesa_swarm.analysis.series import central_moving_average
@@ -23,6 +26,14 @@ from mesa_swarm.viewing.pictures import literal
 
 STYLES = ("--", "-.", ":", "-")
 ROWS = ("reward", "learned value Q", "probability of choice")
+# Kinds of marks in the key.
+MARKS = {
+    "leap": "leap of the reward",
+    "switch": "change of the best action",
+    "plateau": "plateau",
+    "undecided": "no action above one half",
+}
+CRITICAL_NAME = "critical distance"
 
 
 def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: float = CRITICAL) -> Figure:
@@ -30,7 +41,7 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
 
     A column for each title; the critical distance is dotted. Vertical lines mark leaps of the reward, and in the rows
     below changes of the best action. Thick pale lines are plateaus; in shaded stretches no action is chosen more often
-    than all others together.
+    than all others together. The key below names the actions and those marks that occur.
 
     Parameters
     ----------
@@ -60,8 +71,24 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
         axes.set_ylabel(name, fontsize=9)
     widest = max(grid[1], key=lambda axes: len(axes.get_legend_handles_labels()[1]))
     handles, labels = widest.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4), fontsize=8, frameon=False)
+    found = {mark.kind for pair in profiles.values() for profile in pair for mark in profile.marks}
+    names = dict.fromkeys(name for kind, name in MARKS.items() if kind in found)
+    key = [*zip(handles, labels, strict=True), *((_sample(name), name) for name in (*names, CRITICAL_NAME))]
+    figure.legend(
+        *zip(*key, strict=True), loc="outside lower center", ncols=2 * len(profiles), fontsize=8, frameon=False
+    )
     return figure
+
+
+def _sample(name: str) -> Artist:
+    """Return how a kind of mark is drawn, for the key."""
+    if name == MARKS["undecided"]:
+        return Patch(color=LIGHT.warn_paper)
+    if name == MARKS["plateau"]:
+        return Line2D([], [], color=LIGHT.edge, linewidth=5, solid_capstyle="butt")
+    if name == CRITICAL_NAME:
+        return Line2D([], [], color=LIGHT.ink, linewidth=0.8, linestyle=":")
+    return Line2D([], [], color=LIGHT.bad, linewidth=0.8)
 
 
 def _draw(axes: Axes, profile: Profile, curves: np.ndarray) -> None:

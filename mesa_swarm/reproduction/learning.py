@@ -13,7 +13,7 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.dynamic_programming import approach_values
 from mesa_swarm.learning.rewards import reward
-from mesa_swarm.reproduction.drawing import column, count_steps, draw_bundle, plain_axes
+from mesa_swarm.reproduction.drawing import column, count_steps, counted, draw_bundle, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
@@ -250,7 +250,7 @@ def frequency(laboratory: Laboratory, robots: int, beta: float) -> Result:
     return Result(
         checks=(*judged_frequency(rows), *judged_controls(rows, hot, cool), *(judged_levels(rows) if read else ())),
         pictures={"": frequency_figure(rows, robots, beta, laboratory.pick(STEPS, 3_300))},
-        settings=f"{LEARNING}; {robots} robot{'s' if robots > 1 else ''}, beta {beta:g}",
+        settings=f"{LEARNING}; {counted(robots, 'robot')}, beta {beta:g}",
         remarks=(below_share(rows), *(LEVELS_READ if read else ())),
     )
 
@@ -308,26 +308,28 @@ def totals(laboratory: Laboratory) -> Result:
 
 
 def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> Figure:
-    """Return a figure of how often robots collide, smoothed, and of T."""
+    """Return a figure of how often robots collide, smoothed, and of T; the axis holds all that is drawn."""
     figure, axes = plain_axes("step", "collisions a robot and 1,000 steps")
     curves = np.array(column(rows, "curve"))
     steps = np.linspace(0, last, curves.shape[1])
+    mean = f"collisions, mean of {counted(len(rows), 'run')}"
     if robots > 1:
-        draw_bundle(axes, steps, curves, COLOURS[0], "mean of runs")
+        draw_bundle(axes, steps, curves, COLOURS[0], mean)
+        shown, single = curves, "collisions, each run"
     else:
+        shown, single = curves[:1], "collisions, one run"
         axes.plot(steps, curves[0], color=COLOURS[0], alpha=0.4, linewidth=0.6)
         window = MANY_WINDOW * curves.shape[1] // STEPS
-        axes.plot(steps, central_moving_average(curves.mean(axis=0), window | 1), color=COLOURS[0], linewidth=2.0)
+        smooth = central_moving_average(curves.mean(axis=0), window | 1)
+        axes.plot(steps, smooth, color=COLOURS[0], linewidth=2.0, label=mean)
     warmth = axes.twinx()
     warmth.plot(np.linspace(0, last, POINTS), rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
     warmth.set(ylabel="T", ylim=(0, 1.05))
-    axes.set_ylim(0, max(3.0 * float(curves.mean(axis=0).max()), 1.0))
-    axes.set_title(
-        f"beta {beta:g}, {len(rows)} runs of {robots} robots: blue collisions and their mean, orange T"
-        if robots > 1
-        else f"beta {beta:g}, one robot: blue collisions of one run and their mean in {len(rows)} runs, orange T",
-        fontsize=10,
-    )
+    axes.set_ylim(0, max(1.05 * float(shown.max()), 1.0))
+    axes.set_title(f"beta {beta:g}, {counted(len(rows), 'run')} of {counted(robots, 'robot')}", fontsize=10)
+    axes.plot([], [], color=COLOURS[0], alpha=0.5, linewidth=0.6, label=single)
+    axes.plot([], [], color=COLOURS[1], linewidth=1.6, label="T, temperature of the choice")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     count_steps(axes)
     return figure
 

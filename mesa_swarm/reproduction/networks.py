@@ -153,7 +153,7 @@ def choice(laboratory: Laboratory) -> Result:
     figure, axes = plain_axes("temperature T", "probability")
     for value, line in zip(VALUES, shares.T, strict=True):
         axes.plot(temperatures, line, linewidth=1.8, label=f"Q = {value:g}")
-    axes.set(xscale="log", ylim=(0, 1))
+    axes.set(xscale="log", ylim=(-0.02, 1.02))
     axes.legend(frameon=False)
     return Result(checks=checks, pictures={"": figure}, settings="Q = (3, 2, 1), as in the thesis")
 

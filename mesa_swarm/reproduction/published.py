@@ -253,7 +253,7 @@ def decision_figure(made: dict[tuple, list[dict]]) -> Figure:
             shares = np.arange(len(times) + 1) / len(rows)
             label = f"{rule}, {'better' if right else 'worse'} site"
             axes.step([0.0, *times], shares, style, where="post", color=COLOURS[i], label=label)
-    axes.set_ylim(0, 1)
+    axes.set_ylim(-0.02, 1.02)
     count_steps(axes)
     axes.legend(frameon=False)
     return figure
