@@ -6,7 +6,7 @@ from mesa_swarm.control import PASS, behaviour
 # %% exercise-1
 @behaviour
 def turn_away(me, distance=15.0):
-    """Turn to one side only, the robot's own, whatever is near."""
+    """Turn to one side only, the robot's own, whichever sensor detects something."""
     for sensor in (me.front, me.left, me.right):
         if 0 <= me.distance[sensor] < distance:
             return -me.tendency * me.max_speed, me.tendency * me.max_speed
