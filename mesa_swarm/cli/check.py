@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import (
     MOST_STORED,
     Folder,
@@ -55,7 +56,7 @@ def diagnose(
     layers = built.control.names if built.control else ()
     names = ", ".join(f"{index} {name}" for index, name in enumerate(layers))
     print_pairs({"steps": built.steps, "robots": len(built.swarm), "layers": names, **found.counts()})
-    print("\n".join(["", *described_episodes(found, [robot.unique_id for robot in built.robots])]))
+    print_lines(["", *described_episodes(found, [robot.unique_id for robot in built.robots])])
 
 
 def described_episodes(found: "Pathologies", ids: Sequence[int]) -> list[str]:
@@ -76,8 +77,7 @@ def bench(
     folder = check_writable(out)
     from mesa_swarm.experiments.bench import report
 
-    for line in report(folder, quick):
-        print(line, flush=True)
+    print_lines(report(folder, quick, terminal_width()))
 
 
 @commands.command()
@@ -114,7 +114,7 @@ def reproduce(
     chosen = [i for i in registry.items().values() if (i.figure in numbers if numbers else i.source == source)]
     if names:
         for item in chosen if given else registry.items().values():
-            print(f"{item.figure:5} {item.title} ({item.place})")
+            print_lines([f"{item.figure:5} {item.title} ({item.place})"], 6)
         return
     workers, folder = checked_jobs(jobs), check_writable(out)
     beside = None
@@ -126,7 +126,7 @@ def reproduce(
             made.append(one)
             _print_made(one, _written(one, folder, "_quick" if quick else "", beside)[0], quick)
     if quick:
-        print("Few seeds and short runs: this shows that it works; the verdicts mean nothing.")
+        print_lines(["Few seeds and short runs: this shows that it works; the verdicts mean nothing."], 0)
     if report is not None:
         print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
 
@@ -135,10 +135,10 @@ def _print_made(one: "Made", picture: Path, quick: bool) -> None:
     """Print the verdict of a result, its checks, and where its picture is."""
     from mesa_swarm.reproduction.registry import marked
 
-    print(f"{one.item.figure:5} {marked(one.result, quick)}: {one.item.title} ({one.seconds:.0f} s)")
+    print_lines([f"{one.item.figure:5} {marked(one.result, quick)}: {one.item.title} ({one.seconds:.0f} s)"], 8)
     for check in one.result.checks:
         reported = f"the {one.item.source}: {check.reported}"
-        print(f"        {check.outcome}: {check.claim}: {check.measured} ({reported})")
+        print_lines([f"        {check.outcome}: {check.claim}: {check.measured} ({reported})"], 2)
     print(f"        {picture}", flush=True)
 
 
@@ -147,7 +147,7 @@ def _list_contents(report: Path | None) -> None:
     from mesa_swarm.reproduction import differences
 
     if report is None:
-        print("\n".join(differences.lines()))
+        print_lines(differences.lines(), 13)
     else:
         print(write_whole(checked_file(report, ".md", "report"), differences.page()))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import FAILED, Jobs, Model, Quiet, Settings, StepsOfRuns, known_model, prepare, resumable
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.files import check_writable, write_whole
@@ -43,7 +44,7 @@ def sweep(
             runs, done = len(experiment), done_before(experiment, home, options)
             points, seeds = len(experiment.points), len(experiment.seeds)
             size = f"{points:,} points x {seeds:,} seeds, {experiment.steps:,} steps each"
-            print(f"{home}: {runs:,} runs ({size}), {done:,} done, {runs - done:,} to do")
+            print_lines([f"{home}: {runs:,} runs ({size}), {done:,} done, {runs - done:,} to do"])
         return
     check_writable(folder)
     workers = checked_jobs(jobs)
@@ -52,7 +53,7 @@ def sweep(
         made = run_experiment(experiment, home, workers, not quiet, options, retry_failed)
         before = f", {made.done_before:,} of them before" if made.done_before else ""
         failed = f", {made.failed:,} ended in an error" if made.failed else ""
-        print(f"{made.path}: {made.runs:,} runs{before}{failed}", flush=True)
+        print_lines([f"{made.path}: {made.runs:,} runs{before}{failed}"])
         for error in made.errors:
             print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
         failures += made.failed
@@ -92,6 +93,7 @@ def compare(
     from mesa_swarm.experiments.compare import LEDGER, run_plan
     from mesa_swarm.experiments.plan import checked_plan
     from mesa_swarm.experiments.pool import checked_jobs
+    from mesa_swarm.experiments.tables import WIDEST
     from mesa_swarm.parameters import parsed_settings
 
     model_class = find_model(model)
@@ -109,8 +111,10 @@ def compare(
         comparison = run_plan(plan, workers, not quiet, folder=folder)
     paths = comparison.save(folder)
     if comparison.done_before:
-        print(f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / LEDGER}")
-    print("\n".join([comparison.table(), "", *map(str, paths), "", comparison.finding()]))
+        done = f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / LEDGER}"
+        print_lines([done])
+    table = comparison.table(terminal_width() or WIDEST)
+    print_lines([table, "", *map(str, paths), "", comparison.finding()], 0)
 
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
@@ -170,6 +174,6 @@ def reality_gap(
             out=home,
         )
         found.append(gap)
-        print("\n".join([gap.table(), "", *map(str, gap.save(home))]))
+        print_lines([gap.table(terminal_width()), "", *map(str, gap.save(home))], 0)
     if model is None:
         print(write_whole(folder / "reality_gap.png", png(gaps.gaps_figure(found))))

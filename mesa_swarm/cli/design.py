@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
 from mesa_swarm.files import check_writable, write_all
 
@@ -94,7 +95,7 @@ def design_gap(
             out=folder,
             progress=not quiet,
         )
-    print(gap.table())
+    print_lines([gap.table(terminal_width())], 0)
     files: dict[str, str | bytes] = {
         "design_gap.csv": gap.csv(),
         "design_gap.png": png(gaps.design_gap_figure(gap)),

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import (
     MOST_STEPS,
     MOST_STORED,
@@ -154,7 +155,7 @@ def import_map(
     if target.exists() and not force:
         raise InvalidValueError(f"{target} exists already; choose another name or add --force")
     world.save(target)
-    print(described(world))
+    print_lines([described(world)], 14)
     print(target)
 
 
@@ -170,7 +171,7 @@ def show_map(
     world = Map.load(file)
     if out is not None:
         checked_file(out, ".png")
-    print(described(world))
+    print_lines([described(world)], 14)
     if out is not None:
         from mesa_swarm.swarm_model import SwarmModel
         from mesa_swarm.viewing.pictures import png, world_figure

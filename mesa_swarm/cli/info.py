@@ -1,12 +1,12 @@
 """What a model is, how it works, and what to try, as text: info."""
 
-import shutil
 import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import terminal_width, wrapped
 from mesa_swarm.cli.options import Model, in_brief, prepare
 
 if TYPE_CHECKING:
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
 # Longer lines are hard to read.
 WIDEST = 100
-NARROWEST = 40
+# Of files and pipes.
+USUAL = 80
 
 commands = typer.Typer()
 
@@ -34,9 +35,10 @@ def info(
     if odd:
         print(description_of(model_info(model)), end="")
         return
-    width = max(NARROWEST, min(shutil.get_terminal_size((80, 24)).columns, WIDEST))
-    for line in explained(model_info(model), width, code=code):
-        print(line)
+    width = terminal_width()
+    for line in explained(model_info(model), min(width or USUAL, WIDEST), code=code):
+        is_parameter = line.startswith("  ") and "=" in line[:30]
+        print("\n".join(wrapped(line, width if is_parameter else None, 29)))
 
 
 def explained(about: "ModelInfo", width: int, *, code: bool) -> Iterator[str]:

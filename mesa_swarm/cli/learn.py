@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
 from mesa_swarm.errors import check_choice, check_number
 from mesa_swarm.files import check_writable, checked_file, write_all
@@ -33,7 +34,7 @@ def reward_lab(
     """Draw reward, learned values and choice over the distance ahead; measure where robots oscillate."""
     from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, oscillation, trained
     from mesa_swarm.experiments.learning_figures import reward_figure
-    from mesa_swarm.experiments.tables import aligned, csv_text
+    from mesa_swarm.experiments.tables import csv_text, fitting
     from mesa_swarm.learning.actions import checked_actions
     from mesa_swarm.learning.reward_lab import learned_profile, reward_profile
     from mesa_swarm.learning.rewards import REWARDS
@@ -58,7 +59,7 @@ def reward_lab(
                     measured = oscillation(policy, scene=scene, rng=seed)
                     rows.append((kind, actions, seed, scene, *(round(measured[name], 6) for name in MEASURES)))
                 bar.update()
-    print("\n".join(aligned(_summary(kinds, rows))))
+    print_lines(fitting(_summary(kinds, rows), terminal_width()))
     titles = {f"reward {kind}, {actions} actions": pair for kind, pair in profiles.items()}
     figure = reward_figure(titles, critical)
     contents: dict[str, str | bytes] = {
@@ -127,7 +128,7 @@ def tune(
 ) -> None:
     """Tune temperature and gamma of the Q-learner to few collisions at a speed; compare with the thesis's values."""
     from mesa_swarm.experiments import tuning
-    from mesa_swarm.experiments.tables import aligned
+    from mesa_swarm.experiments.tables import fitting
 
     least_speed = tuning.LEAST_SPEED if least_speed is None else least_speed
     goal = tuning.LearningGoal(steps=steps, least_speed=least_speed, robots=robots)
@@ -142,7 +143,7 @@ def tune(
     )
     print("\n".join(f"{name} = {value:.4g}" for name, value in found.settings.items()))
     judgement = tuning.comparison(found, seeds=range(1, judged + 1), jobs=jobs)
-    print("\n".join([*aligned(judgement.table), *judgement.remarks]))
+    print_lines([*fitting(judgement.table, terminal_width()), *judgement.remarks], 0)
 
 
 @commands.command("learn-bench")
@@ -172,6 +173,7 @@ def learn_bench(
     """Train all learners, then measure them, and controllers from outside, on maps that were not used for training."""
     from mesa_swarm.experiments import learn_bench as benchmarks
     from mesa_swarm.experiments.learn_report import learning_pictures, markdown, runs_csv, summary_json
+    from mesa_swarm.experiments.tables import markdown_fitting
 
     if report is not None:
         check_writable(checked_file(report, ".md", "report").parent / "pictures")
@@ -191,7 +193,7 @@ def learn_bench(
         "learn_bench.json": summary_json(benchmark, runs),
         **learning_pictures(runs),
     }
-    print("\n".join([table, *map(str, write_all(out, files))]))
+    print_lines([*markdown_fitting(table, terminal_width()), *map(str, write_all(out, files))], 0)
     if report is not None:
         write_all(report.parent, _page(benchmark, runs, report))
         print(report)

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import in_brief, known_model
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.gallery import PACKAGE, class_name, description, find_model, gallery_names, model_names
@@ -36,7 +37,8 @@ def list_models(
             if model is not None:
                 raise
             lines = [f"    not loaded: {error}"]
-        print("\n".join([name, *lines]))
+        for line in (name, *lines):
+            print_lines([line], 29 if line.startswith("      ") else 0)
 
 
 def listed(name: str) -> list[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.gallery import BASE, check_model, find_model
 from mesa_swarm.lazy import without_collection
 
@@ -87,8 +88,7 @@ def resumable(place: Path) -> Iterator[None]:
 def print_pairs(pairs: dict) -> None:
     """Print names and values in two columns."""
     width = max(map(len, pairs))
-    for name, value in pairs.items():
-        print(f"{name:{width}}  {in_brief(value)}")
+    print_lines((f"{name:{width}}  {in_brief(value)}" for name, value in pairs.items()), width + 2)
 
 
 def in_brief(value: object) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import (
     FAILED,
     MOST_STEPS,
@@ -103,7 +104,7 @@ def verify(
         print(f"{file} was not closed: {len(recording)} rows are whole, {recording.lost} bytes after them are not")
     model_class = class_of(recording, find_model(model)) if model else shipped_class_of(recording)
     verification = run_again(recording, model_class, not quiet)
-    print(verification)
+    print_lines([str(verification)], 0)
     if not verification.same:
         raise typer.Exit(FAILED)
 
@@ -113,7 +114,7 @@ def compile_all(*, jobs: Jobs = -1, quiet: Quiet = False) -> None:
     """Compile now, once, what the models need: for images of machines, or before a lesson."""
     from mesa_swarm.experiments.warm_up import warm_up
 
-    print(warm_up(jobs=jobs, progress=not quiet))
+    print_lines([str(warm_up(jobs=jobs, progress=not quiet))], 0)
 
 
 def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.tables import aligned, csv_text
+from mesa_swarm.experiments.tables import csv_text, fitting
 from mesa_swarm.files import write_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.physics.threads import VARIABLE, processors
@@ -429,15 +429,16 @@ MEASUREMENTS = (
 MAPS = ("original", "sparse", "openspace")
 
 
-def report(folder: Path, quick: bool = False) -> Iterator[str]:
+def report(folder: Path, quick: bool = False, width: int | None = None) -> Iterator[str]:
     """Yield the report line by line as it is measured, and write `step.csv`, `goals.csv` and `complexity.png`.
 
-    A quick report takes a few seconds, is rougher, and leaves out what takes longer.
+    A quick report takes a few seconds, is rougher, and leaves out what takes longer. The table is at most
+    `width` columns wide.
     """
     effort = QUICK if quick else FULL
     yield from _surroundings()
     seconds = {n: _one_thread(n, effort) for n in TARGETS}
-    yield from ("", *step_table(seconds), "")
+    yield from ("", *step_table(seconds, width), "")
     growth = Goal(what=f"growth exponent from {FEW:,} to {MANY:,} robots", unit="one thread", limit=1.05)
     rows: list[tuple[Goal, float]] = [(growth, exponent({n: seconds[n] for n in (FEW, MANY)}))]
     yield growth.verdict(rows[0][1])
@@ -480,14 +481,14 @@ def _surroundings() -> Iterator[str]:
         yield f"Other programs are busy here (load {load:.1f} on {os.cpu_count()} cores): steps may take longer."
 
 
-def step_table(seconds: dict[int, float]) -> list[str]:
-    """Return the table of milliseconds a step."""
+def step_table(seconds: dict[int, float], width: int | None = None) -> list[str]:
+    """Return the table of milliseconds a step, of at most this width."""
     header = ["robots", "ms a step", "required", "passed", "steps/s", *PEERS]
     rows = [
         [f"{n:,}", *_beside_target(n, t), *(_number(peer.get(n)) for peer in PEERS.values())]
         for n, t in seconds.items()
     ]
-    return aligned([header, *rows])
+    return fitting([header, *rows], width)
 
 
 def _beside_target(n: int, t: float) -> list[str]:

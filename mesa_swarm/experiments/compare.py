@@ -12,7 +12,7 @@ from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import PairedOutcome, PairedRuns, Plan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, do_runs, has_numbers, stored_in
-from mesa_swarm.experiments.tables import finding, runs_csv, summary_csv, summary_rows, text_table
+from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.files import check_writable
 
 # A comparison stores its runs here, in the folder of its tables.
@@ -33,9 +33,9 @@ class Comparison(PairedRuns):
     def __repr__(self) -> str:
         return f"{self.table()}\n\n{self.finding()}"
 
-    def table(self) -> str:
-        """Return the summary as text, at most 100 columns wide."""
-        return text_table(self)
+    def table(self, width: int = WIDEST) -> str:
+        """Return the summary as text, at most `width` columns wide."""
+        return text_table(self, width)
 
     def finding(self) -> str:
         """Return the finding in one sentence."""

@@ -28,7 +28,7 @@ from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.pool import checked_jobs, on_all
 from mesa_swarm.experiments.reality_gap import DIAL, checked_dial
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean
-from mesa_swarm.experiments.tables import aligned, csv_text, with_limits
+from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
 from mesa_swarm.files import check_writable, shown_path, write_whole
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.progress import progress_bar
@@ -114,8 +114,8 @@ class DesignGap:
         rows = np.array(self.scores[kind])
         return rows[:, 0] - rows[:, place]
 
-    def table(self) -> str:
-        """Return the scores and losses as text."""
+    def table(self, width: int | None = None) -> str:
+        """Return the scores and losses as text, the table at most `width` columns wide if that is given."""
         head = [
             "dial",
             *(f"{kind} [95 %]" for kind in KINDS),
@@ -131,7 +131,7 @@ class DesignGap:
             rows.append([f"{place:g}", *scores, *(losses if k else ["", "", ""])])
         count = len(self.scores[MACHINE])
         title = f"{self.mission}, {self.preset} robots: {count} designs of each kind, {self.seeds} seeds each"
-        return "\n".join([title, "", *aligned([head, *rows]), "", self.finding()])
+        return "\n".join([title, "", *fitting([head, *rows], width), "", self.finding()])
 
     def finding(self) -> str:
         """Return a sentence about losses at the last place of the dial, and one about scores at both ends."""

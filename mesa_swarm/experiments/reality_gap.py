@@ -22,7 +22,7 @@ from mesa_swarm.experiments.plan import Plan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
-from mesa_swarm.experiments.tables import aligned, csv_text, with_limits
+from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import find_model, short_name
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections, together
@@ -54,8 +54,8 @@ class Gap:
         """Return the difference from the score of ideal robots, on the same seeds."""
         return bootstrap_mean(pair_differences(self.scores[self.dial[0]], self.scores[place]))
 
-    def table(self) -> str:
-        """Return the scores as text."""
+    def table(self, width: int | None = None) -> str:
+        """Return the scores as text, at most `width` columns wide if that is given."""
         header = ["dial", f"{self.measure} [95 %]", f"minus dial {self.dial[0]:g} [95 %]"]
         rows = [
             [
@@ -65,8 +65,9 @@ class Gap:
             ]
             for i, place in enumerate(self.dial)
         ]
-        title = f"{self.model}, {self.preset} robots: {len(self.seeds)} paired seeds, at most {self.steps:,} steps each"
-        return "\n".join([title, "", *aligned([header, *rows])])
+        seeds = f"{len(self.seeds)} paired {'seed' if len(self.seeds) == 1 else 'seeds'}"
+        title = f"{self.model}, {self.preset} robots: {seeds}, at most {self.steps:,} steps each"
+        return "\n".join([title, "", *fitting([header, *rows], width)])
 
     def csv(self) -> str:
         """Return one line a run."""
@@ -226,6 +227,7 @@ def draw_gap(axes: Axes, gap: Gap) -> None:
     axes.errorbar(gap.dial, [m.estimate for m in means], reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
     axes.axhline(means[0].estimate, color=COLOURS[1], linestyle="--", linewidth=1)
     axes.set(xlabel=literal(f"dial: 0 ideal, 1 {gap.preset}"), ylabel=literal(gap.measure))
-    axes.set_title(literal(f"{gap.model}: {len(gap.seeds)} seeds (thin), their mean, 95 %"), fontsize=11)
+    seeds = f"{len(gap.seeds)} {'seed' if len(gap.seeds) == 1 else 'seeds'}"
+    axes.set_title(literal(f"{gap.model}: {seeds} (thin), their mean, 95 %"), fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)

@@ -5,6 +5,8 @@ import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain, groupby, zip_longest
+from textwrap import wrap
 from typing import Any
 
 from mesa_swarm.experiments.plan import PairedRuns
@@ -22,6 +24,8 @@ from mesa_swarm.experiments.statistics import (
 
 WIDEST = 100
 GAP = "  "
+# First cells of at most this width stay beside the others in a narrow table, whose columns have at least `LEAST`.
+SHORT, LEAST = 12, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +63,8 @@ def _row(measure: str, value: Any, base: Sequence, column: Sequence, compared: b
     return Row(measure, value, summarised(column), bootstrap_mean(differences), len(differences), larger, ranked)
 
 
-def text_table(comparison: PairedRuns) -> str:
-    """Return the summary as aligned text, at most 100 columns wide."""
+def text_table(comparison: PairedRuns, width: int = WIDEST) -> str:
+    """Return the summary as aligned text, at most `width` columns wide."""
     plan = comparison.plan
     seeds = len(plan.seeds)
     title = (
@@ -68,7 +72,8 @@ def text_table(comparison: PairedRuns) -> str:
         f"at most {plan.steps:,} steps each"
     )
     cells, notes = table_and_notes(comparison)
-    return "\n".join([title, "", *fitting(cells), "", *notes])
+    around = [wrap(line, width) for line in (title, *notes)]
+    return "\n".join([*around[0], "", *fitting(cells, width), "", *chain(*around[1:])])
 
 
 def table_and_notes(comparison: PairedRuns) -> tuple[list[list[str]], list[str]]:
@@ -151,14 +156,75 @@ def aligned(table: list[list[str]]) -> list[str]:
     return [lines[0], "-" * (sum(widths) + len(GAP) * (len(widths) - 1)), *lines[1:]]
 
 
-def fitting(table: list[list[str]]) -> list[str]:
-    """Return aligned rows; if they are too wide, the first cells go on lines of their own."""
+def fitting(table: list[list[str]], width: int | None = WIDEST) -> list[str]:
+    r"""Return aligned rows of at most this width, None for any.
+
+    If they are too wide, the first cells go on lines of their own; if that is not enough, cells have several lines.
+
+    Examples
+    --------
+    >>> print("\n".join(fitting([["dial", "score [95 %]"], ["0.5", "12.3 [11.0, 13.6]"]], width=14)))
+    dial  score
+          [95 %]
+    ------------
+    0.5   12.3
+          [11.0,
+          13.6]
+    """
     lines = aligned(table)
-    if len(lines[1]) <= WIDEST:
+    if width is None or len(lines[1]) <= width:
         return lines
-    header, rule, *rest = aligned([["", *row[1:]] for row in table])
-    above = [([row[0]] if row[0] else []) for row in table[1:]]
-    return [header, rule, *(line for name, row in zip(above, rest, strict=True) for line in (*name, f" {row}"))]
+    if max(len(row[0]) for row in table) <= SHORT:
+        return _narrow(table, width)
+    header, *rows = ([f" {line}" for line in row] for row in _narrow_rows([["", *row[1:]] for row in table], width - 1))
+    names = [wrap(row[0], width) for row in table]
+    rule = "-" * max(len(line) for row in (header, *rows) for line in row)
+    return [*names[0], *header, rule, *chain(*(line for pair in zip(names[1:], rows, strict=True) for line in pair))]
+
+
+def _narrow(table: list[list[str]], width: int) -> list[str]:
+    """Return aligned rows whose cells have several lines, a rule below the first."""
+    header, *rows = _narrow_rows(table, width)
+    return [*header, "-" * max(len(line) for row in (header, *rows) for line in row), *chain(*rows)]
+
+
+def _narrow_rows(table: list[list[str]], width: int) -> list[list[str]]:
+    """Return the lines of each row, the widest columns made narrower until all fit."""
+    widths = [max(len(row[c]) for row in table) for c in range(len(table[0]))]
+    while sum(widths) + len(GAP) * (len(widths) - 1) > width and max(widths) > LEAST:
+        widths[widths.index(max(widths))] -= 1
+    found = []
+    for row in table:
+        cells = [_in_lines(cell, max(w, 1)) for cell, w in zip(row, widths, strict=True)]
+        lines = zip_longest(*cells, fillvalue="")
+        found.append([GAP.join(part.ljust(w) for part, w in zip(one, widths, strict=True)).rstrip() for one in lines])
+    return found
+
+
+def _in_lines(cell: str, width: int) -> list[str]:
+    """Return a cell as lines; a number stays with its unit if there is room for both."""
+    together = wrap(cell.replace(" %", "\N{NO-BREAK SPACE}%"), width)
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in together] or [""]
+
+
+def markdown_fitting(text: str, width: int | None) -> list[str]:
+    r"""Return the lines of a page whose Markdown tables are made to fit; None leaves the page as it is.
+
+    Examples
+    --------
+    >>> markdown_fitting("a page\n\n| a | b |\n|---|---|\n| long | 1 |", 20)
+    ['a page', '', 'a     b', '-------', 'long  1']
+    """
+    if width is None:
+        return text.splitlines()
+    found: list[str] = []
+    for is_table, group in groupby(text.splitlines(), lambda line: line.startswith("|")):
+        if is_table:
+            rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in group]
+            found += fitting([rows[0], *rows[2:]], width)
+        else:
+            found += chain(*(wrap(line, width) or [""] for line in group))
+    return found
 
 
 def runs_csv(comparison: PairedRuns) -> str:

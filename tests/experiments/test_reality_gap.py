@@ -107,7 +107,7 @@ def test_without_a_model_all_of_them_are_drawn(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(compare, "loaded_models", lambda: (dict.fromkeys(("boids", "flocking", "perimeter")), {}))
     assert not typed("reality-gap --seeds 1 --steps 3 --jobs 1 --quiet --out gaps")
     out = capsys.readouterr().out
-    assert [line.split(",")[0] for line in out.splitlines() if "paired seeds" in line] == [
+    assert [line.split(",")[0] for line in out.splitlines() if "paired seed" in line] == [
         "boids", "flocking", "perimeter",
     ]  # fmt: skip
     assert out.splitlines()[-1] == "gaps/reality_gap.png"
