@@ -339,7 +339,7 @@ def _run(number: int, table: dict[str, Any], file: Path, tables: list) -> tuple[
             steps=run.steps,
             settings=settings,
             measure=run.measure,
-            name=run.name or f"run_{number}",
+            name=run.name or f"run_{number:0{len(str(len(tables)))}}",
         )
         return experiment, run.records(file.parent, experiment)
 

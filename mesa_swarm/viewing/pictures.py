@@ -501,10 +501,19 @@ def png(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> bytes:
 
 
 def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
-    """Return which steps each file shows: a single file has the given name, several have their steps added."""
+    """Return which steps each file shows: a single file has the given name, several have their steps added.
+
+    Steps have equally many digits, so that the names sort as the steps do.
+
+    Examples
+    --------
+    >>> [file.name for file in still_paths(Path("run.png"), [0, 300], sheet=False)]
+    ['run_000.png', 'run_300.png']
+    """
     if sheet or len(steps) == 1:
         return {path: list(steps)}
-    return {path.with_name(f"{path.stem}_{step}{path.suffix}"): [step] for step in steps}
+    digits = len(str(max(steps)))
+    return {path.with_name(f"{path.stem}_{step:0{digits}}{path.suffix}"): [step] for step in steps}
 
 
 def export_stills(drawn: PicturedSteps, files: dict[Path, list[int]], look: Look, progress: bool) -> None:

@@ -115,7 +115,7 @@ def test_several_steps_are_refused_where_one_is_expected():
 def test_export_prints_the_files_and_shows_progress_with_the_time_left(exported, tmp_path, monkeypatch):
     monkeypatch.setattr(work_done, "always_drawn", True)
     status, out, err = exported("out.svg --steps 0,300")
-    assert (status, out) == (0, "out_0.svg\nout_300.svg\n")
+    assert (status, out) == (0, "out_000.svg\nout_300.svg\n")
     assert "2/2 pictures" in err
     assert "left, done at" in err
     assert exported("a.csv --table fires --every 100 --quiet") == (0, "a.csv\n", "")

@@ -75,6 +75,13 @@ def test_a_job_names_model_map_robots_parameters_steps_seeds_recordings_and_meas
     assert all(5 <= point["distance"] <= 20 and point["n_robots"] in range(2, 7) for point in second.points)
 
 
+@pytest.mark.parametrize(("count", "first"), [(2, "run_1"), (11, "run_01")])
+def test_runs_without_names_are_numbered_so_that_their_names_sort(read, count, first):
+    names = [one.name for one in read(f"[[run]]\n{MODEL}steps = 5\n" * count).experiments]
+    assert (len(names), names[0], names[-1]) == (count, first, f"run_{count}")
+    assert names == sorted(names)
+
+
 def test_steps_are_by_default_those_that_the_model_declares(read):
     assert read(MODEL).experiments[0].steps == find_model("fire_fighting").steps_to_compare
 

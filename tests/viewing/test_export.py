@@ -22,9 +22,9 @@ def names(folder):
 def test_one_still_has_the_name_that_was_asked_for_and_several_their_steps_too(run, tmp_path):
     assert export(run, tmp_path / "a.svg") == [tmp_path / "a.svg"]
     written = export(run, tmp_path / "b.svg", steps=[300, 0])
-    assert [path.name for path in written] == ["b_0.svg", "b_300.svg"]
+    assert [path.name for path in written] == ["b_000.svg", "b_300.svg"]
     assert export(run, tmp_path / "c.svg", every=150, sheet=True) == [tmp_path / "c.svg"]
-    assert names(tmp_path) == ["a.svg", "b_0.svg", "b_300.svg", "c.svg"]
+    assert names(tmp_path) == ["a.svg", "b_000.svg", "b_300.svg", "c.svg"]
     for step in (0, 150, 300):
         assert f"step {step}".encode() in (tmp_path / "c.svg").read_bytes()
 
@@ -87,6 +87,11 @@ def test_files_that_are_there_are_replaced_only_if_asked(run, tmp_path):
         assert path.read_text() == "precious"
     export(run, tmp_path / "a.csv", overwrite=True, table="fires")
     assert (tmp_path / "a.csv").read_text().startswith("step,fire,")
+
+
+def test_the_names_of_several_stills_sort_as_their_steps_do(run, tmp_path):
+    export(run, tmp_path / "a.svg", steps=[9, 10, 100])
+    assert names(tmp_path) == ["a_009.svg", "a_010.svg", "a_100.svg"]
 
 
 def test_one_of_several_stills_that_is_there_stops_all(run, tmp_path):
