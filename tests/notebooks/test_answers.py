@@ -1,4 +1,4 @@
-"""Answers to the exercises that somebody else could give: right ones pass, wrong ones and garbage are refused.
+"""Answers to the exercises that students could give: right ones pass, wrong ones and garbage are refused.
 
 They stand in `answers/`, a file a notebook, each after a line such as `# %% exercise-1 right: with two sensors`. The
 kind is `right`, `wrong` or `hint`: the last stage of the exercise's own hint, taken literally.
