@@ -16,13 +16,12 @@ from pathlib import Path
 import nbformat
 from equations import with_mathml
 from gallery_page import gallery_page, write_pictures
+from model_pages import model_page
 from notebook_pages import executed, is_executed, write_page
 from recorded_runs import RecordedRun, recorded_runs
 from slide_show import slide_show
 
-from mesa_swarm.about import model_info
 from mesa_swarm.gallery import gallery_names
-from mesa_swarm.odd import odd
 
 ROOT = Path(__file__).parents[1]
 SOURCES, TARGET = ROOT / "docs", ROOT / "build" / "docs"
@@ -66,11 +65,7 @@ def _write_repository(folder: Path) -> None:
 def _write_models(folder: Path) -> None:
     folder.mkdir()
     for name in gallery_names():
-        info = model_info(name)
-        title, _, rest = info.markdown(level=1, command=info.command).partition("\n")
-        described = f"## Description by the ODD protocol\n\n{odd(info, level=3)}"
-        text = f"{title}\n\n<!-- recorded run: {name} -->\n{rest}\n{described}"
-        (folder / f"{name}.md").write_text(text, encoding="utf-8")
+        (folder / f"{name}.md").write_text(model_page(name), encoding="utf-8")
     (folder / "index.md").write_text(gallery_page(), encoding="utf-8")
     write_pictures(folder)
 
