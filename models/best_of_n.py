@@ -12,7 +12,7 @@ HOW TO USE IT. `rule` is how robots decide, `quality` that of the right site, wh
 far a broadcast carries, `first_share` the share of robots for the left site at first.
 
 THINGS TO NOTICE. The better site gains because its robots broadcast for longer. The majority rule is faster; the voter
-rule errs less often, above all if most robots begin with the wrong opinion.
+rule errs less often if most robots begin with the wrong opinion.
 
 THINGS TO TRY. Equal qualities. A range of 20, and of 200. A first share of 0.2. EXTENDING IT. A third site.
 
