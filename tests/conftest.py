@@ -20,6 +20,14 @@ def pytest_addoption(parser):
     parser.addoption("--at-length", action="store_true", help="attack with thousands of inputs (tests/hostile)")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_terminal():
+    """Let commands print whole lines, as for a file: processes of pytest-xdist have COLUMNS of a terminal."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("COLUMNS", raising=False)
+        yield
+
+
 def pytest_runtest_setup(item):
     if item.get_closest_marker("slow") and is_out_of_time():
         pytest.skip("this machine is slower than usual, and the time for slow tests is over")

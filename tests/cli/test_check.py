@@ -28,7 +28,7 @@ def test_diagnose_finds_robots_that_turn_on_the_spot_in_a_corridor(typed):
     model = find_model("collision_avoidance")(n_robots=2, map="corridor.toml")
     ids = [robot.unique_id for robot in model.robots]
     assert status == 0
-    assert "500/500 steps" in err
+    assert "500 of 500 steps in " in err
     assert ["corridor", "flip", "2"] in [word.split() for word in out.splitlines()]
     sentences = out.splitlines()[-2:]
     assert sorted(int(sentence.split()[1]) for sentence in sentences) == ids

@@ -32,7 +32,7 @@ def test_compare_takes_another_parameter_values_settings_and_folder(typed, tmp_p
     line = "compare collision_avoidance --parameter n_robots --values 2,3 --set map=sparse --out here/there"
     status, out, err = typed(f"{line} --seeds 2 --steps 20 --jobs 1")
     assert status == 0
-    assert "4/4 runs" in err
+    assert "4 of 4 runs in " in err
     assert "minus 2 [95 %]" in out
     assert (tmp_path / "here" / "there" / "over_time.png").exists()
 

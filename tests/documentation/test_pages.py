@@ -160,5 +160,5 @@ def assert_serves(words: list[str]) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_in_a_page_s_sentences_and_tables_exist(page):
     known = typer.main.get_command(cli.app).commands
-    named = set(re.findall(r"`mesa-swarm ([a-z-]+)", page.read_text(encoding="utf-8")))
+    named = set(re.findall(r"`mesa-swarm ([a-z][a-z-]+)", page.read_text(encoding="utf-8")))
     assert named <= set(known)

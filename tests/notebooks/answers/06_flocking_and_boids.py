@@ -10,9 +10,9 @@ import math
 
 def my_polarization(heading):
     x = y = 0.0
-    for angle in heading:
-        x += math.cos(angle)
-        y += math.sin(angle)
+    for one in heading:
+        x += math.cos(one)
+        y += math.sin(one)
     return math.sqrt(x**2 + y**2) / len(heading)
 # %% exercise-1 right: the norm of the mean vector
 def my_polarization(heading):
@@ -36,7 +36,7 @@ def my_polarization(heading):
 # %% exercise-1 wrong: the mean length of the vectors
 def my_polarization(heading):
     return np.hypot(np.cos(heading), np.sin(heading)).mean()
-# %% exercise-1 wrong: deviations from the mean of the angles
+# %% exercise-1 wrong: deviations from the mean of the headings
 def my_polarization(heading):
     return np.cos(heading - heading.mean()).mean()
 # %% exercise-1 wrong: its square
