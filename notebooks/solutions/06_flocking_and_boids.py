@@ -10,5 +10,5 @@ def my_polarization(heading):
 
 
 # %% exercise-2
-# Without the rule, what still aligns boids is that they give way to each other; a strong course of their own prevents it.
+# Without the rule, boids are still aligned by giving way to each other; a strong course of their own prevents it.
 answer = dict(separation_weight=3.0, alignment_weight=0.0, cohesion_weight=0.5, cruise_weight=3.0)

@@ -31,6 +31,13 @@ def gap(notebook):
     return lambda first, second, name: notebook["difference"](rows, first, second, name)
 
 
+@pytest.fixture(scope="module")
+def drives(notebook):
+    """Return the drives of frozen policies, each after a training of its own, by whether networks are shared."""
+    train, reloaded, drive = (notebook[name] for name in ("train", "reloaded", "drive"))
+    return {shared: [drive(reloaded(train(rng, shared)), rng) for rng in SEEDS] for shared in (False, True)}
+
+
 class TestExploration:
     @pytest.mark.parametrize("other", [0.0, 1e-4, 5e-4])
     def test_with_the_quickest_cooling_robots_have_the_fewest_collisions_in_total(self, gap, other):
@@ -48,19 +55,13 @@ class TestExploration:
     def test_robots_that_remain_warmer_drive_ahead_more_slowly_at_last(self, gap, slower, faster):
         assert gap(slower, faster, "speed ahead").high < 0
 
-    def test_the_speeds_at_last_of_the_two_quicker_coolings_differ_little(self, gap):
+    def test_with_the_quickest_cooling_robots_drive_ahead_a_little_more_slowly_at_last_than_with_the_next(self, gap):
         speed = gap(5e-3, 5e-4, "speed ahead")
         assert speed.low > -0.2
-        assert speed.high < 0.1
+        assert speed.high < 0
 
 
 class TestFrozenPolicies:
-    @pytest.fixture(scope="class")
-    def drives(self, notebook):
-        """Return the drives of frozen policies, each after a training of its own, by whether networks are shared."""
-        train, reloaded, drive = (notebook[name] for name in ("train", "reloaded", "drive"))
-        return {shared: [drive(reloaded(train(rng, shared)), rng) for rng in SEEDS] for shared in (False, True)}
-
     def test_with_own_networks_robots_collide_more_than_with_shared_ones(self, drives):
         gaps = [own["collisions"] - one["collisions"] for own, one in zip(drives[False], drives[True], strict=True)]
         assert mean_interval(gaps).low > 5

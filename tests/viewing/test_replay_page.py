@@ -34,7 +34,7 @@ def test_the_page_holds_every_step(page):
 def test_the_page_refers_to_nothing_outside_itself(page):
     assert re.findall(r"https?://|//[a-z0-9.-]+\.[a-z]{2,}/", page) == []
     assert re.findall(r"<script[^>]*\ssrc|<link[^>]*stylesheet|@import|\burl\(|\bimport\b[^;\n]*from", page) == []
-    assert re.findall(r'(?:src|href)="([^"]*)"', page) == ["data:,", "#"]  # the second: a link that its script completes
+    assert re.findall(r'(?:src|href)="([^"]*)"', page) == ["data:,", "#"]  # a link for the script
 
 
 def test_nothing_in_a_recording_can_end_the_element_that_holds_it():
