@@ -493,7 +493,7 @@ class EngineModel(ImperfectModel):
         return explanation(self._control, self.swarm, snapshots, row, wanted, self._kinds)
 
     def state_hash(self) -> str:
-        """Return a fingerprint of the published state: equal for equal runs, on every machine and Python.
+        """Return a fingerprint of the published state: equal for equal runs, in any number of threads and processes.
 
         All sensors are read first, so that the fingerprint is independent of earlier readings.
 

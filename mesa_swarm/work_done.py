@@ -10,7 +10,7 @@ from time import perf_counter
 always_drawn = False
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class WorkDone:
     """Units of work that are done, of how many, from when on, and how many were done before."""
 

@@ -189,7 +189,7 @@ def test_intervals_that_no_reader_accepts_are_not_recorded(tmp_path):
 def test_running_again_shows_how_far_it_is_and_ends_when_its_owner_goes(parts, tmp_path, capsys):
     path = put_together(parts, tmp_path / "run.arrow")
     SwarmModel.resume(path, progress=True)
-    assert f"{STEPS}/{STEPS} steps" in capsys.readouterr().err
+    assert f"{STEPS} of {STEPS} steps in " in capsys.readouterr().err
     seen = []
 
     def watch(model):
