@@ -4,9 +4,9 @@ WHAT IS IT? Robots explore until they see others, drive to the centroid of the v
 of them end up in many groups rather than in one, which the thesis calls local convergence.
 
 HOW IT WORKS. Three layers; the first active layer drives. Avoid turns away from very near bodies. Gather turns on the
-spot towards the perceived centroid of the visible robots when its bearing exceeds the critical angle, and stays when
-it is ahead and near. Explore drives straight on. With `moving`, groups do not stay: a robot of the lowest rank within
-range leads (lead), robots drive as those do that they see (match), or both with a head-on rule (together).
+spot towards the perceived centroid of the visible robots when its bearing exceeds the critical angle, and stays when it
+is ahead and near. Explore drives straight on. With `moving`, groups do not stay: a robot of the lowest rank within
+range leads (lead), robots drive as the visible robots do (match), or both with a head-on rule (together).
 
 HOW TO USE IT. `sight` is the range at which robots see each other, `stop_distance` the distance of the centroid at
 which they stay, `avoid_distance` the range of Avoid: above `stop_distance` minus a radius, robots never come to rest.
@@ -17,7 +17,7 @@ fro between two sensors. A robot that is followed by all others, until it turns 
 THINGS TO TRY. Longer sight: are there fewer groups? Random turns: do groups grow afterwards? A larger stop distance:
 why are there only pairs?
 
-EXTENDING IT. Let a leader that has met no robot for long turn by chance.
+EXTENDING IT. Let a leader that has met no robot for long turn at random.
 
 REFERENCE. Thesis, sections 5.2.3.1, 5.3.2 and 5.3.4.
 """

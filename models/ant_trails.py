@@ -5,9 +5,9 @@ prefer. After some time nearly all go by one branch. Ants prefer the short one, 
 
 HOW IT WORKS. Robots follow lanes on the ground, at the right of each branch. Before a fork a robot smells the trail in
 the left and in the right branch, L and R, and goes left with probability (k + L)^2 / ((k + L)^2 + (k + R)^2). It leaves
-as much trail on each unit of its way. By the short branch robots are at the other end sooner, where they smell its
-trail alone when they go back. A robot waits for others ahead or at its right; now and then, but not near a fork, it
-passes on the right.
+as much trail on each unit of its way. On the short branch robots reach the other end sooner, where they smell only its
+trail when they return. A robot waits for others ahead or at its right; now and then, but not near a fork, it passes on
+the right.
 HOW TO USE IT. `ratio` is the length of the lower branch relative to the upper one; below an amount of trail of `k` the
 choice is at random; robots leave the nest one by one, the next in line with probability `leaving` in each step.
 THINGS TO NOTICE. The choices of the first robots decide, more than length: what would colonies of hundreds of ants do?

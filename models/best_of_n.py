@@ -8,7 +8,7 @@ nest it broadcasts its opinion for a random time whose mean is proportional to t
 voter rule it takes the opinion of a random one of the robots that it hears, by the majority rule that of most of them,
 its own included. It goes to the site of its new opinion, and so on. A light at the right shows where the sites are.
 
-HOW TO USE IT. `rule` is how robots decide, `quality` that of the right site, where the left one has 1; `range` is how
+HOW TO USE IT. `rule` is how robots decide, `quality` that of the right site, relative to the left one; `range` is how
 far a broadcast carries, `first_share` the share of robots for the left site at first.
 
 THINGS TO NOTICE. The better site gains because its robots broadcast for longer. The majority rule is faster; the voter

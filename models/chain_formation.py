@@ -19,7 +19,7 @@ its own followers. Chains that meet head-on split into two others. A ring can fo
 THINGS TO TRY. The gap rule off: how long do chains get? Nine sensors instead of three: why do pairs now block each
 other for ever? (An ethogram shows it.) Sensors with a range of only 30 units. Twenty robots, or a hundred.
 
-EXTENDING IT. Let the last robot of a chain drop out when none has followed it for long.
+EXTENDING IT. Let the last robot of a chain drop out when no robot has followed it for long.
 
 REFERENCE. Thesis, sections 5.2.3.2, 5.3.3 and 10.2.
 """

@@ -4,8 +4,8 @@ WHAT IS IT? The nest stores energy. Robots use it up, more of it outside than in
 they bring adds to it. More robots bring more food, but are in each other's way.
 
 HOW IT WORKS. A robot explores, sees food, goes there, grips it and carries it to the nest, which it finds by a beacon;
-there the item becomes energy, and another one appears elsewhere. A robot in the nest reads how much energy is missing
-to its own threshold, and rests unless some is. Thresholds are spread evenly from 0 to the full store.
+there the item becomes energy, and another one appears elsewhere. A robot in the nest reads how far the store is below
+its own threshold, and rests while it is not. Thresholds are spread evenly from 0 to the full store.
 
 HOW TO USE IT. `n_robots`; `thresholds`, without which all robots always work; `items` of food that lie around.
 THINGS TO TRY. Twenty robots with and without thresholds: how much energy does an item cost? Let robots recruit others.

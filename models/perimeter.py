@@ -1,7 +1,7 @@
 """Perimeter: robots that form a ring and face outwards.
 
 WHAT IS IT? Musk oxen do this around their calves. Here the ring is empty: robots keep a distance from the centroid of
-the visible robots, and turn their backs to it. A ring emerges, or arcs of several, though no robot can see one.
+the visible robots, and turn their backs to it. A ring emerges, or several arcs, though no robot can see one.
 
 HOW IT WORKS. Three layers; the first active layer drives. Avoid turns away from very near bodies. Perimeter drives
 towards the perceived centroid from outside the ring distance, away from it from inside, and on the ring turns round

@@ -1,13 +1,13 @@
-"""Puck clustering: robots that gather scattered pucks in one cluster, though each sees only those before it.
+"""Puck clustering: robots that gather scattered pucks in one cluster, though each sees only pucks ahead of it.
 
 WHAT IS IT? Robots pick up pucks that have few others near, and put them down where many are. Small clusters lose pucks
 and large ones gain them, until one is left. Robots do not communicate: what one has done to the pucks decides what the
 next does, which is called stigmergy.
 
-HOW IT WORKS. A robot goes straight on. When it comes to a puck with an empty gripper, it picks it up with a chance that
-falls with the number of others in view, to 0 at `many`. When it comes to a puck with its gripper full, it puts its own
-down with a chance that grows with the number in view, to 1 at `enough`. Then, and where it meets a wall or another
-robot, it goes back a little and turns to one side by an angle, both at random.
+HOW IT WORKS. A robot goes straight on. When it comes to a puck with an empty gripper, it picks it up with a probability
+that falls with the number of others in view, to 0 at `many`. When it comes to a puck with its gripper full, it puts its
+own down with a probability that grows with the number in view, to 1 at `enough`. Then, and where it meets a wall or
+another robot, it goes back a little and turns to one side by an angle, both at random.
 
 HOW TO USE IT. `n_robots`; `rows` of four pucks; `many`, `enough`. Two pucks are in one cluster if no robot can pass
 between them. The work is done when nine tenths of the pucks are in one cluster; pucks that are carried are in none.

@@ -1,6 +1,6 @@
 """Shepherding: one robot drives a flock of sheep to a target.
 
-WHAT IS IT? Sheep flee from a robot and crowd together. The robot collects those far from the others, and drives all.
+WHAT IS IT? Sheep flee from a robot and crowd together. The robot collects stragglers and drives the flock.
 
 HOW IT WORKS. Sheep are ordinary Mesa agents, each with a body that robots see. A sheep within 65 m of a robot walks
 along a sum: away from robots, away from sheep within 2 m, towards the centre of its nearest `neighbours`, on as before,

@@ -1,12 +1,12 @@
 """Task allocation: robots that begin a task when its stimulus exceeds their threshold.
 
-WHAT IS IT? A task is to be done by as many robots as it needs, though no robot knows how many are at work. Each robot
+WHAT IS IT? A task should be done by as many robots as it needs, though no robot knows how many are at work. Each robot
 perceives the stimulus of the task, which grows while too few work and falls while too many do.
 
 HOW IT WORKS. In each step the stimulus s grows by `demand` and falls by `efficiency` times the share of robots at work.
 A robot at rest begins with probability s^2 / (s^2 + threshold^2); one at work stops with probability `quitting`,
-whatever the stimulus; both times `PACE`, which is the length of a step. There are two castes: minors of a low and
-majors of a high threshold. Robots at rest stand still; robots at work explore the map and avoid each other.
+whatever the stimulus; both times `PACE`, which is the length of a step. There are two castes: minors with a low and
+majors with a high threshold. Robots at rest stand still; robots at work explore the map and avoid each other.
 
 HOW TO USE IT. `demand` divided by `efficiency` is the share of robots that the task needs; `major_share` is the share
 of majors among the robots; a robot works for 1 / `quitting` time units at a time.
@@ -16,7 +16,7 @@ work while there are enough minors, and take over when there are not.
 
 THINGS TO TRY. A demand above the efficiency. Change `model.task.demand` during a run; remove the minors during a run.
 
-EXTENDING IT. Let thresholds fall in those who work and rise in others (Theraulaz et al. 1998). Let robots perceive
+EXTENDING IT. Let thresholds fall in robots that work and rise in others (Theraulaz et al. 1998). Let robots perceive
 the stimulus only near the place of the task, with a `Field` and a `FieldSensor`.
 
 REFERENCE. Bonabeau, Theraulaz and Deneubourg, Proceedings of the Royal Society B 263 (1996) 1565-1569.
