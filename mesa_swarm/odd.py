@@ -78,7 +78,7 @@ def odd(info: ModelInfo, *, level: int = 2) -> str:
 
 
 def _purpose(info: ModelInfo) -> str:
-    patterns = f"\n\nPatterns by which it is judged: {info.patterns}" if info.patterns else ""
+    patterns = f"\n\nPatterns used to evaluate the model: {info.patterns}" if info.patterns else ""
     return info.what + patterns
 
 

@@ -79,7 +79,8 @@ class Page(HTMLParser):
 
 # Where `.ci/run` has built the site, and how a builder is called.
 BUILT = {"mkdocs": "MESA_SWARM_SITE", "zensical": "MESA_SWARM_SITE_BY_ZENSICAL"}
-FLAGS = {"mkdocs": ["build", "--strict", "-q"], "zensical": ["build", "--strict"]}
+# With -q MkDocs does not count warnings.
+FLAGS = {"mkdocs": ["build", "--strict"], "zensical": ["build", "--strict"]}
 
 
 def built(folder: Path, pages: Path, builder: str = "mkdocs", **settings) -> Path:
