@@ -31,6 +31,9 @@ OF_THE_REPOSITORY = ("CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md")
 SLIDES = "slides_of_a_lecture.md"
 # Stands where a page embeds a recorded run.
 EMBEDDED = re.compile(r"^<!-- recorded run: (?P<name>\w+) -->$", re.MULTILINE)
+# How it is written: on a slide, and on a page, where `site.js` makes a frame of it.
+FRAME = '<iframe class="recorded-run" src="{source}" title="{title}" loading="lazy"></iframe>'
+LINK = "[{title}]({source}){{ .recorded-run }}"
 
 
 def prepare(target: Path = TARGET) -> None:
@@ -44,12 +47,11 @@ def prepare(target: Path = TARGET) -> None:
     for page in sorted(target.rglob("*.md")):
         text = with_mathml(page.read_text(encoding="utf-8"))
         if page.name == SLIDES:
-            page.with_suffix(".html").write_text(slide_show(_with_frames(text, "../", runs)), encoding="utf-8")
+            page.with_suffix(".html").write_text(slide_show(_with_runs(text, FRAME, "../", runs)), encoding="utf-8")
             page.unlink()
         else:
-            place = page.relative_to(target).with_suffix("")
-            up = "../" * (len(place.parts) - (place.name == "index"))
-            page.write_text(_with_frames(text, up, runs), encoding="utf-8")
+            up = "../" * (len(page.relative_to(target).parts) - 1)
+            page.write_text(_with_runs(text, LINK, up, runs), encoding="utf-8")
     _write_runs(target / "recorded", runs)
 
 
@@ -81,14 +83,14 @@ def _write_notebooks(folder: Path, runs: dict[str, RecordedRun]) -> None:
         write_page(notebook, file.stem, folder)
 
 
-def _with_frames(text: str, up: str, runs: dict[str, RecordedRun]) -> str:
-    """Return a page with the elements that play recorded runs; `up` leads to the top of the site."""
+def _with_runs(text: str, form: str, up: str, runs: dict[str, RecordedRun]) -> str:
+    """Return a page with its recorded runs in this form; `up` leads to the top of the site."""
 
-    def frame(found: re.Match) -> str:
-        source, title = f"{up}recorded/{found['name']}.html", f"A recorded run: {runs[found['name']].title}"
-        return f'<iframe class="recorded-run" src="{source}" title="{title}" loading="lazy"></iframe>'
+    def shown(found: re.Match) -> str:
+        title = f"A recorded run: {runs[found['name']].title}"
+        return form.format(source=f"{up}recorded/{found['name']}.html", title=title)
 
-    return EMBEDDED.sub(frame, text)
+    return EMBEDDED.sub(shown, text)
 
 
 def _write_runs(folder: Path, runs: dict[str, RecordedRun]) -> None:

@@ -231,18 +231,16 @@ class EngineModel(ImperfectModel):
     def step(self) -> None:
         """Advance the world by one step.
 
-        ==========  ================================================  ===========================================
-        phase       reads                                             writes
-        ==========  ================================================  ===========================================
-        sense       position, heading, bodies                         distance, kind, radiation, line, own sensors
-        exchange    layer, task, sent_goal, pose, obstacles           heard_layer, heard_task, heard_from, heard_goal
-        decide      what robots know (`control.Senses`)               command, layer, task, goal, sent_goal, act
-        act         what actuators are set to                         what they are about
-        move        command, loads, driven bodies' aims               loads, driven bodies, position, heading
-        resolve     position, bodies                                  position, heading, slip, collided, contacts
-        process     position, fields                                  fields; then what each of `processes` changes
-        collect     everything                                        datacollector, history
-        ==========  ================================================  ===========================================
+        | phase | reads | writes |
+        | --- | --- | --- |
+        | sense | position, heading, bodies | distance, kind, radiation, line, own sensors |
+        | exchange | layer, task, sent_goal, pose, obstacles | heard_layer, heard_task, heard_from, heard_goal |
+        | decide | what robots know (`control.Senses`) | command, layer, task, goal, sent_goal, act |
+        | act | what actuators are set to | what they are about |
+        | move | command, loads, driven bodies' aims | loads, driven bodies, position, heading |
+        | resolve | position, bodies | position, heading, slip, collided, contacts |
+        | process | position, fields | fields; then what each of `processes` changes |
+        | collect | everything | datacollector, history |
 
         Every robot acts on what was published after the previous step; nothing depends on their order. Fields are the
         first to advance in their phase.

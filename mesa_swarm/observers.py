@@ -20,18 +20,15 @@ class Observer(Protocol):
     Derive from it and override what is needed: every method does nothing by default, but `break_off` closes.
     An object of another class serves as well, with any of these methods.
 
-    ===============  =========================================================================================
-    method           called
-    ===============  =========================================================================================
-    `before_step`    before anything of a step; Mesa has counted the step already
-    `after_step`     at the end of the model's own step, to which a derived class may add more
-    `between_steps`  when nothing of the step is left to do; a difference found at the next `before_step` was
-                     made by hand
-    `after_failure`  after a step that raised an error
-    `after_run`      when `run` has taken its steps without an error
-    `replaced`       when `continued` has moved it to the model that continues the run with other parameters
-    `break_off`      when an error or Ctrl-C ends `run`
-    ===============  =========================================================================================
+    | method | called |
+    | --- | --- |
+    | `before_step` | before anything of a step; Mesa has counted the step already |
+    | `after_step` | at the end of the model's own step, to which a derived class may add more |
+    | `between_steps` | at the end of all of the step; differences at the next `before_step` were made by hand |
+    | `after_failure` | after a step that raised an error |
+    | `after_run` | when `run` has taken its steps without an error |
+    | `replaced` | when `continued` has moved it to the model that continues the run with other parameters |
+    | `break_off` | when an error or Ctrl-C ends `run` |
 
     Examples
     --------

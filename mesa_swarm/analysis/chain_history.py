@@ -331,21 +331,17 @@ def follow_chains(
     *Identity.* A new chain is a successor of an old one if two or more robots are in both. Each number goes on to
     one successor, each successor has one number: those with most robots in common first, then smaller numbers.
 
-    ========  ======================================================================================================
-    event     what it is
-    ========  ======================================================================================================
-    birth     a chain without predecessor: no two of its robots were in one chain in the frame before
-    end       a chain without a successor
-    merge     a chain that is the successor of two or more
-    split     a chain that has two or more successors
-    reversal  robots that were in one chain at most `window` steps ago are in one (again or still), every two of them
-              in the opposite order, once for each time the old chain lost its order; or a chain that drove forwards
-              drives backwards, or the other way round, by at least `reversal_distance` (the mean over its robots of
-              the way along their headings; the step is that in which it had come farthest)
-    meeting   two robots that are not in one chain, each of which is the nearest one within `meeting_distance` and
-              within `meeting_angle_degrees` of the other's heading, and nearer to the other than in the frame
-              before; once for each pair until they are farther apart than `parting_distance`
-    ========  ======================================================================================================
+    - **birth**: a chain without predecessor: no two of its robots were in one chain in the frame before
+    - **end**: a chain without a successor
+    - **merge**: a chain that is the successor of two or more
+    - **split**: a chain that has two or more successors
+    - **reversal**: robots that were in one chain at most `window` steps ago are in one (again or still), every two of
+      them in the opposite order, once for each time the old chain lost its order; or a chain that drove forwards drives
+      backwards, or the other way round, by at least `reversal_distance` (the mean over its robots of the way along
+      their headings; the step is that in which it had come farthest)
+    - **meeting**: two robots that are not in one chain, each of which is the nearest one within `meeting_distance` and
+      within `meeting_angle_degrees` of the other's heading, and nearer to the other than in the frame before; once for
+      each pair until they are farther apart than `parting_distance`
 
     A single robot that joins or leaves a chain is not an event, and neither is the state of the first frame.
 

@@ -444,20 +444,15 @@ def find_pathologies(
     Let (m_L, m_R) be a robot's command. It *turns* left or right as m_R - m_L is above or below 0; its turn *flips*
     in a step if the last turn before was to the other side.
 
-    =============================  ===================================================================================
-    kind                           what it is
-    =============================  ===================================================================================
-    corridor flip                  the turn flips, both this turn and the one before it are away from something nearer
-                                   than `near`, and one of them at least from an obstacle, fire or load: turning left,
-                                   the right or the front sensor reads it; turning right, the left or the front one
-    centroid flip                  the turn flips, some sensor sees a robot at both turns, other sensors do than at the
-                                   turn before, and neither turn is away from a robot nearer than `near` that only
-                                   the sensor of the other side reads
-    head-on pair                   two robots whose rims are at most `gap` apart, each within `facing_degrees` of the
-                                   other's heading, both commanded to drive forwards or to turn, and slow
-    back-and-forth at a threshold  m_L + m_R flips its sign
-    stuck                          commanded forwards, (m_L + m_R) / 2 >= `forward_share` of `max_speed`, without moving
-    =============================  ===================================================================================
+    - **corridor flip**: the turn flips, both this turn and the one before it are away from something nearer than
+      `near`, and one of them at least from an obstacle, fire or load: turning left, the right or the front sensor reads
+      it; turning right, the left or the front one
+    - **centroid flip**: the turn flips, some sensor sees a robot at both turns, other sensors do than at the turn
+      before, and neither turn is away from a robot nearer than `near` that only the sensor of the other side reads
+    - **head-on pair**: two robots whose rims are at most `gap` apart, each within `facing_degrees` of the other's
+      heading, both commanded to drive forwards or to turn, and slow
+    - **back-and-forth at a threshold**: m_L + m_R flips its sign
+    - **stuck**: commanded forwards, (m_L + m_R) / 2 >= `forward_share` of `max_speed`, without moving
 
     *Flips* make an episode where `fewest_flips` of one kind in a row come within `window` steps and the robot makes
     no progress from the first to the last of them: its displacement is below its radius, and below `slow_share` of what

@@ -80,17 +80,13 @@ def compare(
     places, and sensors and wheels err alike, so that differences within a seed show the parameter and not chance.
     Every value is compared with the first. The results do not depend on the number of jobs.
 
-    ==================  ================================================================================
-    what                how it is estimated, with its 95 % interval
-    ==================  ================================================================================
-    in runs             share of runs in which it happened: the result was not None; Wilson
-    mean                over those runs; bootstrap over seeds (`statistics.bootstrap_mean`)
-    minus the first     mean of the differences on the same seed, over seeds on which it happened under
-                        both; bootstrap over these pairs
-    larger on           effect size: the share of seeds on which it was larger than under the first value,
-                        ties half (`statistics.superiority`); Wilson. A result whose name ends in "at" is
-                        a time: where it did not happen it counts as later than any.
-    ==================  ================================================================================
+    - **in runs**: share of runs in which it happened: the result was not None; Wilson
+    - **mean**: over those runs; bootstrap over seeds (`statistics.bootstrap_mean`)
+    - **minus the first**: mean of the differences on the same seed, over seeds on which it happened under both;
+      bootstrap over these pairs
+    - **larger on**: effect size: the share of seeds on which it was larger than under the first value, ties half
+      (`statistics.superiority`); Wilson. A result whose name ends in "at" is a time: where it did not happen it counts
+      as later than any.
 
     Parameters
     ----------

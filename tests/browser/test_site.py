@@ -32,6 +32,12 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ["mesa_swarm", *(f"mesa_swarm.{module.name}" for module in iter_modules(mesa_swarm.__path__))]
+# Compiled functions of sensors, which users do not call; a property that a class sets and SwarmModel explains.
+NOT_METHODS = {
+    "mesa_swarm.FieldSensor.read",
+    "mesa_swarm.NeighbourSensor.read",
+    "mesa_swarm.environments.TaskWorld.control",
+}
 # No equation is looked for within these.
 CODE = {"pre", "code", "script", "style", "math"}
 TEXT = [
@@ -100,7 +106,8 @@ def written(folder: Path, texts: list[str], code: str) -> Path:
     pages = folder / "pages"
     (pages / "notebooks").mkdir(parents=True)
     (pages / "index.md").write_text("# Top\n\n[first](notebooks/first.md)\n")
-    (pages / "site.css").write_text("")
+    for name in ("site.css", "site.js"):
+        (pages / name).write_text("")
     cells = [nbformat.v4.new_markdown_cell(text) for text in texts]
     for name, more in (("first", [*cells, nbformat.v4.new_code_cell(code)]), ("second", [])):
         title = nbformat.v4.new_markdown_cell(f"# The {name}")
@@ -219,11 +226,15 @@ def test_the_reference_explains_every_public_name_and_every_method(site):
             elif inspect.isclass(value):
                 known = {place.removeprefix(one + ".") for one in places for place in explained}
                 missing += [f"{package}.{name}.{method}" for method in methods_of(value) if method not in known]
-    assert missing == []
+    assert set(missing) == NOT_METHODS
 
 
 def test_no_equation_is_left_as_it_was_typed(site):
     assert [page.path.parent.name for page in pages_of(site) if "$" in page.text or "\\(" in page.text] == []
+
+
+def test_every_table_is_drawn_as_one(site):
+    assert [page.path.parent.name for page in pages_of(site) if re.search(r"={4,}  |\|\s*-{3,}", page.text)] == []
 
 
 def test_no_page_makes_external_requests(site, asked):
@@ -295,7 +306,7 @@ SEARCHED = {
     "pheromone": "notebooks/14_stigmergy",
     "deposit": "reference/model",
     "get_neighbors_in_radius": "reference/model",
-    "stuck_robots": "reference/analysis",
+    "find_pathologies": "reference/analysis",
 }
 
 
@@ -309,11 +320,13 @@ def test_the_search_finds_what_visitors_look_for(site, chromium):
         field.click()
         for words, wanted in SEARCHED.items():
             field.fill(words)
+            field.press("End")
             page.locator(".md-search-result__meta").filter(has_text="matching").wait_for()
             links = page.locator("a.md-search-result__link").evaluate_all(LINKS)
             if not any(f"/{wanted}/" in link for link in links):
                 missed[words] = links
             field.fill("")
+            field.press("End")
             page.locator(".md-search-result__meta").filter(has_text="Type to start").wait_for()
         page.close()
     assert missed == {}
