@@ -28,6 +28,14 @@ def no_terminal():
         yield
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Let one process test all claims of a file, which share their runs (pytest-xdist's `--dist loadgroup`)."""
+    for item in items:
+        if item.path.name.startswith("test_claims"):
+            item.add_marker(pytest.mark.xdist_group(item.path.name))
+
+
 def pytest_runtest_setup(item):
     if item.get_closest_marker("slow") and is_out_of_time():
         pytest.skip("this machine is slower than usual, and the time for slow tests is over")
