@@ -28,12 +28,10 @@ def no_terminal():
         yield
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
+def pytest_itemcollected(item):
     """Let one process test all claims of a file, which share their runs (pytest-xdist's `--dist loadgroup`)."""
-    for item in items:
-        if item.path.name.startswith("test_claims"):
-            item.add_marker(pytest.mark.xdist_group(item.path.name))
+    if item.path.name.startswith("test_claims"):
+        item.add_marker(pytest.mark.xdist_group(item.path.name))
 
 
 def pytest_runtest_setup(item):
