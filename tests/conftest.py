@@ -28,12 +28,6 @@ def no_terminal():
         yield
 
 
-def pytest_itemcollected(item):
-    """Let one process test all claims of a file, which share their runs (pytest-xdist's `--dist loadgroup`)."""
-    if item.path.name.startswith("test_claims"):
-        item.add_marker(pytest.mark.xdist_group(item.path.name))
-
-
 def pytest_runtest_setup(item):
     if item.get_closest_marker("slow") and is_out_of_time():
         pytest.skip("this machine is slower than usual, and the time for slow tests is over")
