@@ -280,6 +280,7 @@ def test_no_page_is_wider_than_its_window(site, chromium):
         wide = []
         for one in pages_of(site):
             page.goto(f"{address}/{one.path.parent.relative_to(site)}/", wait_until="domcontentloaded")
+            page.add_style_tag(content="* { transition: none !important; }")  # as after a change of size
             for width in (390, 1366, 1920):
                 page.set_viewport_size({"width": width, "height": 900})
                 if page.evaluate("document.documentElement.scrollWidth > innerWidth"):
