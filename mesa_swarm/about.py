@@ -6,7 +6,7 @@ The file has the module's name and ends in ``.toml``: ``mine.toml`` beside ``min
     watch = "What to watch."
     source = "The full reference."
     speed = 120  # steps a second at which a page plays it first
-    patterns = "By what one judges whether it does what it should."
+    patterns = "Observations that the model must reproduce."
 
     [concepts]  # of the ODD protocol; others are found in the model
     emergence = "What arises from the rules."
@@ -40,6 +40,7 @@ from mesa_swarm.errors import (
     MapError,
     SwarmError,
     check_number,
+    in_brief,
     shortened,
     unknown_name,
     without_middle,
@@ -401,14 +402,15 @@ def _markdown(info: ModelInfo, head: str, command: Callable[[Preset], str]) -> I
         yield "\n\n".join(f"$${one.latex}$$\n\n{one.text}" for one in info.equations)
     if info.source:
         yield f"{head}# Source\n\n{info.source}"
-    yield _folded("Parameters", _table(info.parameters))
+    yield _folded("Parameters", parameter_table(info.parameters))
     for one in info.code:
         yield _folded(f"Code: {one.name} <small>{one.module}</small>", f"```python\n{one.code}\n```")
 
 
-def _table(parameters: Mapping[str, Parameter]) -> str:
-    rows = [f"| `{one.name}` | {one.default} | {one.help} |".replace("<", "&lt;") for one in parameters.values()]
-    return "\n".join(["| parameter | default | |", "|---|---|---|", *rows])
+def parameter_table(parameters: Mapping[str, Parameter]) -> str:
+    """Return parameters, their defaults and what they mean as a table in Markdown."""
+    rows = [f"| `{one.name}` | {in_brief(one.default)} | {one.help} |" for one in parameters.values()]
+    return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows]).replace("<", "&lt;")
 
 
 def _folded(title: str, text: str) -> str:

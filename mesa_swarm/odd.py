@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from mesa_swarm.about import ModelInfo
+from mesa_swarm.about import ModelInfo, parameter_table
 from mesa_swarm.errors import InvalidValueError
 
 # In the order of the protocol; what is None is found in the model.
@@ -35,7 +35,6 @@ PHASES = (
     "**Process**: what else happens, in the order below; fields diffuse and evaporate.",
     "**Collect**: reporters store their values.",
 )
-HEAD_OF_PARAMETERS = "| parameter | default | meaning |\n|---|---|---|"
 
 
 def odd(info: ModelInfo, *, level: int = 2) -> str:
@@ -175,11 +174,10 @@ def _sensing(model: Any) -> Iterator[str]:
 
 
 def _initialization(info: ModelInfo, model: Any) -> str:
-    values = {name: one.default for name, one in info.parameters.items() if name != "rng"}
-    rows = "\n".join(f"| `{name}` | {value!r} | {info.parameters[name].help} |" for name, value in values.items())
+    table = parameter_table({name: one for name, one in info.parameters.items() if name != "rng"})
     return (
         f"The map `{model.map.name}` with its bodies. Robots are at random free places with random headings, unless "
-        f"the model places them; the seed determines all of it.\n\n{HEAD_OF_PARAMETERS}\n{rows}"
+        f"the model places them; the seed determines all of it.\n\n{table}"
     )
 
 

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import typer
 
 from mesa_swarm.cli.lines import print_lines
-from mesa_swarm.cli.options import in_brief, known_model
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.cli.options import known_model
+from mesa_swarm.errors import SwarmError, in_brief
 from mesa_swarm.gallery import PACKAGE, class_name, description, find_model, gallery_names, model_names
 
 ROOT = PACKAGE.partition(".")[0]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mesa_swarm.cli.lines import print_lines
+from mesa_swarm.errors import in_brief
 from mesa_swarm.gallery import BASE, check_model, find_model
 from mesa_swarm.lazy import without_collection
 
@@ -89,10 +90,3 @@ def print_pairs(pairs: dict) -> None:
     """Print names and values in two columns."""
     width = max(map(len, pairs))
     print_lines((f"{name:{width}}  {in_brief(value)}" for name, value in pairs.items()), width + 2)
-
-
-def in_brief(value: object) -> str:
-    """Return a value as a user would write it."""
-    if value is None:
-        return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

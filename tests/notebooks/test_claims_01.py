@@ -5,7 +5,7 @@ import pytest
 
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference, share_interval
-from support.exercises import NOTEBOOKS, cells_of, last_value
+from support.exercises import NOTEBOOKS, cells_of, names_of
 
 pytestmark = pytest.mark.slow
 CELLS = cells_of(NOTEBOOKS[0])
@@ -17,18 +17,10 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("cells")
 
 
-def run_cells(folder, *cells):
-    """Run cells of the notebook and return the names that they define."""
-    place = {"__name__": "__main__"}
-    for cell in cells:
-        last_value(CELLS[cell], place, folder / f"{cell.replace('-', '_')}.py")
-    return place
-
-
 @pytest.fixture(scope="module")
 def runs(folder):
     """Return the collisions and the extent of the path of each run, by control."""
-    place = run_cells(folder, "setup", "own", "many")
+    place = names_of(1, "setup", "own", "many", folder=folder)
     return {
         name: np.array([place["alone"](layers, seed) for seed in SEEDS]) for name, layers in place["CONTROLS"].items()
     }
@@ -40,25 +32,25 @@ def free(runs, name):
 
 
 def test_the_blind_robot_of_seed_1_ends_in_a_corner_after_854_collisions(folder):
-    model = run_cells(folder, "setup", "robot", "blind")["model"]
+    model = names_of(1, "setup", "robot", "blind", folder=folder)["model"]
     assert model.total_collisions == 854
     assert np.hypot(*(model.swarm.position[0] - (780, 20))) < 10
     assert f"{model.total_collisions} of 1,000" in CELLS["blind-result"]
 
 
 def test_nothing_is_within_range_of_it_at_first(folder):
-    model = run_cells(folder, "setup", "robot")["model"]
+    model = names_of(1, "setup", "robot", folder=folder)["model"]
     model.sense()
     assert (model.swarm.distance == -1).all()
 
 
 @pytest.mark.parametrize("cell", ["avoid", "own"])
 def test_with_avoid_and_with_the_timid_rule_it_has_no_collision(folder, cell):
-    assert run_cells(folder, "setup", cell)["model"].total_collisions == 0
+    assert names_of(1, "setup", cell, folder=folder)["model"].total_collisions == 0
 
 
 def test_the_timid_rule_moves_to_and_fro_at_the_first_wall(folder):
-    model = run_cells(folder, "setup", "own")["model"]
+    model = names_of(1, "setup", "own", folder=folder)["model"]
     watched = model.watch(last=None, columns=("position",))
     model.run(100)
     assert np.hypot(*np.ptp(watched["position"][:, 0], axis=0)) == pytest.approx(1.0, abs=0.01)
@@ -84,7 +76,7 @@ def test_with_avoid_paths_are_wider_and_with_the_timid_rule_narrower_than_blindl
 
 def test_the_unsolved_exercise_has_about_8000_collisions(folder):
     source = CELLS["check-1"].split("check_rule(")[0]
-    place = run_cells(folder, "setup")
+    place = names_of(1, "setup", folder=folder)
     exec(source, place)
     counts = []
     for seed in SEEDS[:20]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.experiments.statistics import bootstrap_mean, paired_difference
-from support.exercises import NOTEBOOKS, cells_of, last_value
+from support.exercises import names_of
 
 pytestmark = pytest.mark.slow
 SEEDS = range(1001, 1041)
@@ -14,9 +14,7 @@ WALLS, ROBOTS = 0, 1
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Return the collisions of each run with walls and with robots, by the sensors' errors."""
-    place, folder = {"__name__": "__main__"}, tmp_path_factory.mktemp("cells")
-    for cell in ("setup", "collisions"):
-        last_value(cells_of(NOTEBOOKS[1])[cell], place, folder / f"{cell}.py")
+    place = names_of(2, "setup", "collisions", folder=tmp_path_factory.mktemp("cells"))
     return {
         name: np.array([place["collisions"](seed, **errors) for seed in SEEDS])
         for name, errors in place["ERRORS"].items()

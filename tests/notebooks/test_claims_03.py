@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference, share_interval
-from support.exercises import NOTEBOOKS, cells_of, last_value
+from support.exercises import NOTEBOOKS, cells_of, names_of
 
 pytestmark = pytest.mark.slow
 NOTEBOOK = NOTEBOOKS[2]
@@ -16,10 +16,7 @@ SEEDS = range(1001, 1081)
 @pytest.fixture(scope="module")
 def notebook(tmp_path_factory):
     """Return the names that the notebook's cells define."""
-    place, folder = {"__name__": "__main__"}, tmp_path_factory.mktemp("cells")
-    for cell in ("setup", "corner", "rules"):
-        last_value(cells_of(NOTEBOOK)[cell], place, folder / f"{cell}.py")
-    return place
+    return names_of(3, "setup", "corner", "rules", folder=tmp_path_factory.mktemp("cells"))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from mesa_swarm.analysis import clusters
 from mesa_swarm.experiments.statistics import bootstrap_mean, mean_interval
 from mesa_swarm.models.agglomeration import LINK, Agglomeration
-from support.exercises import ROOT, cells_of, last_value
+from support.exercises import ROOT, cells_of, names_of
 
 PATH = ROOT / "notebooks" / "04_agglomeration.ipynb"
 SEEDS = range(1001, 1021)
@@ -15,11 +15,7 @@ SEEDS = range(1001, 1021)
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Return the numbers of groups and the shares in the largest one of all seeds, by sight."""
-    folder, place = tmp_path_factory.mktemp("claims"), {"__name__": "__main__"}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MESA_SWARM_QUICK", raising=False)
-        for cell in ("setup", "final-groups"):
-            last_value(cells_of(PATH)[cell], place, folder / f"{cell}.py")
+    place = names_of(4, "setup", "final-groups", folder=tmp_path_factory.mktemp("claims"))
     return {sight: np.array(place["final_groups"](SEEDS, sight=sight)) for sight in (50, 100, 200)}
 
 

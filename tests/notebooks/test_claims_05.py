@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.experiments.statistics import bootstrap_mean, mean_interval
-from support.exercises import ROOT, cells_of, last_value
+from support.exercises import ROOT, cells_of, names_of
 
 PATH = ROOT / "notebooks" / "05_chains_and_leaders.ipynb"
 SEEDS = range(1001, 1021)
@@ -13,11 +13,7 @@ SEEDS = range(1001, 1021)
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
     """Return the length of chains, the meetings and those that disperse: a column each, a row a seed, by rule."""
-    folder, place = tmp_path_factory.mktemp("claims"), {"__name__": "__main__"}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MESA_SWARM_QUICK", raising=False)
-        for cell in ("setup", "chain-run"):
-            last_value(cells_of(PATH)[cell], place, folder / f"{cell}.py")
+    place = names_of(5, "setup", "chain-run", folder=tmp_path_factory.mktemp("claims"))
     chain_run, rules = place["chain_run"], place["RULES"]
     return {name: np.array([chain_run(seed, **rules[name]) for seed in SEEDS]) for name in rules}
 

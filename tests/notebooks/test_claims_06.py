@@ -4,7 +4,7 @@ import pytest
 
 from mesa_swarm.experiments.statistics import bootstrap_mean, mean_interval
 from mesa_swarm.models.boids import Boids
-from support.exercises import ROOT, cells_of, last_value
+from support.exercises import ROOT, cells_of, names_of
 
 PATH = ROOT / "notebooks" / "06_flocking_and_boids.ipynb"
 SEEDS = range(1001, 1021)
@@ -14,12 +14,7 @@ AVOID, MATCH, BOIDS = "wheels, avoid and explore", "wheels, and match", "boids"
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     """Return what the notebook's own cells define, in full size."""
-    folder, place = tmp_path_factory.mktemp("claims"), {"__name__": "__main__"}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MESA_SWARM_QUICK", raising=False)
-        for cell in ("setup", "means"):
-            last_value(cells_of(PATH)[cell], place, folder / f"{cell}.py")
-    return place
+    return names_of(6, "setup", "means", folder=tmp_path_factory.mktemp("claims"))
 
 
 @pytest.fixture(scope="module")

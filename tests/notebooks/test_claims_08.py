@@ -1,27 +1,18 @@
 """Claims of notebook 08 on fresh seeds."""
 
-import io
-from contextlib import redirect_stdout
-
 import pytest
 
 from mesa_swarm.experiments.statistics import mean_interval, share_interval
-from support.exercises import ROOT, cells_of, last_value
+from support.exercises import names_of
 
-PATH = ROOT / "notebooks" / "08_communication.ipynb"
 SEEDS = range(1001, 1021)
 
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     """Return the names that the notebook's cells define, run with fresh seeds."""
-    folder, place = tmp_path_factory.mktemp("claims"), {"__name__": "__main__"}
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()):
-        patch.delenv("MESA_SWARM_QUICK", raising=False)
-        for cell in ("setup", "ranges", "content", "nearest"):
-            last_value(cells_of(PATH)[cell], place, folder / f"{cell}.py")
-            place["SEEDS"] = SEEDS
-    return place
+    cells = ("setup", "ranges", "content", "nearest")
+    return names_of(8, *cells, folder=tmp_path_factory.mktemp("claims"), SEEDS=SEEDS)
 
 
 def succeeded(place, reach):

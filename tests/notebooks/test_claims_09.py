@@ -1,14 +1,10 @@
 """Claims of notebook 9 on fresh seeds."""
 
-import io
-from contextlib import redirect_stdout
-
 import pytest
 
 from mesa_swarm.experiments.statistics import mean_interval
-from support.exercises import NOTEBOOKS, cells_of, last_value
+from support.exercises import names_of
 
-(PATH,) = (path for path in NOTEBOOKS if path.stem.startswith("09_"))
 SEEDS = range(1001, 1021)
 
 pytestmark = pytest.mark.slow
@@ -17,11 +13,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def notebook(tmp_path_factory):
     """Return what the notebook's own cells define."""
-    cells, place, folder = cells_of(PATH), {"__name__": "__main__"}, tmp_path_factory.mktemp("claims")
-    with redirect_stdout(io.StringIO()):
-        for name in ("setup", "lesson", "recipe"):
-            last_value(cells[name], place, folder / f"{name}.py")
-    return place
+    return names_of(9, "setup", "lesson", "recipe", folder=tmp_path_factory.mktemp("claims"))
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,10 @@
 """Claims of notebook 12 on fresh seeds."""
 
-import io
-from contextlib import redirect_stdout
-
 import numpy as np
 import pytest
 
 from mesa_swarm.experiments.statistics import mean_interval, share_interval
-from support.exercises import NOTEBOOKS, cells_of, last_value
+from support.exercises import NOTEBOOKS, cells_of, last_value, names_of
 
 (PATH,) = (path for path in NOTEBOOKS if path.stem.startswith("12_"))
 SEEDS = range(1001, 1025)
@@ -18,11 +15,9 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def notebook(tmp_path_factory):
     """Return what the notebook's own cells define."""
-    cells, place, folder = cells_of(PATH), {"__name__": "__main__"}, tmp_path_factory.mktemp("claims")
-    with redirect_stdout(io.StringIO()):
-        for name in ("setup", "map", "robot", "play", "rule", "stop", "free"):
-            last_value(cells[name], place, folder / f"{name}.py")
-    return place
+    return names_of(
+        12, "setup", "map", "robot", "play", "rule", "stop", "free", folder=tmp_path_factory.mktemp("claims")
+    )
 
 
 def least(happened) -> float:

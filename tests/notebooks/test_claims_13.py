@@ -1,27 +1,16 @@
 """Claims of notebook 13 on fresh seeds."""
 
-import io
-from contextlib import redirect_stdout
-
 import pytest
 
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference
-from support.exercises import ROOT, cells_of, last_value
-
-PATH = ROOT / "notebooks" / "13_a_designed_experiment.ipynb"
-CELLS = ("setup", "five", "unpaired", "sweep")
+from support.exercises import names_of
 
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """Return the names that the notebook's cells define, run with fresh seeds, and a function that runs a cell."""
-    folder, place = tmp_path_factory.mktemp("claims"), {"__name__": "__main__"}
-    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()):
-        patch.delenv("MESA_SWARM_QUICK", raising=False)
-        for cell in CELLS:
-            last_value(cells_of(PATH)[cell], place, folder / f"{cell}.py")
-            place |= {"MANY": range(1001, 1121), "SEEDS": range(1001, 1021)}
-    return place
+    """Return the names that the notebook's cells define, run with fresh seeds."""
+    seeds = {"MANY": range(1001, 1121), "SEEDS": range(1001, 1021)}
+    return names_of(13, "setup", "five", "unpaired", "sweep", folder=tmp_path_factory.mktemp("claims"), **seeds)
 
 
 def rounded(interval):

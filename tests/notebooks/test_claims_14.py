@@ -3,9 +3,8 @@
 import pytest
 
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference
-from support.exercises import NOTEBOOKS, cells_of, last_value
+from support.exercises import names_of
 
-(PATH,) = (path for path in NOTEBOOKS if path.stem.startswith("14_"))
 SEEDS = range(1001, 1021)
 
 pytestmark = pytest.mark.slow
@@ -14,11 +13,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
     """Return the share of the room visited with each seed, by what robots do with marks, as the notebook's cells do."""
-    cells, place, folder = cells_of(PATH), {"__name__": "__main__"}, tmp_path_factory.mktemp("claims")
-    last_value(cells["setup"], place, folder / "setup.py")
-    place["SEEDS"] = SEEDS
-    last_value(cells["model"], place, folder / "model.py")
-    return place["found"]
+    return names_of(14, "setup", "model", folder=tmp_path_factory.mktemp("claims"), SEEDS=SEEDS)["found"]
 
 
 def change(found, kind: str, other: str = "ignored"):

@@ -1,15 +1,11 @@
 """Claims of notebook 15 on fresh seeds."""
 
-import io
-from contextlib import redirect_stdout
-
 import numpy as np
 import pytest
 
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference
-from support.exercises import NOTEBOOKS, cells_of, last_value
+from support.exercises import names_of
 
-(PATH,) = (path for path in NOTEBOOKS if path.stem.startswith("15_"))
 SEEDS = range(1001, 1021)
 
 pytestmark = pytest.mark.slow
@@ -18,12 +14,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def column(tmp_path_factory):
     """Return the notebook's function that returns a result of all runs of a case, of runs with fresh seeds."""
-    cells, place, folder = cells_of(PATH), {"__name__": "__main__"}, tmp_path_factory.mktemp("claims")
-    last_value(cells["setup"], place, folder / "setup.py")
-    place["SEEDS"] = SEEDS
-    with redirect_stdout(io.StringIO()):
-        last_value(cells["four"], place, folder / "four.py")
-    return place["column"]
+    return names_of(15, "setup", "four", folder=tmp_path_factory.mktemp("claims"), SEEDS=SEEDS)["column"]
 
 
 def test_if_only_visitors_stand_arrivals_and_driving_hardly_change(column):

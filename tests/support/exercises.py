@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
+import pytest
 
 from mesa_swarm.teaching.checks import Verdict
 
@@ -56,6 +57,22 @@ def last_value(source: str, place: dict[str, Any], path: Path) -> Any:
         exec(compile(ast.Module([last], []), str(path), "exec"), place)
         return None
     return eval(compile(ast.Expression(last.value), str(path), "eval"), place)
+
+
+def names_of(number: int, *cells: str, folder: Path, **given: Any) -> dict[str, Any]:
+    """Run cells of a notebook in full size and return the names that they define.
+
+    What is `given` replaces names of the notebook after each of these cells, such as its seeds.
+    """
+    (path,) = (path for path in NOTEBOOKS if path.stem.startswith(f"{number:02}_"))
+    sources, place = cells_of(path), {"__name__": "__main__"}
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()):
+        patch.delenv("MESA_SWARM_QUICK", raising=False)
+        patch.setenv("MPLBACKEND", "agg")
+        for cell in cells:
+            last_value(sources[cell], place, folder / f"{cell.replace('-', '_')}.py")
+            place |= given
+    return place
 
 
 class Desk:
