@@ -43,13 +43,11 @@ def test_ctrl_c_stops_a_comparison_on_all_cores_and_leaves_only_its_runs(tmp_pat
     running = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    seen = ""
-    while "runs" not in seen:  # the bar is there: workers are being started
-        seen += running.stderr.read(1)
-    time.sleep(1)
+    ledger = Path("made", "runs.jsonl")
+    while not (tmp_path / ledger).exists() and running.poll() is None:  # the first runs are not yet done
+        time.sleep(0.05)
     os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to all processes
     out, err = running.communicate(timeout=120)
-    ledger = Path("made", "runs.jsonl")
     assert running.returncode == 130
     assert out == f"the runs so far are stored in {ledger}; the same command continues from there\n"
     assert "mesa-swarm: interrupted; nothing more was written" in err.splitlines()
