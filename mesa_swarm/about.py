@@ -40,13 +40,13 @@ from mesa_swarm.errors import (
     MapError,
     SwarmError,
     check_number,
-    in_brief,
     shortened,
     unknown_name,
     without_middle,
 )
 from mesa_swarm.gallery import PACKAGE, address_of, description, find_model, short_name
 from mesa_swarm.parameters import Parameter, parameters_of
+from mesa_swarm.wording import in_brief
 from mesa_swarm.world.map_parts import file_content, text_of
 from mesa_swarm.world.map_toml import parsed_toml
 

@@ -217,19 +217,6 @@ def _shown(limit: float) -> str:
     return str(limit) if isinstance(limit, int) else f"{limit:g}"
 
 
-def in_brief(value: object) -> str:
-    """Return a value as a user would write it.
-
-    Examples
-    --------
-    >>> in_brief(0.1 + 0.2), in_brief(50), in_brief("A"), in_brief(None)
-    ('0.3', '50', 'A', '-')
-    """
-    if value is None:
-        return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
 def shortened(value: object) -> str:
     """Return a value on one line of at most 80 characters, NumPy's numbers and paths as plain ones."""
     if isinstance(value, (str, bytes)):

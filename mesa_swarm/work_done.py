@@ -1,10 +1,15 @@
-"""What work was done, as one line at the end, where a progress bar cannot be seen to move."""
+"""What work was done, as one line at the end, where a progress bar cannot be seen to move.
+
+Apart from `progress`, because a command begins here, also one that draws no bar and needs no tqdm.
+"""
 
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
+
+from mesa_swarm.wording import quantity, time_text
 
 # Whether bars are drawn even if standard error is not a terminal, for programs that read them.
 always_drawn = False
@@ -20,9 +25,8 @@ class WorkDone:
     before: int = 0
 
     def __str__(self) -> str:
-        unit = self.unit.removesuffix("s") if self.total == 1 else self.unit
         earlier = f" ({self.before:,} done before)" if self.before else ""
-        return f"{self.done:,} of {self.total:,} {unit}{earlier}"
+        return f"{self.done:,} of {quantity(self.total, self.unit.removesuffix('s'))}{earlier}"
 
 
 def is_drawn() -> bool:
@@ -54,8 +58,8 @@ class WorkSummary:
     def print(self) -> None:
         """Print one line to standard error, if there was any work."""
         if self.begin is not None and sys.stderr is not None:
-            seconds = perf_counter() - self.begin
-            print(f"{', '.join(map(str, self.works.values()))} in {in_words(seconds)}", file=sys.stderr, flush=True)
+            works, seconds = ", ".join(map(str, self.works.values())), round(perf_counter() - self.begin, 1)
+            print(f"{works} in {time_text(seconds)}", file=sys.stderr, flush=True)
 
 
 # The summary of the command that is run, if one is.
@@ -88,17 +92,3 @@ def report(work: WorkDone, begin: float) -> None:
     summary = WorkSummary()
     summary.add(work, begin)
     summary.print()
-
-
-def in_words(seconds: float) -> str:
-    """Return a time as text.
-
-    Examples
-    --------
-    >>> in_words(0.34), in_words(125), in_words(7500)
-    ('0.3 s', '2 min 5 s', '2 h 5 min')
-    """
-    if seconds < 59.95:  # 60.0 s is a minute
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60:,} h {minutes % 60} min"

@@ -10,7 +10,7 @@ import termios
 import pytest
 
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.work_done import WorkDone, in_words, one_line, report
+from mesa_swarm.work_done import WorkDone, one_line, report
 
 RUN = [sys.executable, "-m", "mesa_swarm.cli", "run", "collision_avoidance", "--steps", "40"]
 
@@ -20,7 +20,7 @@ def process(*words):
 
 
 def test_a_command_whose_errors_go_to_a_pipe_prints_one_line_at_the_end():
-    assert re.fullmatch(r"40 of 40 steps in \d+\.\d s\n", process().stderr)
+    assert re.fullmatch(r"40 of 40 steps in [\d.]+ s\n", process().stderr)
     assert process("--quiet").stderr == ""
 
 
@@ -42,7 +42,7 @@ def test_several_bars_of_a_command_are_one_line_by_unit(capsys):
             with progress_bar(total, unit, shown=True) as bar:
                 bar.update(done)
         assert capsys.readouterr().err == ""
-    assert re.fullmatch(r"6 of 7 runs, 40 of 40 steps in \d+\.\d s\n", capsys.readouterr().err)
+    assert re.fullmatch(r"6 of 7 runs, 40 of 40 steps in [\d.]+ s\n", capsys.readouterr().err)
 
 
 def test_work_done_before_is_named_and_no_work_is_no_line(capsys):
@@ -78,11 +78,3 @@ def test_without_standard_error_nothing_is_printed(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stderr", None)
     report(WorkDone("runs", 1, 1), 0.0)
     assert capsys.readouterr().out == ""
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [(0.04, "0.0 s"), (59.94, "59.9 s"), (60, "1 min 0 s"), (3599.7, "1 h 0 min"), (9000, "2 h 30 min")],
-)
-def test_times_are_written_with_the_units_that_a_reader_uses(seconds, text):
-    assert in_words(seconds) == text

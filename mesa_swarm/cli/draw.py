@@ -21,6 +21,7 @@ from mesa_swarm.cli.options import (
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.files import checked_file, write_whole
 from mesa_swarm.gallery import short_name
+from mesa_swarm.wording import quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -183,7 +184,7 @@ def described(world: "Map") -> str:
     """Return a map's name, size, and the number of obstacles, ground marks and fires, on five lines."""
     solid = [shape.kind for shape in world.obstacles if shape.contact]
     counts = {kind: solid.count(kind) for kind in ("disc", "rectangle", "polygon")}
-    kinds = [f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items() if count]
+    kinds = [quantity(count, kind) for kind, count in counts.items() if count]
     areas = [f"{fire.area:.3g}" for fire in world.fires][:MOST_AREAS]
     areas += ["..."] if len(world.fires) > MOST_AREAS else []
     facts = {

@@ -8,7 +8,7 @@ import typer
 
 from mesa_swarm.cli.lines import terminal_width, wrapped
 from mesa_swarm.cli.options import Model, prepare
-from mesa_swarm.errors import in_brief
+from mesa_swarm.wording import in_brief
 
 if TYPE_CHECKING:
     from mesa_swarm.about import ModelInfo

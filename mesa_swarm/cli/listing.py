@@ -12,8 +12,9 @@ import typer
 
 from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import known_model
-from mesa_swarm.errors import SwarmError, in_brief
+from mesa_swarm.errors import SwarmError
 from mesa_swarm.gallery import PACKAGE, class_name, description, find_model, gallery_names, model_names
+from mesa_swarm.wording import in_brief
 
 ROOT = PACKAGE.partition(".")[0]
 # Where its help stands among the arguments of what a parameter is declared with.

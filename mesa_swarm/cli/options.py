@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mesa_swarm.cli.lines import print_lines
-from mesa_swarm.errors import in_brief
 from mesa_swarm.gallery import BASE, check_model, find_model
 from mesa_swarm.lazy import without_collection
+from mesa_swarm.wording import in_brief
 
 if TYPE_CHECKING:
     from mesa_swarm.swarm_model import SwarmModel

@@ -18,6 +18,7 @@ from mesa_swarm.dashboard.series import ChartTable, Curves, Plot, row_until
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, in_words, unknown_name
 from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.pictures import literal
+from mesa_swarm.wording import quantity
 
 MOST_POINTS = 256
 POINTS_OF_A_PICTURE = 2048
@@ -144,7 +145,7 @@ class HistogramContent:
     def summary(self) -> str:
         """The number of robots, their mean, and the sample standard deviation."""
         known = self.values[np.isfinite(self.values)]
-        words = [f"{len(known):,} robot{'' if len(known) == 1 else 's'}"]
+        words = [quantity(len(known), "robot")]
         if len(known) and not self.quantity.is_direction:
             words.append(f"mean {known.mean():.4g}")
             words += [f"standard deviation {known.std(ddof=1):.3g}"] if len(known) > 1 else []

@@ -20,6 +20,7 @@ from mesa_swarm.experiments.statistics import TIME
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
 from mesa_swarm.viewing.play_loop import Listeners
+from mesa_swarm.wording import quantity
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_toml import number_text
 
@@ -278,7 +279,7 @@ class Experimenting:
     def size_in_words(self) -> str:
         """Return the number of runs that are chosen, and the time that is left at the last pace, if it is known."""
         sizes = " x ".join(f"{len(values):,} values of {name}" for name, values in self.varied.items())
-        seeds = f"{self.seeds:,} seed{'s' if self.seeds > 1 else ''}"
+        seeds = quantity(self.seeds, "seed")
         done = len(self.found.outcomes) if self.found is not None and self.is_current else 0
         text = f"{sizes} x {seeds} = {self.total:,} runs" + (f", {done:,} of them done" if done else "")
         pace = self._paces.get((self.name, self.steps))

@@ -17,6 +17,7 @@ from mesa_swarm.files import write_all
 from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png, world_figure
+from mesa_swarm.wording import quantity
 
 # Of a screen in a lecture room: 16 to 9, letters that can be read from the last row.
 WIDE = (12.8, 7.2)
@@ -49,8 +50,7 @@ def comparison_figure(comparison: PairedRuns, measures: Sequence[str]) -> Figure
     figure = Figure(figsize=(width, height if len(rows) == 1 else 3.4 * len(rows)), layout="constrained")
     panels = figure.subplots(len(rows), 2, squeeze=False, width_ratios=(1.15, 1))
     plan = comparison.plan
-    seeds = f"{len(plan.seeds)} {'seed' if len(plan.seeds) == 1 else 'seeds'}"
-    title = f"{plan.model_class.__name__}: {plan.parameter} compared over {seeds}"
+    title = f"{plan.model_class.__name__}: {plan.parameter} compared over {quantity(len(plan.seeds), 'seed')}"
     figure.suptitle(literal(title), fontsize=TITLE)
     for measure, (left, right) in zip(rows, panels, strict=True):
         _draw_runs(left, comparison, measure)

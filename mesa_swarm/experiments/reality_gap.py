@@ -29,6 +29,7 @@ from mesa_swarm.robots.imperfections import PRESETS, Imperfections, together
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png
+from mesa_swarm.wording import quantity
 
 DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
 SEEDS = 10
@@ -65,7 +66,7 @@ class Gap:
             ]
             for i, place in enumerate(self.dial)
         ]
-        seeds = f"{len(self.seeds)} paired {'seed' if len(self.seeds) == 1 else 'seeds'}"
+        seeds = quantity(len(self.seeds), "paired seed")
         title = f"{self.model}, {self.preset} robots: {seeds}, at most {self.steps:,} steps each"
         return "\n".join([title, "", *fitting([header, *rows], width)])
 
@@ -227,7 +228,6 @@ def draw_gap(axes: Axes, gap: Gap) -> None:
     axes.errorbar(gap.dial, [m.estimate for m in means], reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
     axes.axhline(means[0].estimate, color=COLOURS[1], linestyle="--", linewidth=1)
     axes.set(xlabel=literal(f"dial: 0 ideal, 1 {gap.preset}"), ylabel=literal(gap.measure))
-    seeds = f"{len(gap.seeds)} {'seed' if len(gap.seeds) == 1 else 'seeds'}"
-    axes.set_title(literal(f"{gap.model}: {seeds} (thin), their mean, 95 %"), fontsize=11)
+    axes.set_title(literal(f"{gap.model}: {quantity(len(gap.seeds), 'seed')} (thin), their mean, 95 %"), fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)

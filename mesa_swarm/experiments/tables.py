@@ -21,6 +21,7 @@ from mesa_swarm.experiments.statistics import (
     summarised,
     superiority,
 )
+from mesa_swarm.wording import quantity
 
 WIDEST = 100
 GAP = "  "
@@ -67,10 +68,7 @@ def text_table(comparison: PairedRuns, width: int = WIDEST) -> str:
     """Return the summary as aligned text, at most `width` columns wide."""
     plan = comparison.plan
     seeds = len(plan.seeds)
-    title = (
-        f"{plan.model_class.__name__}: {seeds} paired {'seed' if seeds == 1 else 'seeds'}, "
-        f"at most {plan.steps:,} steps each"
-    )
+    title = f"{plan.model_class.__name__}: {quantity(seeds, 'paired seed')}, at most {plan.steps:,} steps each"
     cells, notes = table_and_notes(comparison)
     around = [wrap(line, width) for line in (title, *notes)]
     return "\n".join([*around[0], "", *fitting(cells, width), "", *chain(*around[1:])])
@@ -115,7 +113,7 @@ def _cells(row: Row, first: bool) -> list[str]:
 
 
 def _difference(row: Row, difference: Interval) -> str:
-    counted = f" ({row.pairs} pair{'s' if row.pairs > 1 else ''})" if 0 < row.pairs < row.summary.runs else ""
+    counted = f" ({quantity(row.pairs, 'pair')})" if 0 < row.pairs < row.summary.runs else ""
     return with_limits(difference, signed=True) + counted
 
 

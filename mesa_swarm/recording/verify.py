@@ -21,6 +21,7 @@ from mesa_swarm.recording.parts import summary
 from mesa_swarm.recording.provenance import rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
+from mesa_swarm.wording import quantity
 
 # Called after each step that is run again: shows the progress, and raises an error to stop.
 Watch = Callable[[FireModel], None]
@@ -264,7 +265,7 @@ def _moved_by_hand(steps: int) -> str:
     """Return what a verdict adds about moves, an empty text if there were none."""
     if not steps:
         return ""
-    return f"; bodies moved by hand after {steps} step{'s' if steps > 1 else ''} (repeated as recorded)"
+    return f"; bodies moved by hand after {quantity(steps, 'step')} (repeated as recorded)"
 
 
 def run_to(rerun: Rerun, step: int) -> None:

@@ -35,17 +35,6 @@ def plain_axes(x: str, y: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def counted(count: int, what: str) -> str:
-    """Return a number of things in words: one run, 30 runs.
-
-    Examples
-    --------
-    >>> counted(1, "run"), counted(30, "run")
-    ('1 run', '30 runs')
-    """
-    return f"{count:,} {what}{'' if count == 1 else 's'}"
-
-
 def count_steps(axes: Axes) -> None:
     """Format steps as 10,000."""
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))

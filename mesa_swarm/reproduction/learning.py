@@ -13,10 +13,11 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.dynamic_programming import approach_values
 from mesa_swarm.learning.rewards import reward
-from mesa_swarm.reproduction.drawing import column, count_steps, counted, draw_bundle, plain_axes
+from mesa_swarm.reproduction.drawing import column, count_steps, draw_bundle, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_number
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.wording import quantity
 
 STEPS = 33_000
 # Of the whole run: the first 1,000 steps of 33,000, the last 3,000, a third.
@@ -250,7 +251,7 @@ def frequency(laboratory: Laboratory, robots: int, beta: float) -> Result:
     return Result(
         checks=(*judged_frequency(rows), *judged_controls(rows, hot, cool), *(judged_levels(rows) if read else ())),
         pictures={"": frequency_figure(rows, robots, beta, laboratory.pick(STEPS, 3_300))},
-        settings=f"{LEARNING}; {counted(robots, 'robot')}, beta {beta:g}",
+        settings=f"{LEARNING}; {quantity(robots, 'robot')}, beta {beta:g}",
         remarks=(below_share(rows), *(LEVELS_READ if read else ())),
     )
 
@@ -312,7 +313,7 @@ def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> F
     figure, axes = plain_axes("step", "collisions a robot and 1,000 steps")
     curves = np.array(column(rows, "curve"))
     steps = np.linspace(0, last, curves.shape[1])
-    mean = f"collisions, mean of {counted(len(rows), 'run')}"
+    mean = f"collisions, mean of {quantity(len(rows), 'run')}"
     if robots > 1:
         draw_bundle(axes, steps, curves, COLOURS[0], mean)
         shown, single = curves, "collisions, each run"
@@ -326,7 +327,7 @@ def frequency_figure(rows: list[dict], robots: int, beta: float, last: int) -> F
     warmth.plot(np.linspace(0, last, POINTS), rows[0]["temperature"], color=COLOURS[1], linewidth=1.6)
     warmth.set(ylabel="T", ylim=(0, 1.05))
     axes.set_ylim(0, max(1.05 * float(shown.max()), 1.0))
-    axes.set_title(f"beta {beta:g}, {counted(len(rows), 'run')} of {counted(robots, 'robot')}", fontsize=10)
+    axes.set_title(f"beta {beta:g}, {quantity(len(rows), 'run')} of {quantity(robots, 'robot')}", fontsize=10)
     axes.plot([], [], color=COLOURS[0], alpha=0.5, linewidth=0.6, label=single)
     axes.plot([], [], color=COLOURS[1], linewidth=1.6, label="T, temperature of the choice")
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)

@@ -8,6 +8,7 @@ from mesa_swarm.reproduction.drawing import column, draw_means, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_share
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Item
+from mesa_swarm.wording import quantity
 
 Numbers = dict[str, float | None]
 SEEDS = 30
@@ -104,7 +105,7 @@ def slower(
 ) -> Check:
     """Judge whether a team needs more time, or effort, than the one that is to be better."""
     first, second = ([value / 1000 for value in column(by_team[n], measure)] for n in (best, other))
-    names = f"{best} robots", "1 robot" if other == 1 else f"{other} robots"
+    names = quantity(best, "robot"), quantity(other, "robot")
     return judged_difference(claim, reported, first, second, names=names, main=main)
 
 

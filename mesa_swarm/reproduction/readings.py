@@ -26,6 +26,7 @@ from mesa_swarm.reproduction.learning import (
 )
 from mesa_swarm.reproduction.registry import Item, table_of
 from mesa_swarm.viewing.palette import LIGHT
+from mesa_swarm.wording import quantity
 
 RUNS = 24
 # d_crit as a share of the range of 50 units, by what 0.4 is a share of.
@@ -153,7 +154,7 @@ def frequency(laboratory: Laboratory, robots: int, figure: str) -> Result:
     """Repeat the runs of figure 8.2 or 8.3, T falling slowly, with every way to read the thesis."""
     rows = runs_by_reading(laboratory, robots, SLOW)
     claims = {reading: judged_frequency(each) for reading, each in rows.items()}
-    made = result(rows, {figure: claims}, f"{robots} robot{'s' if robots > 1 else ''}, beta {SLOW:g}")
+    made = result(rows, {figure: claims}, f"{quantity(robots, 'robot')}, beta {SLOW:g}")
     return made if robots == 1 else replace(made, remarks=(*made.remarks, levels(rows)))
 
 

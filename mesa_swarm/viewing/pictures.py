@@ -46,6 +46,7 @@ from mesa_swarm.viewing.palette import (
 )
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene, looks_in, scene_of
+from mesa_swarm.wording import time_text
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
 
@@ -471,20 +472,6 @@ def scaled(frame: Frame, scene: Scene, largest: dict[str, float]) -> Frame:
 def step_text(step: int, scale: Scale | None) -> str:
     """Return the caption of a step, with its time if that is known."""
     return f"step {step:,}" if scale is None else f"step {step:,}, {time_text(scale.seconds(step))}"
-
-
-def time_text(seconds: float) -> str:
-    """Return a time as a clock with minutes would show it, a short one in seconds.
-
-    Examples
-    --------
-    >>> time_text(7.25), time_text(83.4)
-    ('7.2 s', '1 min 23 s')
-    """
-    if seconds < 60:
-        return f"{seconds:.3g} s" if seconds < 1 else f"{seconds:.1f} s"
-    minutes, rest = divmod(int(seconds), 60)
-    return f"{minutes:,} min {rest} s"
 
 
 def literal(text: str) -> str:

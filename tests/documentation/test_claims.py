@@ -11,17 +11,30 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
+from joblib import Parallel, delayed
 from measure_models import DEFAULTS, measured, settings_of, stored
 
 from mesa_swarm import sweep
-from mesa_swarm.experiments.statistics import TIME, bootstrap_mean, mean_interval, paired_difference, share_interval
+from mesa_swarm.experiments.statistics import (
+    TIME,
+    Interval,
+    bootstrap_mean,
+    mean_interval,
+    paired_difference,
+    share_interval,
+)
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.models.q_learning import QLearning
 
 STORED = stored()
 FURTHER = range(401, 421)
 FIRST_COLLISIONS = "collisions per robot and 1,000 steps, first 1,000"
-TUTORIAL = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+TUTORIAL, FORESIGHT = ((DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("tutorial", "foresight"))
+# What a robot drives in a step, of the range of its sensors: 1 of 50 map units.
+ONE_STEP = 0.02
 
 
 class Claim(NamedTuple):
@@ -174,6 +187,31 @@ def test_it_holds_on_twenty_other_seeds(claim, further):
 @pytest.mark.slow
 def test_under_strategy_a_the_large_fire_goes_out_on_one_of_the_first_thirty_seeds():
     assert FireFighting(strategy="A", rng=26).run(15_000).results()["fire 2 (largest) out at"] == 9_536
+
+
+def to_and_fro(seed: int) -> tuple[float, ...]:
+    """Let robots learn in tables; return how often they drive straight ahead, straight back, and near d_crit."""
+    model = QLearning(memory="table", beta=1e-3, rng=seed).run(9_000)
+    found = []
+    for _ in range(1_000):
+        model.step()
+        left, right = model.swarm.command.T
+        near = abs(model.swarm.columns["0.TableQLearning.nearest"] - model.learner.critical) <= ONE_STEP
+        found.append([np.mean((left == right) & (left > 0)), np.mean((left == right) & (left < 0)), near.mean()])
+    return tuple(np.mean(found, axis=0))
+
+
+@pytest.mark.slow
+def test_robots_that_learn_in_tables_move_to_and_fro_at_the_critical_distance():
+    shares = zip(*Parallel(n_jobs=2)(delayed(to_and_fro)(seed) for seed in range(1001, 1021)), strict=True)
+    ahead, back, near = (bootstrap_mean([100 * value for value in row]) for row in shares)
+    text = " ".join(FORESIGHT.split())
+    assert f"{shown(ahead)} of their actions drive straight ahead, {shown(back)} straight back" in text
+    assert f"in {shown(near)} of the steps the nearest reading is within one step" in text
+
+
+def shown(percent: Interval) -> str:
+    return f"{percent.estimate:.0f} % [{percent.low:.1f}, {percent.high:.1f}]"
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from mesa_swarm.recording.provenance import scenery_of
 from mesa_swarm.recording.schema import checked_scenery
 from mesa_swarm.robots.real_robots import length_unit
 from mesa_swarm.viewing.export import export
-from mesa_swarm.viewing.pictures import step_text, time_text, world_figure
+from mesa_swarm.viewing.pictures import step_text, world_figure
 from mesa_swarm.viewing.run_pictures import ethogram
 from mesa_swarm.viewing.scene import scene_of
 
@@ -112,7 +112,6 @@ def test_pictures_have_a_scale_bar_and_axes_in_units_of_length_and_the_time():
 def test_captions_have_the_time_beside_the_step():
     assert step_text(1200, None) == "step 1,200"
     assert step_text(1200, SMALL) == "step 1,200, 10 min 0 s"
-    assert [time_text(t) for t in (0.01, 59.95, 60, 3725.9)] == ["0.01 s", "60.0 s", "1 min 0 s", "62 min 5 s"]
 
 
 def test_charts_and_ethograms_are_in_seconds():
