@@ -36,14 +36,12 @@ def info(
     if odd:
         print(description_of(model_info(model)), end="")
         return
-    width = terminal_width()
-    for line in explained(model_info(model), min(width or USUAL, WIDEST), code=code):
-        is_parameter = line.startswith("  ") and "=" in line[:30]
-        print("\n".join(wrapped(line, width if is_parameter else None, 29)))
+    print("\n".join(explained(model_info(model), terminal_width(), code=code)))
 
 
-def explained(about: "ModelInfo", width: int, *, code: bool) -> Iterator[str]:
-    """Yield the lines of an explanation, wrapped; commands and code are not."""
+def explained(about: "ModelInfo", columns: int | None, *, code: bool) -> Iterator[str]:
+    """Yield the lines of an explanation: text wrapped, equations and parameters in a terminal only, code never."""
+    width = min(columns or USUAL, WIDEST)
     yield about.title
     yield from _wrapped(about.what, width)
     for title, text in (("How it works", about.how), ("What to watch", about.watch)):
@@ -56,12 +54,13 @@ def explained(about: "ModelInfo", width: int, *, code: bool) -> Iterator[str]:
     if about.equations:
         yield from ("", "Equations")
         for equation in about.equations:
-            yield from ("", f"    {equation.latex}", *_wrapped(equation.text, width))
+            yield from ("", *wrapped(f"    {equation.latex}", columns), *_wrapped(equation.text, width))
     if about.source:
         yield from ("", "Source", *_wrapped(about.source, width))
     yield from ("", "Parameters, set by --set NAME=VALUE")
     for parameter in about.parameters.values():
-        yield f"  {f'{parameter.name}={in_brief(parameter.default)}':28} {parameter.help}".rstrip()
+        line = f"  {f'{parameter.name}={in_brief(parameter.default)}':28} {parameter.help}".rstrip()
+        yield from wrapped(line, columns, 29)
     for listing in about.code if code else ():
         yield from ("", f"{listing.name} ({listing.module})", "", *listing.code.splitlines())
 

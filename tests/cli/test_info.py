@@ -40,6 +40,17 @@ def test_info_prints_code_if_that_is_required(typed):
     assert "def forage(me: Any" in out
 
 
+@pytest.mark.parametrize("name", ["foraging", "puck_clustering"])
+def test_code_is_whole_in_a_narrow_terminal_whose_parameters_are_wrapped(typed, monkeypatch, name):
+    whole = typed(f"info {name} --code")[1]
+    monkeypatch.setenv("COLUMNS", "50")
+    narrow = typed(f"info {name} --code")[1]
+    first = model_info(name).code[0].name + " ("
+    assert narrow[narrow.index(first) :] == whole[whole.index(first) :]
+    _, _, rest = narrow.partition("Parameters, set by --set NAME=VALUE\n")
+    assert max(map(len, rest.partition("\n\n")[0].splitlines())) <= 50
+
+
 def test_info_explains_a_file_with_a_model(typed, tmp_path):
     write_model(tmp_path, "explained.py")
     (tmp_path / "explained.toml").write_text('how = "By chance."\n')
