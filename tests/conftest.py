@@ -17,7 +17,9 @@ from support.pace import in_time, is_out_of_time
 
 def pytest_addoption(parser):
     parser.addoption("--screenshots", metavar="DIR", help="where browser tests write pictures for a person to look at")
-    parser.addoption("--at-length", action="store_true", help="attack with thousands of inputs (tests/hostile)")
+    parser.addoption(
+        "--at-length", action="store_true", help="thousands of hostile inputs, the longest runs on all seeds"
+    )
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,13 +1,17 @@
 """Learning to fight fires (thesis 9.5, 10.4): congregation emerges where robots share what they learn."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from joblib import Parallel, delayed
 
+from mesa_swarm.experiments.statistics import bootstrap_mean
 from mesa_swarm.learning.fire_learning import BACK_OFF, SITUATIONS, WAIT
 from mesa_swarm.models.learning_fires import LearningFires
 
 pytestmark = pytest.mark.slow
+PAGE = " ".join((Path(__file__).parents[2] / "docs" / "fire_learning.md").read_text(encoding="utf-8").split())
 SEEDS = range(20, 26)
 LARGEST, TOGETHER = "rounds with the largest out", "fighting at the largest in company"
 HOT, COOLING = (SITUATIONS.index(f"too hot, {where} the heat, sees a fire") for where in ("in", "out of"))
@@ -49,3 +53,22 @@ def test_strategy_a_and_skills_at_random_leave_it_burning_and_strategy_b_is_stil
     assert mean(by_chance, LARGEST) == 0
     assert mean(b, LARGEST) >= mean(shared, LARGEST)
     assert mean(b, "steps of a round") < mean(shared, "steps of a round")
+
+
+def learned_long(seed):
+    """Return the share of later rounds in which the largest fire goes out, and how many of ten robots wait."""
+    model = LearningFires(controller="own", beta=1e-5, rng=seed).run(600_000)
+    best = model.control.layers[1].values.argmax(axis=2)
+    return model.results()[LARGEST], int(np.sum(best[:, COOLING] == WAIT))
+
+
+def test_with_ten_times_the_steps_robots_learn_each_for_themselves_to_wait(amount):
+    count = amount(2, 20)
+    done = Parallel(n_jobs=2)(delayed(learned_long)(seed) for seed in range(60, 60 + count))
+    shares, waiting = zip(*done, strict=True)
+    assert min(shares) >= 0.5
+    assert sum(waiting) >= 0.8 * 10 * count
+    if count == 20:
+        found = bootstrap_mean([100 * share for share in shares])
+        stated = f"{sum(waiting)} of 200 robots wait, each learning independently, and the largest fire goes out in "
+        assert f"{stated}{found.estimate:.0f} % ({found.low:.0f} to {found.high:.0f}) of the later rounds" in PAGE
