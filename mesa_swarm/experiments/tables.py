@@ -157,7 +157,8 @@ def aligned(table: list[list[str]]) -> list[str]:
 def fitting(table: list[list[str]], width: int | None = WIDEST) -> list[str]:
     r"""Return aligned rows of at most this width, None for any.
 
-    If they are too wide, the first cells go on lines of their own; if that is not enough, cells have several lines.
+    If they are too wide, long first cells go on lines of their own, cells have several lines, and if that is not
+    enough, columns go into further tables below. A number or a word is broken only if it is wider than the width.
 
     Examples
     --------
@@ -173,24 +174,40 @@ def fitting(table: list[list[str]], width: int | None = WIDEST) -> list[str]:
     if width is None or len(lines[1]) <= width:
         return lines
     if max(len(row[0]) for row in table) <= SHORT:
-        return _narrow(table, width)
-    header, *rows = ([f" {line}" for line in row] for row in _narrow_rows([["", *row[1:]] for row in table], width - 1))
+        return _in_parts(table, [[] for _ in table], width)
     names = [wrap(row[0], width) for row in table]
-    rule = "-" * max(len(line) for row in (header, *rows) for line in row)
-    return [*names[0], *header, rule, *chain(*(line for pair in zip(names[1:], rows, strict=True) for line in pair))]
+    return _in_parts([["", *row[1:]] for row in table], names, width)
 
 
-def _narrow(table: list[list[str]], width: int) -> list[str]:
-    """Return aligned rows whose cells have several lines, a rule below the first."""
-    header, *rows = _narrow_rows(table, width)
-    return [*header, "-" * max(len(line) for row in (header, *rows) for line in row), *chain(*rows)]
+def _in_parts(table: list[list[str]], above: list[list[str]], width: int) -> list[str]:
+    """Return narrow tables below each other, each with the first column; `above` are lines over the rows."""
+    edge = " " if any(above) else ""
+    found: list[str] = []
+    for columns in _columns_that_fit(table, width - len(edge)):
+        rows = _narrow_rows([[row[c] for c in columns] for row in table], width - len(edge))
+        header, *body = ([*name, *(edge + line for line in row)] for name, row in zip(above, rows, strict=True))
+        rule = "-" * max(len(line) for row in (header, *body) for line in row)
+        found += [*([""] if found else []), *header, rule, *chain(*body)]
+    return found
+
+
+def _columns_that_fit(table: list[list[str]], width: int) -> Iterable[list[int]]:
+    """Yield the columns of each part, the first one in all of them."""
+    least = _longest_words(table)
+    part = [0]
+    for c in range(1, len(least)):
+        if len(part) > 1 and sum(least[i] + len(GAP) for i in part) + least[c] > width:
+            yield part
+            part = [0]
+        part.append(c)
+    yield part
 
 
 def _narrow_rows(table: list[list[str]], width: int) -> list[list[str]]:
-    """Return the lines of each row, the widest columns made narrower until all fit."""
-    widths = [max(len(row[c]) for row in table) for c in range(len(table[0]))]
+    """Return the lines of each row, the widest columns made narrower until all fit, words whole as long as possible."""
+    widths, least = [max(map(len, column)) for column in zip(*table, strict=True)], _longest_words(table)
     while sum(widths) + len(GAP) * (len(widths) - 1) > width and max(widths) > LEAST:
-        widths[widths.index(max(widths))] -= 1
+        widths[max(range(len(widths)), key=lambda c: (widths[c] > least[c], widths[c]))] -= 1
     found = []
     for row in table:
         cells = [_in_lines(cell, max(w, 1)) for cell, w in zip(row, widths, strict=True)]
@@ -199,9 +216,16 @@ def _narrow_rows(table: list[list[str]], width: int) -> list[list[str]]:
     return found
 
 
-def _in_lines(cell: str, width: int) -> list[str]:
-    """Return a cell as lines; a number stays with its unit if there is room for both."""
-    together = wrap(cell.replace(" %", "\N{NO-BREAK SPACE}%"), width)
+def _longest_words(table: list[list[str]]) -> list[int]:
+    columns = zip(*table, strict=True)
+    return [max(len(word) for cell in column for word in _in_lines(cell, 1, whole=True)) for column in columns]
+
+
+def _in_lines(cell: str, width: int, *, whole: bool = False) -> list[str]:
+    """Return a cell as lines, of `whole` words or not; a number stays with its unit if there is room for both."""
+    together = wrap(
+        cell.replace(" %", "\N{NO-BREAK SPACE}%"), width, break_long_words=not whole, break_on_hyphens=not whole
+    )
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in together] or [""]
 
 

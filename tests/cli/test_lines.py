@@ -1,6 +1,11 @@
 """Lines fit the terminal's width, and are whole where there is none."""
 
+from collections import Counter
+from itertools import chain
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mesa_swarm.cli import lines
 from mesa_swarm.cli.lines import terminal_width, wrapped
@@ -84,6 +89,24 @@ def test_a_narrow_table_has_the_same_characters_in_columns_that_fit(width):
     assert max(map(len, drawn)) <= width
     characters = sorted("".join("".join(row) for row in CELLS).replace(" ", ""))
     assert sorted("".join(broken_words("\n".join(drawn)))) == characters
+
+
+WORDS = st.lists(st.text("abc019.", min_size=1, max_size=8), max_size=3).map(" ".join)
+
+
+@given(st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(WORDS, min_size=n, max_size=n), min_size=2, max_size=4)))
+def test_no_number_and_no_word_of_a_narrow_table_is_broken_and_all_are_there(table):
+    drawn = fitting(table, 20)
+    assert max(map(len, drawn)) <= 20
+    shown, given_words = Counter(broken_words(" ".join(drawn))), [" ".join(row).split() for row in table]
+    assert shown >= Counter(chain(*given_words))
+    assert set(shown) == set(chain(*given_words))
+
+
+def test_columns_that_do_not_fit_are_in_a_further_table():
+    table = [["robots", "required", "ir-sim"], ["10,000", "0.031", "29,500"]]
+    first = ["robots  required", "----------------", "10,000  0.031"]
+    assert fitting(table, 18) == [*first, "", "robots  ir-sim", "--------------", "10,000  29,500"]
 
 
 def test_a_table_of_any_width_is_aligned_only():
