@@ -9,6 +9,7 @@ from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
 from mesa_swarm.errors import check_choice, check_number
 from mesa_swarm.files import check_writable, checked_file, write_all
+from mesa_swarm.wording import quantity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +18,12 @@ if TYPE_CHECKING:
     from mesa_swarm.learning.reward_lab import Profile
 
 commands = typer.Typer()
+
+# Of the four measures of oscillation.
+UNITS = (
+    "flips of the turn, and of the direction of travel, per 100 of the steps with something within 30 units; "
+    "shares of all steps that are in a corridor flip, or back-and-forth at a threshold."
+)
 
 
 @commands.command("reward-lab")
@@ -59,7 +66,8 @@ def reward_lab(
                     measured = oscillation(policy, scene=scene, rng=seed)
                     rows.append((kind, actions, seed, scene, *(round(measured[name], 6) for name in MEASURES)))
                 bar.update()
-    print_lines(fitting(_summary(kinds, rows), terminal_width()))
+    print_lines([*fitting(_summary(kinds, rows), terminal_width()), ""])
+    print_lines([f"Means over 15 robots and {quantity(seeds, 'seed')}: {UNITS}"], 0)
     titles = {f"reward {kind}, {actions} actions": pair for kind, pair in profiles.items()}
     figure = reward_figure(titles, critical)
     contents: dict[str, str | bytes] = {

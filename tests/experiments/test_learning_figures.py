@@ -78,6 +78,7 @@ def test_the_command_writes_a_picture_and_tables_and_prints_where_they_are(tmp_p
     assert status.value.code == 0
     printed = capsys.readouterr().out
     assert "towards a wall" in printed
+    assert "Means over 15 robots and 1 seed: flips of the turn, and of the direction of travel, per 100" in printed
     assert all(str(path) in printed for path in tmp_path.iterdir())
     assert (tmp_path / "reward_lab.png").read_bytes().startswith(b"\x89PNG")
     marks = list(csv.DictReader(io.StringIO((tmp_path / "marks.csv").read_text())))
