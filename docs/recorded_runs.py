@@ -1,20 +1,29 @@
 """Recorded runs that pages of the site embed: each a page that plays without a server, small enough for a telephone."""
 
+import ast
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import nbformat
+
 from mesa_swarm import Recording, model_info
 from mesa_swarm.dashboard.gallery_pictures import SHOTS
-from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing.replay_page import replay_page
+from mesa_swarm.wording import quantity
 
 # Rows that a page plays in a second at its usual speed, and seconds that are recorded.
 ROWS_A_SECOND, SECONDS = 30, 16
+# A shorter run, as of a model that stops soon, would hardly be seen.
+LEAST_SECONDS = 4
 LARGEST = 400_000  # bytes of a page
 FILE = Path(__file__).with_name("recorded_runs.toml")
+NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,12 +33,17 @@ class RecordedRun:
     Parameters
     ----------
     model : str
+        A model of the gallery; with `cells`, the class that they define.
     title : str
         What is seen, in a few words.
     settings : dict
         Parameters that are not the defaults.
     rng, start : int
         The seed, and the first recorded step.
+    notebook : str
+        The name of a notebook that defines the model.
+    cells : sequence of str
+        The ids of those of its cells that do so.
     """
 
     model: str
@@ -37,6 +51,8 @@ class RecordedRun:
     settings: dict[str, Any] = field(default_factory=dict)
     rng: int = 1
     start: int = 0
+    notebook: str = ""
+    cells: Sequence[str] = ()
 
     def page(self) -> str:
         """Return the page that plays it, with as many rows as its size permits."""
@@ -45,27 +61,45 @@ class RecordedRun:
             rows = int(0.95 * rows * LARGEST / len(page))
         return page
 
-    @property
-    def every(self) -> int:
-        """Steps from one row to the next: the page plays the model at the speed at which the dashboard opens it."""
-        return max(1, round(model_info(self.model).speed / ROWS_A_SECOND))
-
     def _page(self, rows: int) -> str:
-        model = find_model(self.model)(rng=self.rng, **self.settings).run(self.start)
         with TemporaryDirectory() as folder:
+            model_class = find_model(self._address(Path(folder)))
+            model, every = model_class(rng=self.rng, **self.settings).run(self.start), steps_a_row(model_class)
             file = Path(folder) / "run.arrow"
-            with model.record(file, every=self.every, checkpoint_every=0):
-                model.run(rows * self.every)
-            return replay_page(Recording(file))
+            with model.record(file, every=every, checkpoint_every=0):
+                model.run(rows * every)
+            recording = Recording(file)
+            if len(recording) < LEAST_SECONDS * ROWS_A_SECOND:
+                raise InvalidValueError(
+                    f"{self.title}: {quantity(len(recording), 'row')} from step {self.start} on; "
+                    f"expected {LEAST_SECONDS * ROWS_A_SECOND} or more: begin earlier, or take another seed"
+                )
+            return replay_page(recording)
+
+    def _address(self, folder: Path) -> str:
+        """Return the model's name; one of a notebook is first written to a file, definitions only."""
+        if not self.cells:
+            return self.model
+        sources = {cell.id: cell.source for cell in nbformat.read(NOTEBOOKS / f"{self.notebook}.ipynb", 4).cells}
+        tree = ast.parse("\n".join(sources[cell] for cell in self.cells))
+        tree.body = [part for part in tree.body if not isinstance(part, ast.Expr)]
+        file = folder / "notebook.py"
+        file.write_text(ast.unparse(tree), encoding="utf-8")
+        return f"{file}:{self.model}"
+
+
+def steps_a_row(model_class: type) -> int:
+    """Return the steps from one row to the next, for the speed at which the dashboard opens the model."""
+    return max(1, round(model_info(model_class).speed / ROWS_A_SECOND))
 
 
 def recorded_runs() -> dict[str, RecordedRun]:
     """Return the runs by their names: one of each model, from the moment of its picture in the gallery, and others."""
     usual = {
         name: RecordedRun(
-            model=name, title=name.replace("_", " "), start=SHOTS[name].start, settings=SHOTS[name].settings
+            model=name, title=name.replace("_", " "), start=shot.start, settings=shot.settings, rng=shot.seed
         )
-        for name in gallery_names()
+        for name, shot in SHOTS.items()
     }
     others = tomllib.loads(FILE.read_text(encoding="utf-8"))
-    return usual | {name: RecordedRun(**{"title": name, **table}) for name, table in others.items()}
+    return usual | {name: RecordedRun(**{"title": name, "notebook": name, **table}) for name, table in others.items()}

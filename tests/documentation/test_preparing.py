@@ -7,8 +7,10 @@ import pytest
 from equations import with_mathml
 from gallery_page import gallery_page
 from notebook_pages import write_page
-from recorded_runs import LARGEST, RecordedRun, recorded_runs
+from recorded_runs import LARGEST, RecordedRun, recorded_runs, steps_a_row
 
+from mesa_swarm.dashboard.gallery_pictures import SHOTS
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model, gallery_names
 from mesa_swarm.parameters import parameters_of
 
@@ -95,16 +97,31 @@ class TestRecordedRuns:
     @pytest.mark.parametrize("name", recorded_runs())
     def test_its_settings_are_parameters_of_its_model(self, name):
         run = recorded_runs()[name]
-        assert set(run.settings) <= set(parameters_of(find_model(run.model)))
+        assert run.cells or set(run.settings) <= set(parameters_of(find_model(run.model)))
+
+    def test_that_of_a_model_is_the_run_of_its_picture(self):
+        for name, run in recorded_runs().items():
+            if name in SHOTS:
+                shot = SHOTS[name]
+                assert (run.settings, run.rng, run.start) == (shot.settings, shot.seed, shot.start)
+
+    def test_a_model_that_a_notebook_defines_is_made_from_its_cells(self):
+        page = recorded_runs()["12_your_own"].page()
+        assert "Tramway" in page
+        assert "/tmp" not in page
+
+    def test_a_run_that_has_ended_before_it_is_seen_is_refused(self):
+        run = RecordedRun(model="cooperative_transport", title="a load", settings={"n_robots": 20}, start=5_000)
+        with pytest.raises(InvalidValueError, match="a load: 0 rows from step 5000 on; expected 120 or more"):
+            run.page()
 
     def test_a_page_is_no_larger_than_permitted_and_as_long_as_that_permits(self):
         page = RecordedRun(model="collision_avoidance", title="", settings={"n_robots": 100}).page()
         assert 0.8 * LARGEST < len(page) <= LARGEST
 
     def test_it_begins_at_its_first_step_and_plays_at_the_speed_of_its_model(self):
-        run = RecordedRun(model="boids", title="", start=30)
-        assert run.every == 2
-        assert '"first":32,' in run.page()
+        assert steps_a_row(find_model("boids")) == 2
+        assert '"first":32,' in RecordedRun(model="boids", title="", start=30).page()
 
 
 def test_the_gallery_shows_every_model_with_a_picture_and_a_link():
