@@ -20,7 +20,7 @@ from mesa_swarm.wording import quantity
 # Rows that a page plays in a second at its usual speed, and seconds that are recorded.
 ROWS_A_SECOND, SECONDS = 30, 16
 # A shorter run, as of a model that stops soon, would hardly be seen.
-LEAST_SECONDS = 4
+LEAST_SECONDS = 3
 LARGEST = 400_000  # bytes of a page
 FILE = Path(__file__).with_name("recorded_runs.toml")
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
@@ -94,7 +94,7 @@ def steps_a_row(model_class: type) -> int:
 
 
 def recorded_runs() -> dict[str, RecordedRun]:
-    """Return the runs by their names: one of each model, from the moment of its picture in the gallery, and others."""
+    """Return the runs by their names: one of each model, and those of notebooks; see the file."""
     usual = {
         name: RecordedRun(
             model=name, title=name.replace("_", " "), start=shot.start, settings=shot.settings, rng=shot.seed
