@@ -228,16 +228,17 @@ def test_wheel_and_drag_keep_what_is_under_the_pointer_there(page):
     np.testing.assert_allclose(page.evaluate(at), [x + 60, y - 30], atol=0.6)
 
 
-@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080), (1024, 768)])
+@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080), (1024, 768), (844, 390), (568, 320)])
 def test_all_that_plays_is_in_sight(page, size):
     page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
     settle(page)
-    for selector in ("#world", "#play", "#scrub", "#speed", "#next", "#step"):
+    for selector in ("#world", "#first", "#play", "#scrub", "#speed", "#next", "#step"):
         box = page.locator(selector).bounding_box()
         assert box["x"] >= 0, selector
         assert box["y"] >= 0, selector
         assert box["x"] + box["width"] <= size[0], selector
         assert box["y"] + box["height"] <= size[1], selector
+    assert page.locator("#speed").bounding_box()["width"] >= 50
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
