@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "docs"))  # what makes the site
 
 from support.hostile import Tally, table
-from support.pace import in_time, is_out_of_time
+from support.pace import in_time, is_out_of_time, shuffle_files
 
 
 def pytest_addoption(parser):
@@ -30,9 +30,18 @@ def no_terminal():
         yield
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Count long tests among the slow ones, and shuffle the files as the variable `MESA_SWARM_ORDER` requires."""
+    for item in items:
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.slow)
+    shuffle_files(items, os.environ.get("MESA_SWARM_ORDER"))
+
+
 def pytest_runtest_setup(item):
     if item.get_closest_marker("slow") and is_out_of_time():
-        pytest.skip("this machine is slower than usual, and the time for slow tests is over")
+        pytest.skip("the time for slow tests is over")
 
 
 @pytest.fixture

@@ -174,6 +174,7 @@ def test_a_model_of_the_gallery_is_never_replaced_by_an_installed_one(folder, mo
     assert find_model("boids").__name__ == "Boids"
 
 
+@pytest.mark.slow
 def test_an_installed_model_is_run_and_compared_by_processes_of_their_own(installed):
     code = (
         "from mesa_swarm import compare; from mesa_swarm.dashboard import page_models\n"

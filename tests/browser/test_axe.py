@@ -7,6 +7,8 @@ from mesa_swarm.viewing.replay_page import replay_page
 from support.axe import axe_findings
 from support.visits import blank_page, resize
 
+pytestmark = pytest.mark.slow
+
 LINK = "?model=fire_fighting&seed=1&step=50"
 SIZES = ((390, 844), (1366, 768), (1920, 1080))
 THEMES = ("light", "dark")
@@ -39,7 +41,6 @@ def test_a_busy_page_breaks_no_rule(visitor):
     assert axe_findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_watch_with_a_robot_a_fault_and_an_error_breaks_no_rule(visit, theme):
     visitor = with_a_robot(visit(LINK, color_scheme=theme))
@@ -53,7 +54,6 @@ def test_watch_with_a_robot_a_fault_and_an_error_breaks_no_rule(visit, theme):
     assert findings(stopped.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_models_break_no_rule(visit, theme):
     visitor = visit(LINK, color_scheme=theme)
@@ -62,7 +62,6 @@ def test_models_break_no_rule(visit, theme):
     assert findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_compare_with_its_results_breaks_no_rule(visit, theme):
     visitor = visit("?model=collision_avoidance", color_scheme=theme)
@@ -78,7 +77,6 @@ def test_compare_with_its_results_breaks_no_rule(visit, theme):
     assert findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 @pytest.mark.parametrize("second", ["(no other)", "noise"])
 def test_an_experiment_with_its_results_breaks_no_rule(visit, theme, second):
@@ -99,7 +97,6 @@ def test_an_experiment_with_its_results_breaks_no_rule(visit, theme, second):
     assert findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_an_open_info_panel_breaks_no_rule(visit, theme):
     visitor = visit("?model=q_learning", color_scheme=theme)
@@ -110,7 +107,6 @@ def test_an_open_info_panel_breaks_no_rule(visit, theme):
     assert findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_the_tools_for_editing_break_no_rule(visit, theme):
     visitor = visit(LINK, color_scheme=theme)
@@ -119,7 +115,6 @@ def test_the_tools_for_editing_break_no_rule(visit, theme):
     assert findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("key", ["?", "tour"])
 def test_the_list_of_keys_and_the_tour_break_no_rule(visit, key):
     visitor = visit(LINK)
@@ -132,7 +127,6 @@ def test_the_list_of_keys_and_the_tour_break_no_rule(visit, key):
     assert findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_replay_of_a_recording_breaks_no_rule(visit, recorded_fires, theme):
     visitor = visit(LINK, color_scheme=theme)
@@ -145,7 +139,6 @@ def test_replay_of_a_recording_breaks_no_rule(visit, recorded_fires, theme):
     assert findings(visitor.page) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", THEMES)
 def test_a_page_that_replays_breaks_no_rule(chromium, recorded_fires, tmp_path, theme):
     path = tmp_path / "page.html"
@@ -158,7 +151,6 @@ def test_a_page_that_replays_breaks_no_rule(chromium, recorded_fires, tmp_path, 
     page.close()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("button", ["Projector", "Full screen"])
 def test_a_projectors_page_and_the_world_alone_break_no_rule(visit, button):
     visitor = visit(LINK)

@@ -16,8 +16,6 @@ FOCUS = """(() => {
   if (one === document.body) return ["the end", "solid", "3px"];
   return [one.getAttribute("aria-label") ?? one.textContent, look.outlineStyle, look.outlineWidth];
 })()"""
-# Fires, bodies that are carried, and bodies that move; all others in the slow tests.
-FEW = ["fire_fighting", "foraging", "shepherding"]
 HALL = b'<svg xmlns="http://www.w3.org/2000/svg" width="800" height="600"><circle cx="400" cy="300" r="80"/></svg>'
 
 
@@ -38,9 +36,9 @@ def hand_over(visitor, name: str, content: bytes) -> None:
     visitor.page.set_input_files(".swarm-panel input[type=file]", file)
 
 
-@pytest.mark.parametrize("names", [FEW, pytest.param(model_names(), marks=pytest.mark.slow)], ids=["few", "all"])
-def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor, names):
-    for name in names:
+@pytest.mark.slow
+def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor):
+    for name in model_names():
         choose_model(visitor, name)
         visitor.press("Play")
         visitor.wait("+player.step > 5")
@@ -55,6 +53,7 @@ def test_every_model_of_the_gallery_plays_pauses_steps_and_resets(visitor, names
         visitor.wait_for_step(0)
 
 
+@pytest.mark.slow
 def test_what_is_being_typed_is_not_replaced_when_the_page_has_news(visitor):
     robots, seed = (visitor.field(name).locator("input[type=text]") for name in ("n_robots", "seed"))
     robots.fill("12")
@@ -67,6 +66,7 @@ def test_what_is_being_typed_is_not_replaced_when_the_page_has_news(visitor):
     assert robots.input_value() == "12"
 
 
+@pytest.mark.slow
 def test_a_seed_that_is_typed_gives_the_same_frames_again_after_a_reset(visitor):
     seed = visitor.field("seed").locator("input")
     seed.fill("7")
@@ -87,6 +87,7 @@ def test_a_seed_that_is_typed_gives_the_same_frames_again_after_a_reset(visitor)
     assert "seed=7" in visitor.page.url
 
 
+@pytest.mark.slow
 def test_a_link_shows_the_same_state_again(visit):
     first = visit("?model=flocking&n_robots=30&sight=80.0&seed=11")
     for step in range(1, 4):
@@ -141,6 +142,7 @@ def test_an_impossible_value_is_reported_beside_the_control(visitor):
     wait_until(lambda: "at most 10000" in visitor.field("n_robots").locator(".swarm-fault").inner_text())
 
 
+@pytest.mark.slow
 def test_required_properties_set_the_constants_and_warn_live(visitor):
     visitor.open_group("Design the constants")
     visitor.open_group("Fires and heat")
@@ -152,6 +154,7 @@ def test_required_properties_set_the_constants_and_warn_live(visitor):
     wait_until(lambda: visitor.field("k1").locator("input[type=text]").input_value() == "0.006931")
 
 
+@pytest.mark.slow
 def test_keys_play_and_step_but_not_while_one_types(visitor):
     press = visitor.page.keyboard.press
     press("ArrowRight")
@@ -175,6 +178,7 @@ def test_keys_play_and_step_but_not_while_one_types(visitor):
     assert (visitor.step, visitor.about("playing")) == (0, "false")
 
 
+@pytest.mark.slow
 def test_a_slider_or_a_box_that_was_touched_takes_only_the_keys_that_move_it(visitor):
     press = visitor.page.keyboard.press
     robots = visitor.field("n_robots").get_by_role("slider")
@@ -197,6 +201,7 @@ def test_a_slider_or_a_box_that_was_touched_takes_only_the_keys_that_move_it(vis
     assert not sectors.is_checked()
 
 
+@pytest.mark.slow
 def test_a_map_is_uploaded_and_another_file_is_refused_in_one_line(visit):
     visitor = visit("?model=boids")
     visitor.page.set_input_files(
@@ -249,6 +254,7 @@ def test_everything_is_in_sight_on_a_small_laptop_and_has_a_name(visitor):
     assert nameless == []
 
 
+@pytest.mark.slow
 def test_everything_is_reached_by_the_tab_key_and_shows_that_it_was(visitor):
     page = visitor.page
     reached, unseen = [], []
@@ -284,6 +290,7 @@ def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_requests(visito
     visitor.wait_for_step(at_rest + 1)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processor time is read from /proc, which is missing")
 def test_a_page_that_is_closed_plays_no_more(visitor, server):
     visitor.press("Play")
@@ -308,6 +315,7 @@ PLAYED = """async (pictures) => {
 }"""
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_in_order_each_once_and_the_last_one_at_rest(visitor):
     steps = visitor.page.evaluate(PLAYED, 60)
     assert steps == sorted(set(steps))

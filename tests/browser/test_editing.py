@@ -5,6 +5,8 @@ import pytest
 from mesa_swarm.world.map import Map
 from support.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 STAGE = "document.querySelector('.swarm-stage canvas').stage"
 PICKED = f"""(i) => {{
   const frame = {STAGE}.frame; // none while a new world is entered

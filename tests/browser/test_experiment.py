@@ -8,6 +8,8 @@ import pytest
 from support.visits import settle
 from support.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 RUNS = "Number(document.querySelector('.swarm-experiment')?.dataset.runs)"
 
 
@@ -72,7 +74,6 @@ def test_an_experiment_is_run_shown_downloaded_and_a_point_of_it_watched(experim
     wait_until(lambda: "n_robots=4" in page.url and "seed=1" in page.url)
 
 
-@pytest.mark.slow
 def test_a_heat_map_fills_in_stops_goes_on_and_names_what_it_is_of(experiment, shots):
     page = experiment.page
     enter(experiment, "values", "5, 10, 15")
@@ -111,7 +112,6 @@ def test_a_heat_map_fills_in_stops_goes_on_and_names_what_it_is_of(experiment, s
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
-@pytest.mark.slow
 def test_ticks_and_equal_distances_set_the_values_and_a_wrong_one_is_named(experiment):
     page, values = experiment.page, experiment.field("values")
     for label, text in (("from", "2"), ("to", "8"), ("number", "4")):
@@ -129,7 +129,6 @@ def test_ticks_and_equal_distances_set_the_values_and_a_wrong_one_is_named(exper
     page.wait_for_selector(".swarm-field[data-name=seeds] .swarm-fault:not([hidden])")
 
 
-@pytest.mark.slow
 def test_a_late_answer_to_a_tick_does_not_undo_a_later_one(experiment):
     page = experiment.page
     choose(experiment, "p", "strategy")

@@ -4,6 +4,8 @@ import pytest
 
 from mesa_swarm.dashboard.navigation import TOUR
 
+pytestmark = pytest.mark.slow
+
 LINK = "?model=fire_fighting&n_robots=4&seed=3"
 
 

@@ -10,6 +10,8 @@ from mesa_swarm.gallery import gallery_names
 from mesa_swarm.viewing import text_of
 from support.visits import blank_page, resize
 
+pytestmark = pytest.mark.slow
+
 # What is on the cards in the first frame in which there are cards: their number, and that of drawn pictures.
 FIRST = """() => {
   window.first = new Promise((done) => new MutationObserver((_, watch) => {
@@ -123,7 +125,6 @@ def pixels(shown) -> np.ndarray:
     return np.asarray(Image.open(BytesIO(shown.screenshot())).convert("RGB"), float)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_moving_pictures_begin_as_those_at_rest_in_both_themes(visit, theme):
     visitor = visit(color_scheme=theme)
@@ -139,7 +140,6 @@ def test_moving_pictures_begin_as_those_at_rest_in_both_themes(visit, theme):
         assert differ.mean() < 0.005, name
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("size", [(390, 844), (1366, 768), (1920, 1080)], ids="{0[0]}x{0[1]}".format)
 def test_cards_fit_every_screen_and_are_large_enough_to_press(visit, shots, size, theme):

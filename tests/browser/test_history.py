@@ -10,6 +10,8 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from support.visits import HOST, LAUNCH, Visit, answers, free_port
 from support.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 LINK = "?model=fire_fighting&n_robots=4&seed=3"
 SIDES = ".swarm-worlds .swarm-player"
 HIDE = """hidden => {
@@ -114,7 +116,6 @@ def test_a_page_that_is_loaded_again_goes_on_where_it_was(visit):
     assert visitor.about("fingerprint") == FireFighting(n_robots=4, rng=3).run(visitor.step).state_hash()
 
 
-@pytest.mark.slow
 def test_a_run_that_was_paused_farther_than_links_reach_is_there_again(visit):
     visitor = visit("?model=fire_fighting&n_robots=1&seed=2")
     visitor.page.get_by_role("slider", name="Speed").press("End")
@@ -139,7 +140,6 @@ def test_a_page_in_another_tab_of_the_browser_pauses(visit):
     visitor.wait("player.playing === 'true'")
 
 
-@pytest.mark.slow
 def test_a_server_that_is_gone_is_stated_and_the_page_can_be_loaded_again(chromium):
     port = free_port()
     command = [sys.executable, "-c", LAUNCH, str(port)]
@@ -164,7 +164,6 @@ def test_a_server_that_is_gone_is_stated_and_the_page_can_be_loaded_again(chromi
         server.wait()
 
 
-@pytest.mark.slow
 def test_a_connection_that_was_lost_for_a_moment_leaves_no_trace(visit):
     visitor = visit(LINK)
     visitor.press("Step")

@@ -4,6 +4,8 @@ import pytest
 
 from mesa_swarm.dashboard.navigation import KEYS
 
+pytestmark = pytest.mark.slow
+
 # What of the Watch page is clicked before the space bar.
 CLICKED = [
     ".swarm-theme",
@@ -78,7 +80,6 @@ def test_a_control_that_was_reached_by_tab_reacts_to_space_itself(visitor):
     assert toggles(visitor)
 
 
-@pytest.mark.slow
 def test_space_plays_two_worlds_and_a_list_keeps_it(visitor):
     page = visitor.page
     visitor.press("Compare")

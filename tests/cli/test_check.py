@@ -81,6 +81,7 @@ def test_bench_prints_value_and_goal_of_each_measurement_or_why_it_has_none(type
 START = "start,s,0.7,0.5,most,no"
 
 
+@pytest.mark.slow
 def test_a_quick_bench_leaves_out_what_takes_long(typed, pretended):
     assert "start, s" not in typed("bench --quick")[1]
 
@@ -173,6 +174,7 @@ def test_the_same_figure_gives_the_same_files(typed, tmp_path):
         assert first.read_bytes() == second.read_bytes()
 
 
+@pytest.mark.slow
 def test_quick_results_do_not_take_the_place_of_full_ones(typed, tmp_path):
     typed("reproduce --figure B.1 --quiet --out here")
     full = {path: path.read_bytes() for path in (tmp_path / "here").glob("figure_*")}
@@ -182,6 +184,7 @@ def test_quick_results_do_not_take_the_place_of_full_ones(typed, tmp_path):
     assert len(list((tmp_path / "here").glob("figure_*_quick.*"))) == len(full)
 
 
+@pytest.mark.slow
 def test_a_quick_report_warns_that_its_verdicts_mean_nothing(typed, tmp_path):
     assert typed("reproduce --figure B.1 --quick --quiet --report page.md")[0] == 0
     page = (tmp_path / "page.md").read_text()

@@ -28,6 +28,7 @@ def test_compare_prints_a_table_paths_and_a_finding_and_writes_the_files(typed, 
     assert again == f"4 of 4 runs were done before, see {folder / 'runs.jsonl'}\n{out}"
 
 
+@pytest.mark.slow
 def test_compare_takes_another_parameter_values_settings_and_folder(typed, tmp_path):
     line = "compare collision_avoidance --parameter n_robots --values 2,3 --set map=sparse --out here/there"
     status, out, err = typed(f"{line} --seeds 2 --steps 20 --jobs 1")

@@ -39,7 +39,7 @@ def wide(monkeypatch):
     return widen
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "compare")) for n in COMMANDS])
 def test_a_commands_lines_fit_the_terminal_and_lose_no_word(typed, wide, name):
     typed(COMMANDS[name])
     status, whole, err = typed(COMMANDS[name])  # its runs were done before, as those below

@@ -123,6 +123,7 @@ def test_a_recording_of_the_page_s_own_model_can_be_continued(folder):
     session.close()
 
 
+@pytest.mark.slow
 def test_runs_of_a_comparison_on_the_page_are_those_of_the_file():
     session = Session(ADDRESS)
     comparing = Comparing(session)
@@ -139,6 +140,7 @@ def test_runs_of_a_comparison_on_the_page_are_those_of_the_file():
     comparing.close()
 
 
+@pytest.mark.slow
 def test_an_experiment_with_a_model_of_a_file_has_a_job_for_the_folder_of_the_file(folder, monkeypatch):
     address = f"{folder}/bare.py:Bare"
     (folder / "bare.py").write_text(BARE)

@@ -205,6 +205,7 @@ def test_a_robot_that_is_dragged_is_one_change():
     assert session.edits == ()
 
 
+@pytest.mark.slow
 def test_too_many_changes_for_a_link_are_stated_as_a_run_that_cannot_be_repeated():
     session = played(Session("boids", {"n_robots": 2}), 1)
     for k in range(MOST_EDITS + 1):

@@ -63,6 +63,7 @@ def test_pictures_are_of_the_step_that_is_looked_at(desk):
     assert b"<svg" in desk.made["fire_fighting_30.svg"]
 
 
+@pytest.mark.slow
 def test_a_table_is_made_by_a_process_of_its_own(desk):
     make(desk, kind="fires.csv", every=10)
     assert desk.fault == ""

@@ -178,13 +178,13 @@ def test_what_the_text_of_a_model_states_holds_on_its_stored_runs(claim):
     claim.check(lambda label, measure: STORED[claim.model][label][measure])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("claim", names([(number, one) for number, one in enumerate(CLAIMS) if one.model in QUICK]))
 def test_it_holds_on_twenty_other_seeds(claim, further):
     claim.check(lambda label, measure: further(claim.model, label, measure))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_under_strategy_a_the_large_fire_goes_out_on_one_of_the_first_thirty_seeds():
     assert FireFighting(strategy="A", rng=26).run(15_000).results()["fire 2 (largest) out at"] == 9_536
 
@@ -201,7 +201,7 @@ def to_and_fro(seed: int) -> tuple[float, ...]:
     return tuple(np.mean(found, axis=0))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_robots_that_learn_in_tables_move_to_and_fro_at_the_critical_distance():
     shares = zip(*Parallel(n_jobs=2)(delayed(to_and_fro)(seed) for seed in range(1001, 1021)), strict=True)
     ahead, back, near = (bootstrap_mean([100 * value for value in row]) for row in shares)
@@ -214,7 +214,7 @@ def shown(percent: Interval) -> str:
     return f"{percent.estimate:.0f} % [{percent.low:.1f}, {percent.high:.1f}]"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_table_of_the_tutorial_is_that_of_its_plan(tmp_path):
     file = tmp_path / "cleaning.py"
     file.write_text(re.search(r"^```python\n(.*?)^```", TUTORIAL, re.DOTALL | re.MULTILINE)[1], encoding="utf-8")

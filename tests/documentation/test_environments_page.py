@@ -12,6 +12,7 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_the_page_s_code_runs_and_prints_what_the_page_shows():
     names, printed = {}, io.StringIO()
     with contextlib.redirect_stdout(printed):

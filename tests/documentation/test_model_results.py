@@ -26,7 +26,7 @@ def test_a_setting_has_one_value_of_each_measure_for_each_seed(name, label):
     assert {len(row) for row in found.values()} == {len(SEEDS)}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "label"), SETTINGS)
 def test_a_run_measured_anew_has_the_stored_values(name, label):
     place = len(SEEDS) - 1

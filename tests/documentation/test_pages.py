@@ -22,8 +22,20 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at the results.
 OWN = {"sweeps.md", "environments.md", "mesa.md", "own_package.md", "ppo.md"}
-# What these show takes minutes: once, with the commands beside it.
-LONG = {"learning.md", "fire_learning.md", "reward_lab.md"}
+# What these show takes seconds to minutes: in the slow tests, once, with the commands beside it if there are any.
+LONG = {
+    *(
+        "extend.md",
+        "fire_learning.md",
+        "from_argos.md",
+        "learning.md",
+        "microcontroller.md",
+        "reward_lab.md",
+        "train.md",
+    ),
+    *("own_actuator.md", "own_body.md", "own_field.md", "own_message.md", "own_process.md", "own_robot.md"),
+    *("own_sensor.md", "train.md", "tutorial.md"),
+}
 # The same commands with figures so small that they take seconds; what is given last counts.
 SMALL = {
     "learn-bench": "--only random --seeds 1 --steps 300 --evaluation-steps 100 --maps 1 --jobs 1",
@@ -60,6 +72,13 @@ def of(pages: list[Path], language: str) -> list:
     return [pytest.param(page, id=page.name) for page in pages if page.name not in OWN and blocks(page, language)]
 
 
+def code_alone() -> list:
+    """Return the pages whose code is run by itself, the long ones among them marked as slow."""
+    alone = [page for page in PAGES if page.name not in LONG or not blocks(page, "sh")]
+    marks = {page.name: [pytest.mark.slow] for page in alone if page.name in LONG}
+    return [pytest.param(*p.values, id=p.id, marks=marks.get(p.id, [])) for p in of(alone, "python")]
+
+
 def run_code(block: str, number: int, names: dict) -> None:
     source = Path(f"block{number}.py").absolute()  # rules are compiled from their source
     source.write_text(block)
@@ -78,7 +97,7 @@ def run_command(words: list[str], capsys) -> None:
     assert end.value.code == 0, f"mesa-swarm {' '.join(words)}: {capsys.readouterr().err}"
 
 
-@pytest.mark.parametrize("page", of([page for page in PAGES if page.name not in LONG], "python"))
+@pytest.mark.parametrize("page", code_alone())
 def test_the_code_on_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "page"}
@@ -99,10 +118,11 @@ def test_commands_and_code_of_a_page_run_in_one_folder_in_their_order(page, tmp_
             run_command(words, capsys)
 
 
-def test_pages_that_take_minutes_show_commands_beside_their_code():
-    long = [page for page in PAGES if page.name in LONG]
-    assert len(long) == len(LONG)
-    assert all(blocks(page, "sh") for page in long)
+def test_all_code_of_pages_is_run_alone_or_beside_commands():
+    code = {page.name for page in PAGES if blocks(page, "python")}
+    run = {param.id for param in [*code_alone(), *of(PAGES, "sh")]}
+    assert code - OWN <= run
+    assert code >= LONG
 
 
 def test_no_two_recordings_of_all_pages_have_the_same_name():

@@ -110,11 +110,13 @@ class TestRecordedRuns:
         assert "Tramway" in page
         assert "/tmp" not in page
 
+    @pytest.mark.slow
     def test_a_run_that_has_ended_before_it_is_seen_is_refused(self):
         run = RecordedRun(model="cooperative_transport", title="a load", settings={"n_robots": 20}, start=5_000)
         with pytest.raises(InvalidValueError, match="a load: 0 rows from step 5000 on; expected 90 or more"):
             run.page()
 
+    @pytest.mark.slow
     def test_a_page_is_no_larger_than_permitted_and_as_long_as_that_permits(self):
         page = RecordedRun(model="collision_avoidance", title="", settings={"n_robots": 100}).page()
         assert 0.8 * LARGEST < len(page) <= LARGEST

@@ -32,6 +32,7 @@ def test_a_package_that_is_missing_is_asked_for_in_one_line():
         need("nothere")
 
 
+@pytest.mark.slow
 def test_without_the_extra_arrays_work_and_environments_state_what_to_install():
     done = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, check=True)
     line = "SwarmError: this environment needs gymnasium; install it with: pip install 'mesa-swarm[rl]'"

@@ -39,6 +39,7 @@ def test_it_passes_gymnasium_s_test_without_a_warning(name, more):
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", IDS)
 def test_a_thousand_steps_are_the_same_bits_for_the_same_seed_and_others_for_another(name):
     def heard(seed: int, steps: int) -> bytes:

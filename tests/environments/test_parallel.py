@@ -47,6 +47,7 @@ def test_it_passes_pettingzoo_s_test(module, actions, capsys):
     assert "Passed Parallel API test" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES, ids=NAMES)
 @pytest.mark.parametrize("actions", ["continuous", 8])
 def test_with_turns_it_passes_pettingzoo_s_tests(module, actions, capsys):
@@ -90,6 +91,7 @@ def test_pettingzoo_s_registry_knows_it(name):
     assert str(pettingzoo.make("aec", f"MesaSwarm/{name}", n_robots=3)) == name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES, ids=NAMES)
 def test_a_thousand_steps_are_the_same_bits_for_the_same_seed_and_others_for_another(module):
     def heard(seed: int, steps: int) -> bytes:

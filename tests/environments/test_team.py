@@ -166,6 +166,7 @@ def test_the_thesis_s_reward_takes_the_range_of_each_robot_s_own_sensors():
 TASKS = [CollisionAvoidance, FindFires, ExtinguishFires, Foraging, Aggregation]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", TASKS)
 def test_every_task_takes_messages_teams_designs_and_pay_for_ground_at_once(task):
     made = task(n_robots=3, design=(AGENT9, AGENT3), messages=1, team=0.5, coverage_reward=0.1, max_steps=4)

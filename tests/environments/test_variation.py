@@ -54,6 +54,7 @@ def test_nothing_is_varied_by_default():
     assert set(drawn(Variation())) == {Conditions(map=OWN, n_robots=4)}
 
 
+@pytest.mark.slow
 def test_a_function_draws_maps_without_end():
     task = CollisionAvoidance(n_robots=2, max_steps=1, variation=Variation(maps=any_map))
     env, twin = (VectorSwarmEnv(task, n_worlds=3) for _ in range(2))

@@ -35,6 +35,7 @@ def same(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
     return len(one) == len(other) and all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: type(task).__name__)
 def test_a_thousand_steps_are_the_same_bits_for_the_same_seed_and_others_for_another(task):
     env, twin = (VectorSwarmEnv(task, n_worlds=2) for _ in range(2))

@@ -78,6 +78,7 @@ def test_two_threads_are_not_measured_on_one_processor(monkeypatch):
         two_threads(10, FULL)
 
 
+@pytest.mark.slow
 def test_the_largest_world_is_measured_in_its_own_process():
     placed, two, growth, peak = largest_world(1500)
     assert (placed > 0, math.isfinite(growth)) == (True, True)

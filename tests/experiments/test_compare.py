@@ -79,6 +79,7 @@ def test_runs_of_changed_code_settings_or_steps_are_other_runs(tmp_path, monkeyp
     assert done_before() == 0
 
 
+@pytest.mark.slow
 def test_the_outcome_does_not_depend_on_the_number_of_jobs(comparison):
     two = compare(FIRE, seeds=3, steps=400, jobs=2)
     assert two.runs == comparison.runs
@@ -334,6 +335,7 @@ def test_the_finding_about_what_never_happened_compares_nothing():
     assert "nothing to compare" in finding(made_up({"a": never, "b": never}, AVOID, "turn"))
 
 
+@pytest.mark.slow
 def test_saving_writes_tables_and_pictures_whole(comparison, tmp_path):
     paths = comparison.save(tmp_path / "new" / "folder")
     names = {"runs.csv", "summary.csv", "finding.txt", "final_state.png", "robots_at_fires.png"}

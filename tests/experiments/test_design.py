@@ -93,7 +93,7 @@ def test_a_design_is_the_same_when_it_was_interrupted_and_with_other_settings_is
         design_machine(replace(BRIEF, steps=21), generations=3, rng=6, file=file, **SMALL)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_design_does_not_depend_on_the_number_of_processes():
     one, two = (design_machine(BRIEF, generations=3, rng=5, jobs=jobs, **SMALL) for jobs in (1, 2))
     assert one.machine == two.machine

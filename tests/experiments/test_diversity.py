@@ -16,7 +16,7 @@ BRIEF = Trial(robots=4, steps=60, units=0, encoding="typed")
 SMALL = {"cells": 8, "generations": 4, "emitters": 2, "batch": 6}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_archive_is_the_same_for_the_same_seed_and_any_number_of_processes():
     pytest.importorskip("ribs")
     one, two = (diversify(BRIEF, rng=3, jobs=jobs, **SMALL) for jobs in (1, 2))
@@ -27,7 +27,7 @@ def test_an_archive_is_the_same_for_the_same_seed_and_any_number_of_processes():
     assert 1 / 64 < one.filled < 48 / 64
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_controller_of_a_cell_behaves_as_its_cell_states(tmp_path):
     pytest.importorskip("ribs")
     found = diversify(BRIEF, rng=3, **SMALL)

@@ -226,7 +226,7 @@ def test_blind_robots_can_be_bred_though_they_learn_only_to_drive():
     assert evolve(blind, **SMALL).policy.wheel.shape == (1, 2, 2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_number_of_processes_changes_no_bit():
     one, two = (evolve(BRIEF, **SMALL, jobs=jobs) for jobs in (1, 2))
     assert (one.fitness == two.fitness).all()

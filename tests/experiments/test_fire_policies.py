@@ -38,7 +38,7 @@ def test_a_wrong_seed_or_number_of_steps_is_refused_before_training(train, wrong
         train(**{"seed": 1, "steps": 10, **wrong})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_seeds_decide_what_is_learned():
     skills, again, other = (trained_skills(seed, 60).arrays()["values"] for seed in (1, 1, 2))
     assert (skills == again).all()
@@ -57,7 +57,7 @@ def test_the_rule_passes_the_gate_of_its_task_and_validations_are_ordered_by_pas
     assert [each.measures["largest cluster"] for each in sorted(found, key=gate.rank)] == [0.9, 0.6, 0.4, 0.3]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_robots_that_share_what_they_learn_by_wheel_speeds_put_out_the_fires_of_maps_that_they_never_saw():
     shares = []
     for seed in (2001, 2002):

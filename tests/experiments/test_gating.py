@@ -53,7 +53,7 @@ def test_validation_is_the_mean_of_drives_on_all_maps():
     assert found.robot_steps == 2 * 3 * 40
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_validation_does_not_depend_on_the_number_of_processes():
     assert gate_of().validate(AHEAD, jobs=2) == gate_of().validate(AHEAD)
 

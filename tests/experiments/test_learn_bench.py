@@ -324,7 +324,7 @@ def test_a_stored_training_with_other_numbers_than_those_of_a_training_counts_as
         assert results_of(again) == {name: value for name, value in real.items() if "seconds" not in name}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_benchmark_of_two_processes_has_the_results_of_one(tmp_path):
     alone, both = (learn_bench(brief(maps=1), out=tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
     assert [results_of(run) for run in alone] == [results_of(run) for run in both]

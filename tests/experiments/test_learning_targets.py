@@ -30,7 +30,7 @@ def means_on(maps, trained):
     return {measure: mean(row[measure] for row in rows) for measure in rows[0]}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_rule_on_twenty_unseen_maps(monkeypatch):
     bred(0, SEED, 0.001)  # compiles, or reads a cache
     slow, usual = [], Evolution.tell
@@ -50,7 +50,7 @@ def test_a_bred_reflex_frozen_hardly_collides_is_fast_and_sees_no_less_than_the_
     assert used / mean(slow) <= 60, time_used
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_shared_q_learning_cools_in_a_million_robot_steps_and_frozen_it_hardly_collides_on_nine_of_ten_unseen_maps():
     # Its processor time is in the benchmark's table of trainings.
     learned = contestants()["shared Q (b), cooled"](SEED, 33_000)
@@ -63,7 +63,7 @@ def test_shared_q_learning_cools_in_a_million_robot_steps_and_frozen_it_hardly_c
     assert mean(row["coverage"] for row in drives) >= rule
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fifteen_robots_learn_for_33_000_steps_in_ten_seconds_of_one_core():
     model = driven_world(Subsumption(QLearning()), AGENT9, 15, "original", 1).run(10)
     used = processor_seconds(lambda: model.run(33_000))

@@ -23,7 +23,7 @@ def test_ideal_robots_score_as_they_do_without_a_dial():
     assert gap.scores[0.0] == plain
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_number_of_processes_changes_nothing():
     one, two = (reality_gap("boids", dial=(0, 1), seeds=2, steps=20, settings=SMALL, jobs=jobs) for jobs in (1, 2))
     assert one.scores == two.scores

@@ -140,7 +140,7 @@ def test_the_bootstrap_touches_no_random_numbers_but_its_own():
     assert np.random.get_state()[1].tolist() == before  # noqa: NPY002
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("spread", "mean", "n", "least"),
     [

@@ -35,7 +35,7 @@ def measured(seeds, spread):
     return [[last_out(rng, choice, spread) for rng in seeds] for choice in ("nearest", "hottest")]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("spread", SPREADS)
 def test_no_difference_is_shown_between_the_hottest_and_the_nearest_fire(spread):
     assert judged(*measured(range(FRESH, FRESH + SEEDS), spread)) == "no difference shown"

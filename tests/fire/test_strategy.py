@@ -94,14 +94,14 @@ def fires_out(strategy, seed, communication="none"):
     return model.fires.out.copy()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("communication", ["state", "goal"])
 def test_over_12_paired_seeds_calling_for_help_puts_out_the_large_fire_under_a(communication):
     out = np.array(Parallel(2)(delayed(fires_out)("A", seed, communication) for seed in range(12)))
     assert out[:, LARGE].mean() >= 0.8
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_over_30_paired_seeds_b_puts_out_all_fires_and_a_leaves_the_large_one():
     out = {s: np.array(Parallel(2)(delayed(fires_out)(s, seed) for seed in range(30))) for s in "AB"}
     assert out["B"].all(axis=1).mean() >= 0.9

@@ -60,6 +60,7 @@ def test_another_process_loads_callers_and_what_they_call_from_disk(tmp_path):
     assert int(later[2]) == 1
 
 
+@pytest.mark.slow
 def test_a_caller_finds_a_function_apart_that_was_compiled_again_since(tmp_path):
     """The machine code of the callee alone is removed from disk: the caller's is loaded, and calls the new one."""
     settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

@@ -157,6 +157,7 @@ for one in gc.get_objects():
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["fire_fighting", "shepherding"])
 def test_what_a_model_calls_is_listed_as_needed(model):
     done = subprocess.run([sys.executable, "-c", CALLED, model], capture_output=True, text=True, check=True)

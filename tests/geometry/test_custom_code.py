@@ -205,6 +205,7 @@ def run_script(folder, factor):
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
 
 
+@pytest.mark.slow
 def test_rules_and_sensors_are_compiled_once_for_all_processes_until_a_value_that_they_use_changes(tmp_path):
     first, compiled = run_script(tmp_path, 0.5)
     assert compiled == "3"

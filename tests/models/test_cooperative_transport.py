@@ -91,7 +91,7 @@ def arrived(n_robots, seed, load):
     return CooperativeTransport(n_robots=n_robots, load=load, rng=seed).run(10_000).arrived_at is not None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("load", ["disc", "box"])
 def test_five_robots_bring_the_load_to_the_goal_and_one_does_not(load):
     brought = {n: np.array(Parallel(2)(delayed(arrived)(n, seed, load) for seed in SEEDS)) for n in (1, 5)}

@@ -33,7 +33,7 @@ def test_every_exercise_has_five_right_and_five_wrong_answers_and_its_hint(path)
             assert len(set(given.values())) >= least, f"{exercise}: {len(given)} {kind}"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("exercise", EXERCISES)
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 class TestVerdicts:

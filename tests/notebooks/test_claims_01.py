@@ -7,7 +7,7 @@ from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference, share_interval
 from support.exercises import NOTEBOOKS, cells_of, names_of
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 CELLS = cells_of(NOTEBOOKS[0])
 SEEDS = range(1001, 1041)
 

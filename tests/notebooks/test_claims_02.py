@@ -6,7 +6,7 @@ import pytest
 from mesa_swarm.experiments.statistics import bootstrap_mean, paired_difference
 from support.exercises import names_of
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 SEEDS = range(1001, 1041)
 WALLS, ROBOTS = 0, 1
 

@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference, share_interval
 from support.exercises import NOTEBOOKS, cells_of, names_of
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 NOTEBOOK = NOTEBOOKS[2]
 SEEDS = range(1001, 1081)
 

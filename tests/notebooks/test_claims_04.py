@@ -31,7 +31,7 @@ def group_counts(steps, **settings):
     return np.array(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestGroups:
     def test_robots_end_in_many_groups_whether_they_see_50_or_200_units(self, runs):
         for groups, largest in runs.values():
@@ -63,7 +63,7 @@ class TestGroups:
         assert (early == later).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_twice_the_robots_are_in_more_groups_but_fewer_than_twice_as_many():
     of_50, of_100 = (group_counts((2_000,), n_robots=robots).ravel() for robots in (50, 100))
     assert bootstrap_mean(of_100 - of_50).low > 0

@@ -26,7 +26,7 @@ def rounded(interval):
     return [round(number, 1) for number in (interval.estimate, interval.low, interval.high)]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestRules:
     def test_any_effect_of_the_gap_rule_is_smaller_than_a_quarter_of_a_chain_and_of_unknown_sign(self, runs):
         difference = bootstrap_mean(lengths(runs, "gap rule") - lengths(runs, "no rule"))

@@ -43,7 +43,7 @@ def text_of(cell):
     return " ".join(cells_of(PATH)[cell].split())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestCases:
     def test_avoidance_alone_aligns_neighbours_and_the_rule_adds_to_it(self, cases):
         assert mean_interval(cases[AVOID][0]).low > 0.4
@@ -70,7 +70,7 @@ class TestCases:
         assert min(alignment[alignment.index(peak) :]) < 0.8
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestRules:
     def test_each_rule_adds_to_alignment_cohesion_least(self, without):
         lost = {name: without["all three"] - alignment for name, alignment in without.items()}

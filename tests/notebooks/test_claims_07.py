@@ -21,7 +21,7 @@ def runs_that_put_out_all(place, strategy):
     return share_interval(numbers.count(7), len(numbers))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestStrategies:
     def test_b_puts_out_all_fires_and_a_does_not(self, place):
         assert runs_that_put_out_all(place, "A").high < 0.2

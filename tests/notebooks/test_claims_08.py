@@ -25,7 +25,7 @@ def succeeded(place, reach):
     return shares
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestRange:
     def test_with_100_units_messages_hardly_help(self, place):
         assert all(share.high < 1 / 3 for share in succeeded(place, 100))
@@ -42,7 +42,7 @@ class TestRange:
         assert 100 < nearest.low < nearest.high < 125
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestContent:
     @pytest.mark.parametrize("reach", [100, 150, 200, 400])
     def test_at_no_range_these_runs_decide_between_state_and_goal(self, place, reach):

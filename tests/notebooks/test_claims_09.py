@@ -7,7 +7,7 @@ from support.exercises import names_of
 
 SEEDS = range(1001, 1021)
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from support.exercises import NOTEBOOKS, cells_of, last_value, names_of
 (PATH,) = (path for path in NOTEBOOKS if path.stem.startswith("12_"))
 SEEDS = range(1001, 1025)
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ def rounded(interval):
     return [round(number) for number in (interval.estimate, interval.low, interval.high)]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestPairs:
     def test_sixty_pairs_show_fewer_collisions_of_robots_that_turn_on_the_spot(self, place):
         difference, pairs = paired_difference(place["first"][:60], place["second"][:60])
@@ -30,7 +30,7 @@ class TestPairs:
         assert [round(number, 2) for number in correlation] == [0.31, 0.14, 0.47]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 class TestNumbersOfRobots:
     def test_corrected_for_four_comparisons_the_effect_is_shown_with_twenty_robots_only(self, place):
         shown = {n: mean_interval(place["effect"][n], 1 - 0.05 / 4) for n in place["NUMBERS"]}

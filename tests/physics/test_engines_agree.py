@@ -91,14 +91,14 @@ def test_both_engines_read_and_do_the_same_in_random_worlds_of_robots_with_wheel
     check_agreement(random_world(seed, designs=MIXED))
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_with_wheels_and_without(seed):
     models = [mixed(crowd(seed, n=16, size=110.0)).model(engine) for engine in ENGINES]
     check_run(models, 30)
     assert models[0].total_collisions > 50
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @deep
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_a_thousand_random_worlds(seed):
@@ -118,14 +118,14 @@ def test_both_engines_do_the_same_in_a_jam(seed):
     check_agreement(crowd(seed, n=14, size=60.0))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @long
 @given(seeds, st.integers(2, 16))
 def test_both_engines_do_the_same_in_many_jams(seed, n):
     check_agreement(crowd(seed, n=n, size=60.0))
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_that_avoids(seed):
     models = [crowd(seed, n=20, size=110.0).model(engine) for engine in ENGINES]
     for model in models:

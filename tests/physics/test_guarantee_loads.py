@@ -88,7 +88,7 @@ def test_no_body_overlaps_another_in_random_crowds_around_loads(seed, n, radius,
     check_crowd(seed, n, radius, speed, n_loads, 6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=400)
 @given(
     seed=st.integers(0, 2**32),

@@ -53,7 +53,7 @@ def test_both_engines_move_loads_alike(seed):
     check_engines(hauled(seed))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=in_time(150))
 @given(seeds)
 def test_both_engines_move_loads_alike_in_hundreds_of_worlds(seed):

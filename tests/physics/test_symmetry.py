@@ -136,7 +136,7 @@ def test_the_order_in_which_robots_were_created_is_nothing_in_a_jam(seed):
     check_order(settled(crowd(seed, n=12, size=62.0)), np.arange(12)[::-1])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @deep
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing_in_hundreds_of_jams(seed):

@@ -260,7 +260,7 @@ def test_forged_facts_are_refused_or_do_no_harm():
     check_hostile(1, 60)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_forged_facts_are_refused_or_do_no_harm_in_many_tries():
     check_hostile(2, 2000)
 

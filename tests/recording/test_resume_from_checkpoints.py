@@ -45,7 +45,7 @@ def test_resumed_at_random_steps_the_run_is_the_uninterrupted_one(tmp_path):
     check_random_steps(tmp_path / "run.arrow", 300, 8, 70)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_resumed_at_thirty_random_steps_the_run_is_the_uninterrupted_one(tmp_path):
     check_random_steps(tmp_path / "run.arrow", 3000, 30, 500)
 

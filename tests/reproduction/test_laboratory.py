@@ -58,7 +58,7 @@ def test_an_interrupted_reproduction_goes_on_where_it_stopped(tmp_path):
     assert [row["number"] for row in rows] == [1, 2, 3, 4, 5]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_processes_find_what_one_finds(tmp_path):
     rows = []
     for jobs in (1, 2):

@@ -20,7 +20,7 @@ from mesa_swarm.reproduction.oscillations import (
     oscillation_run,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 SEEDS = range(2_001, 2_013)
 USED = [("a", 4), ("a", 8), ("b", 4), ("b", 8)]
 

@@ -10,7 +10,7 @@ from joblib import Parallel, delayed
 from mesa_swarm.experiments.statistics import mean_interval, paired_difference
 from mesa_swarm.reproduction.learning import FALL, FAST, HOT, READING, SLOW, learning_run
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 SEEDS = range(2_001, 2_013)
 
 

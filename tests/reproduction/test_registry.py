@@ -47,7 +47,7 @@ def laboratory(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "figure", [pytest.param(f, marks=() if f in FAST else pytest.mark.slow, id=f) for f in FIGURES + SECTIONS]
+    "figure", [pytest.param(f, marks=() if f in FAST else pytest.mark.long, id=f) for f in FIGURES + SECTIONS]
 )
 def test_a_figure_is_made_quickly(figure, laboratory):
     result = find_item(figure).make(laboratory)

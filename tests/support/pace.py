@@ -1,6 +1,7 @@
-"""How much is searched, and how long work may take, on machines that are slower than usual."""
+"""How much is tested in the time that there is, and how long work may take on machines that are slower than usual."""
 
 import os
+import random
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,8 +15,18 @@ def in_time(amount):
 
 
 def is_out_of_time():
-    """Whether slow tests that have not begun are left out, as `.ci/run` asks for on a machine slower than usual."""
+    """Whether slow tests that have not begun are left out, as `.ci/run` requires when its time is over."""
     return time.time() > float(os.environ.get("MESA_SWARM_SLOW_UNTIL", "inf"))
+
+
+def shuffle_files(items: list, order: str | None) -> None:
+    """Arrange tests in place, file by file, in an order drawn from a text, so that each text has other files first."""
+    if order is None:
+        return
+    files = list(dict.fromkeys(item.path for item in items))
+    random.Random(order).shuffle(files)
+    rank = {path: i for i, path in enumerate(files)}
+    items.sort(key=lambda item: rank[item.path])
 
 
 def processor_seconds(work: Callable[[], object]) -> float:
