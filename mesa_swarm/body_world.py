@@ -17,6 +17,7 @@ from mesa_swarm.errors import (
     unknown_name,
 )
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.mesa_model import MesaModel
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable
 from mesa_swarm.robots.robot import Robot
@@ -38,7 +39,7 @@ PUT_DOWN = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60]).tolist()
 CLEAR = 1.0 + 1e-6
 
 
-class BodyWorld(mesa.Model):
+class BodyWorld(MesaModel):
     """The part of a model that holds bodies; `World` adds the map, robots and fields."""
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("_obstacles", "_loads", "_scene", "_scene_table", "_movers", "_kinds")

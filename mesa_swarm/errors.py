@@ -55,6 +55,10 @@ class ExportError(SwarmError, RuntimeError):
     """A picture, film, page or table of a recording cannot be written; the message names the file."""
 
 
+class UnobservedStepError(SwarmError, RuntimeError):
+    """A step was taken in a way in which observers, such as a recorder, would miss it."""
+
+
 class RemovedRobotError(SwarmError, RuntimeError):
     """A handle was used after its robot, obstacle or fire was removed."""
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.mesa_model import GIVEN, declares, known_of_scenario, without_scenario
 from mesa_swarm.open_model import OpenModel
 from mesa_swarm.parameters import Dial, Noise, Slip
 from mesa_swarm.physics.imperfect import Imperfect
@@ -130,6 +131,12 @@ def _with_common(cls: type) -> Callable[..., None]:
 
     @wraps(constructor)
     def extended(self: Any, *given: Any, **named: Any) -> None:
+        if "scenario" in named and "scenario" not in signature.parameters:
+            self.__dict__[GIVEN] = named["scenario"]
+            if declares(type(self), "scenario"):
+                named = known_of_scenario({*signature.parameters, *missing}, named)
+            else:
+                named = without_scenario(type(self), named)
         taken = {name: named.pop(name) for name in missing if name in named}
         common = {**taken, **self.__dict__.pop("_common", {})}  # what the outermost constructor is given counts
         replaced = {name: value for name, value in common.items() if name not in missing}

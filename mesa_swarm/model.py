@@ -1,7 +1,7 @@
 """EngineModel: the world, its step, written once, its observers and its fingerprint."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -92,7 +92,6 @@ class EngineModel(ImperfectModel):
         self.threads = checked_threads(threads)
         super().__init__(map=map, rng=rng, noise=noise, slip=slip, imperfections=imperfections, scale=scale)
         self.observers = ()
-        self._user_step: Callable[..., None] = self._whole_step  # what Mesa calls in its own wrapping of a step
         self.communication = communication
         self.collect_every = collect_every
         self._own_parts = OwnParts()
@@ -245,7 +244,13 @@ class EngineModel(ImperfectModel):
         Every robot acts on what was published after the previous step; nothing depends on their order. Fields are the
         first to advance in their phase.
         Without `communication` nothing is exchanged.
+
+        Raises
+        ------
+        UnobservedStepError
+            If the model has observers, and the method of the class was called beside the model's own ``model.step()``.
         """
+        self._check_observed()
         if self._movers is not None:
             self._follow_agents(self._movers)
         self.sense()
@@ -385,32 +390,9 @@ class EngineModel(ImperfectModel):
         """How many steps were completed."""
         return self._completed
 
-    def _whole_step(self, *given: Any, **named: Any) -> None:
-        """Take the step of the model's own class, of which the step of this class is a part, and call observers.
-
-        They are called after a step that failed as well: what it has changed stays.
-        """
-        observers = self.__dict__["observers"]  # without the cost of the property
-        try:
-            for observer in observers.complete:
-                observer.before_step(self)
-            if self._movers is not None:
-                self._movers.begin_step()
-            type(self).step(self, *given, **named)
-            for observer in observers.complete:
-                observer.between_steps(self)
-        except BaseException:
-            self._schedule_again()
-            for observer in observers.complete:
-                observer.after_failure(self)
-            raise
-
-    def _schedule_again(self) -> None:
-        """Let Mesa 3.5 take a step after one that failed, as Mesa 3.3 does: its schedule ends with an error."""
-        schedule = getattr(self, "_default_schedule", None)
-        if schedule is not None:
-            schedule.pause()
-            schedule.resume()
+    def _begin_step(self) -> None:
+        if self._movers is not None:
+            self._movers.begin_step()
 
     @property
     def contacts(self) -> "Contacts":

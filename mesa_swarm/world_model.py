@@ -18,6 +18,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.mesa_model import declares, seed_sequence, without_scenario
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.real_robots import Scale, scale_or_none
@@ -25,19 +26,12 @@ from mesa_swarm.robots.robot import SIDES, Robot, add_handles, remove_together
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.arena import Agents, Arena, hold_agents, uncollected
+from mesa_swarm.world.arena import Agents, Arena, uncollected
 from mesa_swarm.world.bodies import Body, Load
 from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import Shape, as_numbers
-
-# Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
-MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
-OF_MESA = (
-    *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
-    *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
-)
 
 
 class World(BodyWorld):
@@ -48,10 +42,7 @@ class World(BodyWorld):
     viewed. Those in `_fleeting` change when the model is read. The lists of a class and its bases add up.
     """
 
-    _stored_apart: ClassVar[tuple[str, ...]] = (
-        *(*MESA_COUNTS, *OF_MESA, "given", "map", "streams", "space", "swarm", "_fields", "_scale"),
-    )
-    _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time")
+    _stored_apart: ClassVar[tuple[str, ...]] = (*("given", "map", "streams", "space", "swarm", "_fields", "_scale"),)
 
     _fields: dict[str, ScalarField] | None = None  # by name; None without any
 
@@ -59,16 +50,16 @@ class World(BodyWorld):
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
         compilation.expect(cls)
         world = super().__new__(cls)
+        if "scenario" in named and not declares(cls, "scenario"):
+            named = without_scenario(cls, named)
         # Before any constructor of a subclass has changed them; triggers as recordings have them.
         world.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
         return world
 
     def __init__(self, *, map: str | os.PathLike | Map, rng: Seed, scale: Scale | None = None) -> None:
         self.map, self.scale = Map.load(map), scale
-        rng = _checked_seed(rng)
-        super().__init__(rng=rng)
-        hold_agents(self)
-        self.streams = Streams(_seed_sequence(rng, self.rng))
+        super().__init__(rng)
+        self.streams = Streams(seed_sequence(rng, self.rng))
         x_min, y_min, x_max, y_max = self.map.bounds
         self.space = Arena([[x_min, x_max], [y_min, y_max]], random=self.random, n_agents=0)
         self.swarm = Swarm()
@@ -328,25 +319,3 @@ class World(BodyWorld):
 
 def _plain(value: object) -> object:
     return value.every if isinstance(value, Trigger) else value
-
-
-def _checked_seed(rng: Seed) -> Seed:
-    """Return what Mesa takes as a seed; anything else is refused before Mesa sees it."""
-    if isinstance(rng, np.integer):
-        rng = int(rng)
-    try:
-        if isinstance(rng, bool):
-            raise TypeError
-        np.random.default_rng(rng)
-    except (TypeError, ValueError):
-        raise InvalidValueError(
-            f"rng is {shortened(rng)}; expected a whole number of at least 0, a SeedSequence, a Generator or None"
-        ) from None
-    return rng
-
-
-def _seed_sequence(rng: Seed, generator: np.random.Generator) -> np.random.SeedSequence:
-    """Return the root of the streams: the seed itself, or a draw of the generator given instead."""
-    if isinstance(rng, (np.random.Generator, np.random.BitGenerator)):
-        return np.random.SeedSequence(int(generator.integers(2**63)))
-    return cast(np.random.SeedSequence, generator.bit_generator.seed_seq)  # the generator was made of a seed

@@ -139,6 +139,7 @@ class Fire(Body):
     """One fire: a body that is a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("fires", "row")
+    _made_by: ClassVar[str] = "model.add_fire((x, y), area=1.0)"
 
     def __init__(self, space: Arena, model: Model, fires: Fires, row: int) -> None:
         self.fires = fires

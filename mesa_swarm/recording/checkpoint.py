@@ -13,6 +13,7 @@ from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.errors import RecordingError, SwarmError, asked, in_words, shortened
 from mesa_swarm.fire.burning import Burning
 from mesa_swarm.fire.model import BURNING, FireModel
+from mesa_swarm.mesa_model import has_own_events
 from mesa_swarm.recording.attributes import (
     ModelPacked,
     apart_of_agent,
@@ -27,7 +28,6 @@ from mesa_swarm.recording.attributes import (
 from mesa_swarm.recording.collected import (
     Path,
     collected_to_json,
-    has_own_events,
     joined,
     reporters_of,
     restore_collected,

@@ -11,6 +11,7 @@ import numpy as np
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.mesa_model import set_steps
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed, memory_of
 
 MOST_STEPS = 100_000_000
@@ -25,38 +26,10 @@ Path = tuple[str, ...]
 
 
 def set_clock(model: FireModel, steps: int) -> None:
-    """Set the number of steps that Mesa has counted, without taking them."""
+    """Set the number of steps that were counted, without taking them; refuse one that no recording has."""
     if type(steps) is not int or not model.steps <= steps <= MOST_STEPS:
         raise RecordingError(f"invalid number of steps: {steps!r:.40}")
-    if has_own_events(model):
-        _pass_steps(model, steps)
-    elif not hasattr(model, "_default_schedule"):
-        model.steps = steps
-    else:
-        model._default_schedule.pause()
-        model.steps, model.time = steps, float(steps)
-        model._default_schedule.resume()
-
-
-def has_own_events(model: FireModel) -> bool:
-    """Return whether anything besides the step is scheduled."""
-    if not hasattr(model, "_default_schedule"):
-        return False
-    step = model._default_schedule
-    others = [generator for generator in model._event_generators if generator is not step]
-    # While the step is being taken, its own event is not among those that wait.
-    waiting = [event for event in model._event_list._events if not event.CANCELED and event is not step._current_event]
-    return bool(others) or bool(waiting) or model.time != model.steps
-
-
-def _pass_steps(model: FireModel, steps: int) -> None:
-    """Take empty steps, so that other scheduled events occur when they are due."""
-    user_step, model._user_step = model._user_step, lambda: None
-    try:
-        while model.steps < steps:
-            model.step()
-    finally:
-        model._user_step = user_step
+    set_steps(model, steps)
 
 
 def series_of(model: FireModel) -> dict[Path, list]:

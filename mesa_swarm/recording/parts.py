@@ -33,7 +33,7 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
-from mesa_swarm.world.arena import ArenaAgent
+from mesa_swarm.world.arena import ArenaAgent, next_id, set_next_id
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
@@ -281,12 +281,12 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     makers |= {unique_id: partial(_make_other, model, *kind) for unique_id, (*kind, _) in others.items()}
     present = {agent.unique_id for agent in model.agents}
     for ids in _runs_of_alike(sorted((makers.keys() | robots.keys()) - present), robots):
-        _set_next_id(model, ids[0])
+        set_next_id(model, ids[0])
         if ids[0] in robots:
             _make_robots(model, designs[robots[ids[0]]], len(ids))
         else:
             makers[ids[0]]()
-    _set_next_id(model, _id(stored["next_id"]))
+    set_next_id(model, _id(stored["next_id"]))
     _check_same(model, stored, obstacles)
     model.swarm.table = DesignTable.of(designs)
     model.swarm._created = _id(stored["created"])
@@ -371,21 +371,6 @@ def family(base: type) -> list[type]:
     """Return a class and all loaded classes that are derived from it."""
     children: list[type] = base.__subclasses__()
     return [base, *(derived for child in children for derived in family(child))]
-
-
-def next_id(model: FireModel) -> int:
-    """Return the unique_id of the next agent: Mesa 3.5 counts in the model, 3.3 with a counter beside it."""
-    if hasattr(model, "agent_id_counter"):
-        return model.agent_id_counter
-    return int(repr(Agent._ids[model]).removeprefix("count(").removesuffix(")"))
-
-
-def _set_next_id(model: FireModel, unique_id: int) -> None:
-    if hasattr(model, "agent_id_counter"):
-        model.agent_id_counter = unique_id
-        return
-    counter = type(Agent._ids[model])
-    Agent._ids[model] = counter(unique_id)
 
 
 def summary(model: FireModel) -> list[list[int]]:

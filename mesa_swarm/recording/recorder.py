@@ -247,6 +247,7 @@ class Recorder(Observer):
         self._detector = ChangeDetector(model)
         self._replaced: list[str] = []  # what a model that has taken the place of another differs in
         self._unwritten: FireModel | None = None
+        self._begun = model.completed  # the steps that were completed when the present one began
         self._observers = model.observers
         self._observers.append(self)
         self._finish = weakref.finalize(self, _close_silently, self._buffer)
@@ -273,6 +274,7 @@ class Recorder(Observer):
         """Store the state if it was changed by hand since the last step; called by the model before each step."""
         if self.closed:
             return
+        self._begun = model.completed
         what, self._replaced = self._replaced or self._detector.changes(model), []
         moved = self._detector.moved(model) if what == [POSES] else None
         if moved is not None:
@@ -282,8 +284,24 @@ class Recorder(Observer):
             self._guarded(self._checkpoints.put_intervention, model, what)
 
     def after_step(self, model: FireModel, step: int) -> None:
-        """Note that a row is due; called by the model before a derived class may do more in this step."""
-        if self._trigger.is_due(step) and not self.closed:
+        """Note that a row is due; called by the model before a derived class may do more in this step.
+
+        Raises
+        ------
+        RecordingError
+            If the step was not begun on its own, so that its row or the one before would be missing; the recording
+            ends before.
+        """
+        if self.closed:
+            return
+        if self._begun != step - 1:
+            self._unwritten = None
+            self._end(broken_off=True)
+            raise RecordingError(
+                f"step {step} was not taken by a model.step() of its own, so that rows would be missing: {self.path} "
+                f"ends after step {self._begun}; a step() of your own may call super().step() once"
+            )
+        if self._trigger.is_due(step):
             self._unwritten = model
 
     def after_failure(self, model: FireModel) -> None:

@@ -12,7 +12,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.parts import reserve
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LASTING, WHEELS, Swarm
-from mesa_swarm.world.arena import Arena, ArenaAgent, register_together, registers_together, uncollected
+from mesa_swarm.world.arena import Arena, ArenaAgent, leave_together, register_together, registers_together, uncollected
 
 SIDES = {"left": 1.0, "right": -1.0}
 
@@ -26,6 +26,7 @@ class Robot(ArenaAgent):
 
     __slots__ = ("model", "row", "swarm", "unique_id")  # the first and the last in the place of a dict for each robot
     _stored_apart: ClassVar[tuple[str, ...]] = ("swarm", "row")
+    _made_by: ClassVar[str] = "model.add_robots(AGENT9, 10) or model.add_robots(AGENT9, poses=[(x, y, heading), ...])"
 
     def __init__(self, space: Arena, model: Model, swarm: Swarm, row: int) -> None:
         self.swarm = swarm
@@ -345,12 +346,10 @@ def remove_together(robots: Sequence[Robot]) -> None:
     rows = {robot.alive(): robot for robot in robots}
     if not rows:
         return
-    space, swarm, model = robots[0].space, robots[0].swarm, cast(Any, robots[0].model)
+    swarm, model = robots[0].swarm, cast(Any, robots[0].model)
+    leave_together(list(rows.values()))
     for row in sorted(rows, reverse=True):
         Agent.remove(rows[row])
-    space.remove_together(rows.values())
-    for robot in rows.values():
-        robot.space = robot._mesa_index = None
     swarm.remove(sorted(rows))
     model.robots_removed()
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import count, islice
 from random import Random
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NoReturn, Protocol, TypeVar, overload
 from weakref import WeakKeyDictionary, ref
 
 import numpy as np
@@ -35,9 +35,24 @@ class ModelCounters(WeakKeyDictionary):
 
 
 # Mesa 3.3 counts agents in a plain dict on the class, which holds every model in memory for good.
-# Mesa 3.5 counts in the model and has no such dict.
+# From Mesa 3.5 on the model counts, and there is no such dict.
 if hasattr(Agent, "_ids"):
     Agent._ids = ModelCounters(Agent._ids)
+
+
+def next_id(model: Model) -> int:
+    """Return the unique_id of the next agent of a model."""
+    if hasattr(model, "agent_id_counter"):
+        return model.agent_id_counter
+    return int(repr(Agent._ids[model]).removeprefix("count(").removesuffix(")"))
+
+
+def set_next_id(model: Model, unique_id: int) -> None:
+    """Set the unique_id of the next agent of a model."""
+    if hasattr(model, "agent_id_counter"):
+        model.agent_id_counter = unique_id
+    else:
+        Agent._ids[model] = count(unique_id)
 
 
 class Positioned(Protocol):
@@ -368,6 +383,7 @@ class ArenaAgent(ContinuousSpaceAgent):
     """
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("model", "unique_id", "space", "_mesa_index", "pos")
+    _made_by: ClassVar[str] = "model.add_body(...)"
 
     @property
     def pos(self) -> np.ndarray:
@@ -383,6 +399,31 @@ class ArenaAgent(ContinuousSpaceAgent):
     def __copy__(self) -> "ArenaAgent":
         """Return the agent itself: a second handle would not be updated when its row moves."""
         return self
+
+    def remove(self) -> None:
+        """Take the agent out of its space and out of the model."""
+        leave_together([self])
+        Agent.remove(self)
+
+    @classmethod
+    def create_agents(cls, model: Model, n: int, *given: Any, **named: Any) -> NoReturn:
+        """Refuse to make agents that are rows of their model's arrays.
+
+        Raises
+        ------
+        InvalidValueError
+            Always; it names the method of the model that makes such agents.
+        """
+        cls._refuse("create_agents")
+
+    @classmethod
+    def from_dataframe(cls, model: Model, df: Any, **named: Any) -> NoReturn:
+        """Refuse to make agents that are rows of their model's arrays, see `create_agents`."""
+        cls._refuse("from_dataframe")
+
+    @classmethod
+    def _refuse(cls, method: str) -> NoReturn:
+        raise InvalidValueError(f"{cls.__name__}.{method} makes no {cls.__name__} of a model; use {cls._made_by}")
 
     def get_neighbors_in_radius(self, radius: float = 1) -> Neighbours:
         """Return the other agents whose positions are within `radius`, and their distances."""
@@ -404,6 +445,16 @@ class ArenaAgent(ContinuousSpaceAgent):
         distances, agents = self.space.calculate_distances(here)
         mine = self.space._agent_to_index[self]
         return np.delete(distances, mine), [agent for agent in agents if agent is not self]
+
+
+def leave_together(agents: Sequence[ArenaAgent]) -> None:
+    """Take agents out of their space at once, before each is taken out of the model.
+
+    `MesaModel.deregister_agent` thus distinguishes agents that are being removed from those of which nothing is yet.
+    """
+    agents[0].space.remove_together(agents)
+    for agent in agents:
+        agent.space = agent._mesa_index = None
 
 
 def _checked_k(k: object) -> int:

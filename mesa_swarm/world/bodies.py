@@ -235,6 +235,7 @@ class Obstacle(Body):
     """
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("shape",)
+    _made_by: ClassVar[str] = "model.add_obstacle(disc((x, y), radius))"
 
     def __init__(self, space: Arena, model: Model, shape: Shape, kind: str = KINDS[OBSTACLE]) -> None:
         self.shape = shape
@@ -269,6 +270,7 @@ class Load(Obstacle):
     mode = "pushed"
 
     _stored_apart: ClassVar[tuple[str, ...]] = ("form", "pose", "_resistance", "moved", "pushers")
+    _made_by: ClassVar[str] = "model.add_load(disc((x, y), radius), resistance=0.5)"
 
     def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float, kind: str = KINDS[LOAD]) -> None:
         super().__init__(space, model, shape, kind)

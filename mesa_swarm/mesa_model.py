@@ -1,0 +1,271 @@
+"""MesaModel: Mesa's model with all that depends on its version: steps, clock, seed, scenario, removal of agents."""
+
+import inspect
+from collections import defaultdict
+from collections.abc import Callable, Container, Mapping
+from random import Random
+from typing import Any, ClassVar, cast
+
+import mesa
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, UnobservedStepError, shortened, unknown_name
+from mesa_swarm.observers import Observers
+from mesa_swarm.streams import Seed
+from mesa_swarm.world.arena import ArenaAgent, hold_agents
+
+# Mesa 4 has neither `steps` nor `batch_run`, and seeds `random` in another way.
+FOUR = int(mesa.__version__.partition(".")[0]) >= 4
+# Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
+MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
+OF_MESA = (
+    *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
+    *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
+)
+LARGEST_INT32 = int(np.iinfo(np.int32).max)
+# The scenario that a constructor was given, until Mesa's constructor has it.
+GIVEN = "_given_scenario"
+
+
+class MesaModel(mesa.Model):
+    """A Mesa model that counts its steps, calls observers and draws the same numbers with Mesa 3.3, 3.5 and 4.
+
+    Attributes
+    ----------
+    steps : int
+        How many steps were begun: Mesa 4 counts time only.
+    observers : Observers
+    """
+
+    _stored_apart: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, *OF_MESA, "_in_step")
+    _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_in_step")
+
+    observers: Observers
+    _in_step: bool = False
+    _passing: bool = False
+
+    def __init__(self, rng: Seed) -> None:
+        seed = _checked_seed(rng)
+        self.__dict__["step"] = self._whole_step  # Mesa wraps, in its constructor, the step that a model has
+        super().__init__(rng=seed)
+        if FOUR:
+            self.steps = 0
+            _seed_as_before(self.random, seed, self.rng)
+        hold_agents(self)
+        scenario = self.__dict__.pop(GIVEN, None)
+        if scenario is not None:
+            self.scenario = scenario
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state of a copy, which nothing observes: neither `observers` nor what Mesa's `observe` added."""
+        state = self.__dict__.copy()
+        state.pop("_in_step", None)
+        if state.get("subscribers"):
+            state["subscribers"] = defaultdict(list)
+        return state
+
+    def _whole_step(self, *given: Any, **named: Any) -> None:
+        """Take the step of the model's own class, of which the engine's step is a part, and call observers.
+
+        They are called after a step that failed as well: what it has changed stays.
+        """
+        if FOUR:
+            self.steps += 1
+        if self._passing:
+            return
+        observers = self.__dict__["observers"]  # without the cost of the property
+        self._in_step = True
+        try:
+            for observer in observers.complete:
+                observer.before_step(self)
+            self._begin_step()
+            type(self).step(self, *given, **named)
+            for observer in observers.complete:
+                observer.between_steps(self)
+        except BaseException:
+            _schedule_again(self)
+            for observer in observers.complete:
+                observer.after_failure(self)
+            raise
+        finally:
+            self._in_step = False
+
+    def _check_observed(self) -> None:
+        """Refuse a step that `_whole_step` has not begun, of which observers would know only a part."""
+        if not self._in_step and self.__dict__["observers"]:
+            name = type(self).__name__
+            raise UnobservedStepError(
+                f"a step of {name} was taken that its observers, such as a recorder, would miss; call model.step() or "
+                f"model.run(...), not {name}.step(model), and do not replace model.step"
+            )
+
+    def _begin_step(self) -> None:
+        """Prepare for a step, before the model's own class does anything of it."""
+
+    def deregister_agent(self, agent: mesa.Agent) -> None:
+        """Take an agent out of the model; of robots, obstacles, loads, fires and other bodies as their `remove` does.
+
+        Raises
+        ------
+        RemovedRobotError
+            If a robot or a body was removed already.
+        InvalidValueError
+            If it is of another model.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> first, second = model.add_robots(AGENT9, 2)
+        >>> model.deregister_agent(first)
+        >>> model.robots[0] is second, len(model.swarm)
+        (True, 1)
+        """
+        if not isinstance(agent, ArenaAgent):
+            super().deregister_agent(agent)
+            return
+        if agent.model is not self:
+            raise InvalidValueError(f"agent is {shortened(agent)} of another model; expected one of model.agents")
+        if agent.space is None and agent in self.agents:  # its `remove` has taken it out of the space
+            super().deregister_agent(agent)
+        else:
+            agent.remove()
+
+
+def seed_sequence(rng: Seed, generator: np.random.Generator) -> np.random.SeedSequence:
+    """Return the root of the streams: the seed itself, or a draw of the generator given instead."""
+    if isinstance(rng, (np.random.Generator, np.random.BitGenerator)):
+        return np.random.SeedSequence(int(generator.integers(2**63)))
+    return cast(np.random.SeedSequence, generator.bit_generator.seed_seq)  # the generator was made of a seed
+
+
+def _checked_seed(rng: Seed) -> Seed:
+    """Return what Mesa takes as a seed; anything else is refused before Mesa sees it."""
+    if isinstance(rng, np.integer):
+        rng = int(rng)
+    try:
+        if isinstance(rng, bool):
+            raise TypeError
+        np.random.default_rng(rng)
+    except (TypeError, ValueError):
+        raise InvalidValueError(
+            f"rng is {shortened(rng)}; expected a whole number of at least 0, a SeedSequence, a Generator or None"
+        ) from None
+    return rng
+
+
+def _seed_as_before(random: Random, seed: Seed, generator: np.random.Generator) -> None:
+    """Seed the model's `random` as Mesa 3 does: by the seed, or by a draw of the generator made of it."""
+    if seed is not None:
+        random.seed(seed if isinstance(seed, int) else int(generator.integers(LARGEST_INT32)))
+
+
+# ---- the clock
+
+
+def set_steps(model: MesaModel, steps: int) -> None:
+    """Set the number of steps that were counted, without taking them."""
+    if has_own_events(model):
+        _pass_steps(model, steps)
+    elif not hasattr(model, "_default_schedule"):  # Mesa 3.3 has no time
+        model.steps = steps
+    else:
+        model._default_schedule.pause()
+        model.steps, model.time = steps, float(steps)
+        model._default_schedule.resume()
+
+
+def has_own_events(model: MesaModel) -> bool:
+    """Return whether anything besides the step is scheduled."""
+    if not hasattr(model, "_default_schedule"):
+        return False
+    step = model._default_schedule
+    others = [generator for generator in model._event_generators if generator is not step]
+    # While the step is being taken, its own event is not among those that wait.
+    waiting = [event for event in model._event_list._events if not event.CANCELED and event is not step._current_event]
+    return bool(others) or bool(waiting) or model.time != model.steps
+
+
+def _pass_steps(model: MesaModel, steps: int) -> None:
+    """Count steps without taking them, so that other scheduled events occur when they are due."""
+    model._passing = True
+    try:
+        while model.steps < steps:
+            model.step()
+    finally:
+        del model._passing
+
+
+def _schedule_again(model: MesaModel) -> None:
+    """Let Mesa take a step after one that failed, as Mesa 3.3 does: later schedules end with an error."""
+    schedule = getattr(model, "_default_schedule", None)
+    if schedule is not None:
+        schedule.pause()
+        schedule.resume()
+
+
+# ---- scenarios
+
+
+def declares(constructor: Callable[..., Any], name: str) -> bool:
+    """Return whether a constructor, or that of a class, has a parameter of this name."""
+    return name in inspect.signature(constructor).parameters
+
+
+def without_scenario(model_class: type, named: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a class with the values of a Mesa scenario in the place of ``scenario=``.
+
+    Raises
+    ------
+    InvalidValueError
+        If it is no scenario, this Mesa has none, or a value is given beside the scenario too.
+    UnknownNameError
+        If the class has no parameter of a name in the scenario.
+    """
+    parameters = inspect.signature(model_class).parameters
+    takes_all = any(one.kind is one.VAR_KEYWORD for one in parameters.values())
+    values = _values_of(named["scenario"])
+    for name in () if takes_all else values.keys() - parameters.keys():
+        raise UnknownNameError(f"scenario: {unknown_name(f'parameter of {model_class.__name__}', name, parameters)}")
+    return _combined(values, named)
+
+
+def known_of_scenario(parameters: Container[str], named: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the same for a base of a class that has a parameter `scenario` and reads the other values itself."""
+    values = _values_of(named["scenario"])
+    return _combined({name: value for name, value in values.items() if name in parameters}, named)
+
+
+def _combined(values: dict[str, Any], named: Mapping[str, Any]) -> dict[str, Any]:
+    others = {name: value for name, value in named.items() if name != "scenario"}
+    if others.get("rng", 0) is None:
+        del others["rng"]
+    for name in values.keys() & others.keys():
+        raise InvalidValueError(f"{name} is given by the scenario and as a parameter; give it once")
+    return {**others, **values}
+
+
+def _values_of(scenario: Any) -> dict[str, Any]:
+    """Return the parameters of a scenario, `rng` among them."""
+    kind = getattr(getattr(mesa.experimental, "scenarios", None), "Scenario", None)
+    if kind is None:
+        raise InvalidValueError(
+            f"scenario was given, but Mesa {mesa.__version__} has none; install mesa>=3.5 on Python 3.12 or newer, or "
+            "give the parameters and rng themselves"
+        )
+    if not isinstance(scenario, kind):
+        raise InvalidValueError(f"scenario is {shortened(scenario)}; expected a Scenario(rng=1, ...) of Mesa's")
+    return {**vars(scenario), "rng": _seed_of(scenario)}
+
+
+def _seed_of(scenario: Any) -> Seed:
+    """Return the seed of a scenario; one of Mesa 4 has a generator made of it."""
+    if not FOUR:
+        return scenario.rng
+    generator = scenario.rng.bit_generator
+    if type(generator)(generator.seed_seq).state != generator.state:
+        raise InvalidValueError(
+            "scenario.rng has been drawn from, or was unpickled, so that its seed is unknown; give a new "
+            "Scenario(rng=seed, ...)"
+        )
+    return generator.seed_seq
