@@ -27,6 +27,7 @@ provide_composer(_composer)
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.about import ModelInfo, model_info
+    from mesa_swarm.experiments.batch import batch_run
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
@@ -69,6 +70,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 # Module: the public names that live in it.
 _MODULES = {
     "about": "ModelInfo model_info",
+    "experiments.batch": "batch_run",
     "experiments.compare": "compare",
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
@@ -136,6 +138,7 @@ __all__ = [
     "SwarmModel",
     "Wander",
     "all_round",
+    "batch_run",
     "bump_sensor",
     "compare",
     "disc",

@@ -204,6 +204,15 @@ def _schedule_again(model: MesaModel) -> None:
         schedule.resume()
 
 
+def collected_of_agents(collector: mesa.DataCollector, steps: int, time: float) -> list[dict[str, Any]]:
+    """Return what a data collector has of each agent after a step, or at a time, by which Mesa 4 stores it."""
+    when = time if FOUR else steps
+    found = [(collector.agent_reporters, row) for row in collector._agent_records.get(when, ())]
+    for kind, rows in collector._agenttype_records.get(when, {}).items():
+        found += [(collector.agenttype_reporters[kind], row) for row in rows]
+    return [{"AgentID": row[1], **dict(zip(reporters, row[2:], strict=True))} for reporters, row in found]
+
+
 # ---- scenarios
 
 
