@@ -227,7 +227,7 @@ def without_scenario(model_class: type, named: Mapping[str, Any]) -> dict[str, A
     Raises
     ------
     InvalidValueError
-        If it is no scenario, this Mesa has none, or a value is given beside the scenario too.
+        If it is not a scenario, this Mesa has none, or a value is given beside the scenario too.
     UnknownNameError
         If the class has no parameter of a name in the scenario.
     """

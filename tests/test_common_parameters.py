@@ -7,7 +7,7 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, SwarmModel, batch_run
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.dashboard.controls import group_of, groups_of
 from mesa_swarm.dashboard.session import Session
@@ -79,9 +79,10 @@ class TestEveryModelOfTheGallery:
         assert plain.state_hash() == zero.state_hash()
 
     def test_takes_them_from_batch_run(self, name):
-        seeds = {"rng": [1]} if "rng" in inspect.signature(mesa.batch_run).parameters else {"iterations": 1}
+        run = getattr(mesa, "batch_run", batch_run)  # Mesa 4 has none
+        seeds = {"rng": [1]} if "rng" in inspect.signature(run).parameters else {"iterations": 1}
         values = {"noise": [0, 0.1]}
-        rows = mesa.batch_run(find_model(name), values, max_steps=3, display_progress=False, **seeds)
+        rows = run(find_model(name), values, max_steps=3, display_progress=False, **seeds)
         assert {row["noise"] for row in rows} == {0, 0.1}
 
 

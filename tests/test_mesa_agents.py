@@ -107,7 +107,7 @@ def test_subclasses_notice_each_removal_once_however_it_was_made():
 
 @pytest.mark.parametrize("kind", [Robot, Fire, Load, Obstacle, Driven, Body])
 @pytest.mark.parametrize("method", ["create_agents", "from_dataframe"])
-def test_agents_of_this_package_are_made_by_their_model_and_mesas_ways_say_so(kind, method):
+def test_agents_of_this_package_are_made_by_their_model_and_mesas_ways_name_the_method(kind, method):
     model = SwarmModel(rng=1)
     before = len(model.agents)
     given = 3 if method == "create_agents" else pd.DataFrame({"x": [1, 2, 3]})

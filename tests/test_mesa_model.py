@@ -316,6 +316,16 @@ def test_copies_have_rows_that_were_collected_and_collect_their_own():
     assert len(model.datacollector.get_model_vars_dataframe()) == 5
 
 
+@pytest.mark.parametrize(
+    "reporters", [{"model_reporters": {"n": lambda model: 1}}, {"agent_reporters": {"id": "unique_id"}}]
+)
+def test_a_model_with_reporters_that_python_cannot_pickle_is_copied_by_deepcopy(reporters):
+    model = SwarmModel(rng=1, **reporters).run(2)
+    with pytest.raises((AttributeError, pickle.PicklingError), match=r"Can't (get|pickle) local object|lambda"):
+        pickle.dumps(model)
+    assert copy.deepcopy(model).run(2).state_hash() == model.run(2).state_hash()
+
+
 @with_events
 def test_copies_are_not_observed_by_what_mesa_lets_observe_a_model():
     class Listener:

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.experiments.experiment import MOST_STEPS
-from mesa_swarm.experiments.pool import checked_jobs, on_all
+from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, on_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.mesa_model import collected_of_agents
 from mesa_swarm.progress import progress_bar
@@ -41,7 +41,7 @@ def batch_run(
     rng : int, SeedSequence or an iterable of them, optional
         The seed of each repetition of all combinations; None for one that nothing can repeat.
     max_steps : int
-        A run ends after so many steps, 1 to 100 million, or when the model stops running.
+        Steps after which a run ends, 1 to 100 million, unless the model stops running before.
     data_collection_period : int
         1 for all rows that were collected, k for every k-th of them, -1 for the last.
     number_processes : int or None
@@ -79,7 +79,10 @@ def batch_run(
     check_count("max_steps", max_steps, minimum=1, maximum=MOST_STEPS)
     if data_collection_period != LAST:
         check_count("data_collection_period", data_collection_period, minimum=1)
-    workers = checked_jobs(-1 if number_processes is None else number_processes)
+    if number_processes is None:
+        workers = checked_jobs(-1)
+    else:
+        workers = check_count("number_processes", number_processes, minimum=1, maximum=MOST_JOBS)
     seeds = list(rng) if isinstance(rng, Iterable) else [rng]
     grid = _grid(parameters)
     runs = [(i, {**point, "rng": seed}) for i, seed in enumerate(seeds) for point in grid]

@@ -450,7 +450,7 @@ class ArenaAgent(ContinuousSpaceAgent):
 def leave_together(agents: Sequence[ArenaAgent]) -> None:
     """Take agents out of their space at once, before each is taken out of the model.
 
-    `MesaModel.deregister_agent` thus distinguishes agents that are being removed from those of which nothing is yet.
+    By this `MesaModel.deregister_agent` knows agents that are being removed from those that are to be.
     """
     agents[0].space.remove_together(agents)
     for agent in agents:

@@ -7,6 +7,7 @@ import mesa
 import numpy as np
 import pytest
 
+from mesa_swarm import batch_run
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.gallery import find_model, model_names
@@ -36,12 +37,10 @@ def test_of_fewer_than_two_robots_there_is_no_distance_to_the_nearest(left):
 
 
 def batch_of_two(model_class, **more):
-    """Run mesa.batch_run with two seeds; Mesa 3.5 wants `rng`, earlier ones repeat by `iterations`."""
-    seeds = "rng" in inspect.signature(mesa.batch_run).parameters
-    again = {"rng": [1, 2]} if seeds else {"iterations": 2}
-    return mesa.batch_run(
-        model_class, {"n_robots": 4}, max_steps=20, number_processes=1, display_progress=False, **again, **more
-    )
+    """Run mesa.batch_run with two seeds; Mesa 3.5 wants `rng`, earlier ones repeat by `iterations`, Mesa 4 has none."""
+    run = getattr(mesa, "batch_run", batch_run)
+    again = {"rng": [1, 2]} if "rng" in inspect.signature(run).parameters else {"iterations": 2}
+    return run(model_class, {"n_robots": 4}, max_steps=20, number_processes=1, display_progress=False, **again, **more)
 
 
 @pytest.mark.parametrize("name", NAMES)
