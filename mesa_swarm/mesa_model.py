@@ -146,11 +146,16 @@ def _checked_seed(rng: Seed) -> Seed:
     try:
         if isinstance(rng, bool):
             raise TypeError
-        np.random.default_rng(rng)
+        bits = np.random.default_rng(rng).bit_generator
     except (TypeError, ValueError):
         raise InvalidValueError(
             f"rng is {shortened(rng)}; expected a whole number of at least 0, a SeedSequence, a Generator or None"
         ) from None
+    if FOUR and "state" not in cast(dict, bits.state["state"]):  # which Mesa 4.0.0a0 reads
+        raise InvalidValueError(
+            f"rng is of {type(bits).__name__}, of which Mesa {mesa.__version__} makes no model; expected a generator "
+            "from numpy.random.default_rng(seed)"
+        )
     return rng
 
 

@@ -59,6 +59,11 @@ class SwarmModel(FireModel):
         The fires' columns.
     space : Arena
     datacollector : mesa.DataCollector
+    steps : int
+        How many steps were begun, with every version of Mesa.
+    scenario : mesa.experimental.scenarios.Scenario
+        From Mesa 3.5 on. A model of any class that is made with ``scenario=Scenario(rng=1, ...)`` has its values as
+        parameters and seed.
 
     Examples
     --------

@@ -154,6 +154,13 @@ def test_another_seed_seeds_pythons_generator_by_the_first_draw_of_numpys(make):
     assert model.rng.random() == twin.random()
 
 
+@pytest.mark.skipif(not mesa.__version__.startswith("4"), reason="other versions take every generator of NumPy's")
+@pytest.mark.parametrize("kind", [np.random.MT19937, np.random.Philox])
+def test_a_generator_that_mesa_4_cannot_read_is_refused_in_one_line(kind):
+    with pytest.raises(InvalidValueError, match=f"rng is of {kind.__name__}, of which Mesa 4"):
+        SwarmModel(rng=np.random.Generator(kind(1)))
+
+
 # ---- events and simulators
 
 
@@ -271,6 +278,16 @@ def test_a_wrong_scenario_is_refused_in_one_line(given, error, words):
         Crowd(**given)
     assert "\n" not in str(raised.value)
     assert len(str(raised.value)) <= 300
+
+
+@pytest.mark.skipif(not mesa.__version__.startswith("4"), reason="scenarios of Mesa 3.5 have the seed itself")
+def test_a_scenario_of_mesa_4_of_which_the_seed_is_unknown_is_refused_in_one_line():
+    used, copied = Scenario(rng=1), pickle.loads(pickle.dumps(Scenario(rng=1)))
+    used.rng.random()
+    for scenario in (used, copied):
+        with pytest.raises(InvalidValueError, match="its seed is unknown"):
+            Crowd(scenario=scenario)
+    assert Crowd(scenario=Scenario(rng=1)).streams.seed.entropy == 1
 
 
 @pytest.mark.skipif(Scenario is not None, reason="this Mesa has scenarios")
