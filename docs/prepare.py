@@ -25,7 +25,7 @@ from mesa_swarm.gallery import gallery_names
 
 ROOT = Path(__file__).parents[1]
 SOURCES, TARGET = ROOT / "docs", ROOT / "build" / "docs"
-NOT_PAGES = shutil.ignore_patterns("*.py", "*.toml", "__pycache__", "notebooks")
+NOT_PAGES = shutil.ignore_patterns("*.py", "*.toml", "__pycache__")
 # Files of the repository that are pages too.
 OF_THE_REPOSITORY = ("CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md")
 SLIDES = "slides_of_a_lecture.md"
@@ -46,6 +46,8 @@ def prepare(target: Path = TARGET) -> None:
     _write_notebooks(target / "notebooks", runs)
     for page in sorted(target.rglob("*.md")):
         text = with_mathml(page.read_text(encoding="utf-8"))
+        if page.parent == target:  # in the repository notebooks lie beside docs/, on the site among the pages
+            text = text.replace("](../notebooks/", "](notebooks/")
         if page.name == SLIDES:
             page.with_suffix(".html").write_text(slide_show(_with_runs(text, FRAME, "../", runs)), encoding="utf-8")
             page.unlink()

@@ -3,9 +3,13 @@
 Names are imported when they are first used, so that ``import mesa_swarm`` is quick.
 """
 
+import os
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+# In an editable installation a link leads here: modules, and the machine code stored by their paths, have one path only.
+__path__[:] = map(os.path.realpath, __path__)
 
 from mesa_swarm.composer import provide_composer
 from mesa_swarm.lazy import lazy_names

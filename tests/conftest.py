@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, settings
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "docs"))  # what makes the site
+sys.path.append(str(Path(__file__).parents[1] / "release"))  # what builds the package
 
 from support.hostile import Tally, table
 from support.pace import in_time, is_out_of_time, shuffle_files

@@ -47,7 +47,7 @@ STANDARD = {"__future__", *sys.stdlib_module_names}
 def sources() -> Iterator[tuple[str, Path]]:
     """Iterate over all modules of the package, models among them, by their path from the package."""
     for path in sorted(PACKAGE.rglob("*.py")):
-        if not path.is_relative_to(PACKAGE / "models"):  # a checkout may link them there
+        if not path.is_relative_to(PACKAGE / "models"):  # the link of an editable installation
             yield path.relative_to(PACKAGE).as_posix(), path
     for path in sorted((ROOT / "models").glob("*.py")):
         yield f"models/{path.name}", path

@@ -18,7 +18,7 @@ PACKAGE = ROOT / "mesa_swarm"
 MYPY = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["mypy"]
 # Numba infers the types of what these decorate, and compares the signatures of overloads with each other.
 FOR_NUMBA = {"compiled", "overload"}
-IMPORTS = "from models.fire_fighting import FireFighting"
+IMPORTS = "from mesa_swarm.models.fire_fighting import FireFighting"
 NUMBERS = "ndarray[tuple[Any, ...], dtype[float64]]"
 READ_FIRST = {
     "model.run(3)": "FireFighting",
