@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-# In an editable installation a link leads here: modules, and the machine code stored by their paths, have one path only.
+# In an editable installation a link leads here: modules, and machine code stored by their paths, have one path only.
 __path__[:] = map(os.path.realpath, __path__)
 
 from mesa_swarm.composer import provide_composer

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 
 from mesa_swarm.composer import composer
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
+from mesa_swarm.extras import missing
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import find_model
 
@@ -266,9 +267,7 @@ class SwarmModel(FireModel):
         try:
             from mesa_swarm.viewing.canvas_widget import Beside, show  # noqa: PLC0415 - optional
         except ModuleNotFoundError as error:
-            raise SwarmError(
-                f"show needs {error.name}; install it with: pip install 'mesa-swarm[dashboard]'"
-            ) from error
+            raise SwarmError(missing("show needs", error.name or "a package", "dashboard")) from error
         beside = Beside(controls=controls, charts=charts, inspector=inspector, reset=reset)
         if not beside:
             return show(self, speed=speed, width=width, height=height)

@@ -9,11 +9,11 @@ import warnings
 import webbrowser
 from contextlib import suppress
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, check_count, shortened
+from mesa_swarm.extras import need
 from mesa_swarm.gallery import find_model, gallery_names, is_address, model_names
 
 if TYPE_CHECKING:
@@ -47,8 +47,7 @@ def launch(
     """
     find_model(model_name)  # now, since no link makes the page import anything
     _check_port(host, check_count("port", port, minimum=1, maximum=65535))
-    if find_spec("solara") is None:
-        raise SwarmError("the dashboard needs Solara; install it with: pip install 'mesa-swarm[dashboard]'")
+    need("solara", "dashboard", "the dashboard needs", "Solara")
     os.environ[MODEL_VARIABLE] = model_name
     if recordings is not None:
         os.environ[RECORDINGS_VARIABLE] = str(_checked_place(recordings))

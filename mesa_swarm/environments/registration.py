@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.extras import need as need_package
 
 NAMESPACE = "MesaSwarm"
 # The task by Gymnasium's name of the environment.
@@ -17,8 +17,7 @@ REGISTERED = {
 
 def need(package: str, extra: str = "rl") -> None:
     """Check that a package of an extra is installed; if not, the error gives the command that installs it."""
-    if find_spec(package) is None:
-        raise SwarmError(f"this environment needs {package}; install it with: pip install 'mesa-swarm[{extra}]'")
+    need_package(package, extra, "this environment needs")
 
 
 def register() -> None:

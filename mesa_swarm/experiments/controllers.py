@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,6 +29,7 @@ from mesa_swarm.errors import (
     shortened,
     without_middle,
 )
+from mesa_swarm.extras import need
 from mesa_swarm.files import shown_path
 from mesa_swarm.gallery import is_address, object_at
 from mesa_swarm.learning.actions import ACTIONS, described
@@ -268,8 +268,7 @@ def _of_onnx(file: Path, greedy: bool) -> Controller:
 
 def _of_sb3(file: Path, greedy: bool) -> Controller:
     algorithm = algorithm_of(file)
-    if find_spec("stable_baselines3") is None:
-        raise SwarmError(f"{shown_path(file)} needs stable-baselines3; install it with: pip install 'mesa-swarm[sb3]'")
+    need("stable_baselines3", "sb3", f"{shown_path(file)} needs", "stable-baselines3")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of other versions of packages

@@ -5,7 +5,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,13 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError, check_choice, check_count, check_number
+from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, check_number
 from mesa_swarm.experiments.design import LINK
 from mesa_swarm.experiments.driving import driven_world, tallied
 from mesa_swarm.experiments.evolution import Trial, checked_maps, checked_trial
 from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.experiments.tables import csv_text
+from mesa_swarm.extras import need
 from mesa_swarm.files import write_whole
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
@@ -38,8 +38,7 @@ FORMAT = "mesa_swarm archive 1"
 
 def need_ribs() -> None:
     """Check that pyribs is installed; if not, the error gives the command that installs it."""
-    if find_spec("ribs") is None:
-        raise SwarmError("quality-diversity search needs pyribs; install it with: pip install 'mesa-swarm[diversity]'")
+    need("ribs", "diversity", "quality-diversity search needs", "pyribs")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -7,9 +7,9 @@ import numpy as np
 
 from mesa_swarm.environments.tasks import CollisionAvoidance
 from mesa_swarm.environments.variation import Variation
-from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.benchmark_tasks import TRAIN
 from mesa_swarm.experiments.controllers import Controller
+from mesa_swarm.extras import need
 from mesa_swarm.world.random_map import random_map
 
 WORLDS, ROBOT_STEPS = 16, 1_500_000
@@ -45,8 +45,7 @@ def trained_by_ppo(seed: int, share: float = 1.0) -> tuple[Controller, int]:
     SwarmError
         If Stable-Baselines3 is missing.
     """
-    if not is_installed():
-        raise SwarmError("PPO needs stable-baselines3; install it with: pip install 'mesa-swarm[sb3]'")
+    need("stable_baselines3", "sb3", "PPO needs", "stable-baselines3")
     import torch  # noqa: PLC0415 - optional, and slow to import
     from stable_baselines3 import PPO  # noqa: PLC0415
 

@@ -3,14 +3,14 @@
 import json
 import os
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError, check_count, shortened, without_middle
+from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened, without_middle
+from mesa_swarm.extras import need
 from mesa_swarm.files import shown_path, write_whole
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.c_source import exportable
@@ -73,7 +73,7 @@ def export_onnx(policy: Policy, path: str | os.PathLike[str], *, copy: int | Non
     if file.suffix != ".onnx":
         raise LearningError(f"{shortened(file.name)} does not end with .onnx; give the policy such a name")
     chosen = exportable(policy, copy)
-    _need("onnx")
+    need("onnx", "onnx", "ONNX files need")
     return write_whole(file, _model_of(chosen).SerializeToString(), LearningError)
 
 
@@ -126,7 +126,7 @@ def onnx_session(path: str | os.PathLike[str]) -> "InferenceSession":
     """
     if not Path(path).is_file():
         raise LearningError(f"there is no file {shown_path(path)}; expected an ONNX file such as from export_onnx")
-    _need("onnxruntime")
+    need("onnxruntime", "onnx", "ONNX files need")
     import onnxruntime  # noqa: PLC0415 - optional
 
     options = onnxruntime.SessionOptions()
@@ -201,11 +201,6 @@ class OnnxPolicy:
         if memory is not None and remembered:
             memory[:] = remembered[0]
         return wheels
-
-
-def _need(package: str) -> None:
-    if find_spec(package) is None:
-        raise SwarmError(f"ONNX files need the package {package}; install it with: pip install 'mesa-swarm[onnx]'")
 
 
 class Graph:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from PIL import GifImagePlugin, Image, ImageChops
 
 from mesa_swarm.errors import ExportError, InvalidValueError
+from mesa_swarm.extras import missing
 from mesa_swarm.files import draft_of
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame
@@ -264,9 +265,7 @@ def ffmpeg() -> str:
 
         return imageio_ffmpeg.get_ffmpeg_exe()
     except (ModuleNotFoundError, RuntimeError):
-        raise InvalidValueError(
-            "films need imageio-ffmpeg; install it with: pip install 'mesa-swarm[video]', or export a .gif"
-        ) from None
+        raise InvalidValueError(missing("films need", "imageio-ffmpeg", "video") + ", or export a .gif") from None
 
 
 def check_even(look: Look) -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, SwarmModel, extras
 from mesa_swarm import dashboard as page
+from mesa_swarm.extras import install_command
 from mesa_swarm.viewing.replay_server import ReplayServer
 
 
@@ -25,10 +26,10 @@ def test_dashboard_is_launched_with_model_port_and_browser(typed, monkeypatch):
 
 
 def test_without_solara_the_dashboard_names_the_extra_to_install(typed, monkeypatch):
-    monkeypatch.setattr(page, "find_spec", lambda name: None)
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
     status, out, err = typed(["dashboard", "--port", free_port()])
     assert (status, out) == (2, "")
-    assert err == "mesa-swarm: the dashboard needs Solara; install it with: pip install 'mesa-swarm[dashboard]'\n"
+    assert err == f"mesa-swarm: the dashboard needs Solara; install it with: {install_command('dashboard')}\n"
 
 
 def free_port():

@@ -1,18 +1,19 @@
 """Controllers from outside: of policies, graphs, Stable-Baselines3 and modules; each fault is one line."""
 
 import json
+import re
 import zipfile
 
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel
+from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel, extras
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, VectorSwarmEnv
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.errors import BehaviourError, InvalidValueError, SwarmError
-from mesa_swarm.experiments import controllers
 from mesa_swarm.experiments.controllers import COLDEST, Controller, algorithm_of, load_controller, played
+from mesa_swarm.extras import install_command
 from mesa_swarm.learning import LearnFires, LearnFireWheels, PolicyLayer, export_onnx, save_policy
 from mesa_swarm.learning.onnx_files import OnnxPolicy, onnx_session
 from support.c_code import drawn_inputs
@@ -256,8 +257,8 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(tmp_path, 
     file = tmp_path / "saved.zip"
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("data", json.dumps({"policy_class": {"__module__": "stable_baselines3.common.policies"}}))
-    monkeypatch.setattr(controllers, "find_spec", lambda name: None)
-    with pytest.raises(SwarmError, match=r"pip install 'mesa-swarm\[sb3\]'"):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(SwarmError, match=re.escape(install_command("sb3"))):
         load_controller(file)
 
 

@@ -1,14 +1,17 @@
 """Quality-diversity search: the same by seed, stored, and each cell holds a controller that behaves as it states."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
+from mesa_swarm import extras
 from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments import diversity
 from mesa_swarm.experiments.diversity import BehaviourMap, behaviour_figure, behaviour_of, cell_middles, diversify
 from mesa_swarm.experiments.evolution import Trial
+from mesa_swarm.extras import install_command
 from mesa_swarm.streams import Streams
 from mesa_swarm.world.map import Map
 
@@ -65,8 +68,8 @@ def test_a_map_of_behaviours_is_a_table_and_a_picture_of_its_filled_cells():
 
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
-    monkeypatch.setattr(diversity, "find_spec", lambda name: None)
-    with pytest.raises(SwarmError, match=r"pip install 'mesa-swarm\[diversity\]'"):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(SwarmError, match=re.escape(install_command("diversity"))):
         diversify(BRIEF)
 
 

@@ -1,12 +1,14 @@
 """Exported ONNX graphs: valid, equal to the policy in Python; what cannot be exported is refused."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
+from mesa_swarm import extras
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.learning import onnx_files
+from mesa_swarm.extras import install_command
 from mesa_swarm.learning.onnx_files import HEADER, export_onnx
 from support.c_code import drawn_inputs
 from support.exported_policies import NINE, POLICIES, in_python, q
@@ -55,8 +57,8 @@ def test_a_file_holds_the_sensors_of_the_policy_and_one_set_of_weights_if_chosen
 
 
 def test_without_the_package_the_error_names_the_command_that_installs_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(onnx_files, "find_spec", lambda name: None)
-    with pytest.raises(SwarmError, match=r"pip install 'mesa-swarm\[onnx\]'"):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(SwarmError, match=re.escape(install_command("onnx"))):
         export_onnx(q(4), tmp_path / "robot.onnx")
 
 

@@ -1,3 +1,4 @@
+import re
 import sys
 import types
 import warnings
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.errors import ExportError, ExportWarning, InvalidValueError, RecordingError, UnknownNameError
+from mesa_swarm.extras import install_command
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing import films
@@ -124,7 +126,7 @@ def test_what_is_interrupted_leaves_no_file(run, tmp_path, monkeypatch, ending):
 
 def test_films_name_the_missing_package(run, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(InvalidValueError, match=r"pip install 'mesa-swarm\[video\]'"):
+    with pytest.raises(InvalidValueError, match=re.escape(install_command("video"))):
         export(run, tmp_path / "a.mp4")
 
 
