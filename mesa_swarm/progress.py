@@ -4,6 +4,7 @@ Where it cannot be seen to move, as in a file or a pipe, there is one line at th
 """
 
 import io
+import sys
 from datetime import datetime, timedelta
 from time import perf_counter
 
@@ -70,6 +71,16 @@ def note(text: str) -> None:
     """
     for bar in _SHOWN[-1:]:
         bar.note(text)
+
+
+def notice(text: str) -> None:
+    """Print a line to standard error, above the bar if one is shown.
+
+    Examples
+    --------
+    >>> notice("no worker is connected")  # to standard error
+    """
+    Progress.write(f"mesa-swarm: {text}", file=sys.stderr)
 
 
 def finishing_time(left: int, rate: float, now: datetime) -> str:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,34 +30,45 @@ def sweep(
     record: Annotated[bool, typer.Option("--record", help="Record every run, to recordings/ in that folder.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only count the runs, and those that are done.")] = False,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Repeat runs that ended in an error.")] = False,
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="NUMBER/SHARDS", help="Do this part only, such as 3/10; without it, collect all parts."),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a dask scheduler, whose workers do the runs.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; continue an interrupted sweep. Exit status 1 if some runs failed."""
     prepare()
     from mesa_swarm.experiments.jobs import read_job
-    from mesa_swarm.experiments.pool import checked_jobs
-    from mesa_swarm.experiments.sweep import done_before, run_experiment
+    from mesa_swarm.experiments.pool import checked_jobs, on_scheduler
+    from mesa_swarm.experiments.sweep import WHOLE, Shard, done_before, run_experiment
 
+    part = WHOLE if shard is None else Shard.parsed(shard)
     read = read_job(job)
     folder = out or Path("results", read.name)
     if dry_run:
         for experiment, home, options in _parts(read, folder, record):
-            runs, done = len(experiment), done_before(experiment, home, options)
+            runs, done = part.count(experiment), done_before(experiment, home, options, part)
             points, seeds = len(experiment.points), len(experiment.seeds)
             size = f"{points:,} points x {seeds:,} seeds, {experiment.steps:,} steps each"
             print_lines([f"{home}: {runs:,} runs ({size}), {done:,} done, {runs - done:,} to do"])
         return
     check_writable(folder)
     workers = checked_jobs(jobs)
+    if scheduler is not None and jobs != -1:
+        raise InvalidValueError("--jobs counts processes of this machine; leave it out with --scheduler")
     failures = 0
-    for experiment, home, options in _parts(read, folder, record):
-        made = run_experiment(experiment, home, workers, not quiet, options, retry_failed)
-        before = f", {made.done_before:,} of them before" if made.done_before else ""
-        failed = f", {made.failed:,} ended in an error" if made.failed else ""
-        print_lines([f"{made.path}: {made.runs:,} runs{before}{failed}"])
-        for error in made.errors:
-            print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
-        failures += made.failed
+    with nullcontext() if scheduler is None else on_scheduler(scheduler):
+        for experiment, home, options in _parts(read, folder, record):
+            made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, shard=part)
+            before = f", {made.done_before:,} of them before" if made.done_before else ""
+            failed = f", {made.failed:,} ended in an error" if made.failed else ""
+            print_lines([f"{made.path}: {made.runs:,} runs{before}{failed}"])
+            for error in made.errors:
+                print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
+            failures += made.failed
     if failures:
         print("mesa-swarm: --retry-failed repeats the runs that failed", file=sys.stderr, flush=True)
         raise typer.Exit(FAILED)

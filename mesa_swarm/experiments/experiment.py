@@ -59,6 +59,19 @@ class Experiment:
             for rng in self.seeds:
                 yield self.run(settings, rng)
 
+    def part(self, number: int = 1, parts: int = 1) -> Iterator[Run]:
+        """Yield the runs of one of several equal parts, in the order of the table.
+
+        Examples
+        --------
+        >>> experiment = checked_experiment("fire_fighting", seeds=5, steps=5)
+        >>> [run.rng for run in experiment.part(2, 3)]
+        [2, 5]
+        """
+        both = ((point, rng) for point in self.points for rng in self.seeds)
+        for point, rng in islice(both, number - 1, None, parts):
+            yield self.run({**self.settings, **point}, rng)
+
     def run(self, settings: Mapping[str, Any], rng: int) -> Run:
         """Return one run, with these settings of all parameters that are set."""
         return Run(self.model_class, settings, rng, self.steps, self.key(settings, rng), self.reports)

@@ -5,12 +5,12 @@ import os
 import re
 import sys
 from array import array
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Container, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from threading import Lock
+from threading import Condition, Lock, Thread
 from typing import Any, BinaryIO, Self, TypeGuard
 from zlib import crc32
 
@@ -55,14 +55,66 @@ class Outcome:
         return {name: getattr(self, name) for name in STORED}
 
 
+class Syncing:
+    """Syncs a file to the disk, in a thread of its own: what is written during one sync waits for the next.
+
+    A busy disk takes 10 ms for a sync, during which many quick runs end.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._change = Condition()
+        self._written = self._synced = 0
+        self._error: OSError | None = None
+        self._thread: Thread | None = None
+
+    def begin(self) -> None:
+        """Have what was written so far synced, soon; raise the error of an earlier sync."""
+        with self._change:
+            self._raise_error()
+            self._written += 1
+            if self._thread is None:
+                self._thread = Thread(target=self._sync, name="sync a ledger", daemon=True)
+                self._thread.start()
+            self._change.notify_all()
+
+    def end(self) -> None:
+        """Wait until the disk has all that was written, and end the thread."""
+        with self._change:
+            thread, self._thread = self._thread, None
+            self._change.notify_all()
+        if thread is not None:  # that of a process from which this one was forked is not alive
+            thread.join()
+        self._raise_error()
+
+    def _raise_error(self) -> None:
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+
+    def _sync(self) -> None:
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._written > self._synced or self._thread is None)
+                written = self._written
+                if written == self._synced:
+                    return
+            try:
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._error = error
+            self._synced = written
+
+
 class Ledger:
     """A file with one line per finished run: checksum, key, outcome.
 
-    A line is written in one piece and synced to the disk before the run counts as done. A line that a kill tore
-    apart is cut off when the ledger is opened again; a damaged line fails its checksum and counts as never
-    written, as does one whose checksum is right and whose content is not the outcome of a run. Nothing else is ever
-    cut: a file that is not a ledger is refused and stays as it is, as does one with the checksum of a first line at
-    most. Of two lines with one key the last counts. One process at a time may write, others may read.
+    A line is written in one piece when its run is done, and synced to the disk at once, though nothing waits for that:
+    a power cut may take the lines of the last few milliseconds, a kill of the process none. A line that was torn apart
+    is cut off when the ledger is opened again; a damaged line fails its checksum and counts as never written, as does
+    one whose checksum is right and whose content is not the outcome of a run. Nothing else is ever cut:
+    a file that is not a ledger is refused and stays as it is, as does one with the checksum of a first line at most. Of
+    two lines with one key the last counts. One process at a time may write, others may read.
 
     Memory grows by 24 bytes per run: its key, and where its line begins.
 
@@ -81,13 +133,15 @@ class Ledger:
         self.path = path
         self._lock = Lock()  # joblib asks for outstanding runs in a thread of its own
         self._fits = fits
+        self._retry_failed = retry_failed
         self._file = _opened(path, read_only)
+        self._syncing = Syncing(self._file)
         try:
             if not read_only and lock(self._file) is False:
                 raise InvalidValueError(
                     f"{shown_path(path)} is being written by another sweep; wait for it or choose another folder"
                 )
-            self._read(retry_failed)
+            self._read()
             if not read_only:
                 self._cut()
         except BaseException:
@@ -101,9 +155,13 @@ class Ledger:
         self.close()
 
     def close(self) -> None:
-        """Close the file, and give up its lock."""
-        unlock(self._file)  # a worker that is still there may share it
-        self._file.close()
+        """Close the file when the disk has all of it, and give up its lock."""
+        try:
+            with self._disk_errors_in_words():
+                self._syncing.end()
+        finally:
+            unlock(self._file)  # a worker that is still there may share it
+            self._file.close()
 
     def __contains__(self, key: str) -> bool:
         """Whether this run is done."""
@@ -115,10 +173,40 @@ class Ledger:
         with self._lock:
             os.truncate(self.path, 0)
             self._ended = True
-            self._read(retry_failed=False)
+            self._read()
+
+    def absorb(self, path: Path, keys: Container[str] | None = None) -> None:
+        """Copy the outcomes of another ledger that this one lacks, and those that replace an error.
+
+        Parameters
+        ----------
+        path : Path
+            Of the other one, to which another process may be writing.
+        keys : container of str, optional
+            The runs that are wanted, by default all.
+        """
+        with Ledger(path, read_only=True, fits=self._fits) as other:
+            for _, (key, outcome) in other._entries():
+                if (keys is None or key in keys) and self._lacks(key, outcome):
+                    self.append(key, outcome)
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the keys of the runs that are done, of each once."""
+        with self._lock:
+            self._sort_in()
+            found = np.unique(self._keys)
+        for key in found:
+            yield bytes(key).ljust(KEY_BYTES, b"\0").hex()
+
+    def _lacks(self, key: str, outcome: Outcome) -> bool:
+        """Return whether an outcome is better than what this has of the run: nothing, or an error."""
+        before = self.outcome(key)
+        if outcome.error is not None:
+            return before is None and not self._retry_failed
+        return before is None or before.error is not None
 
     def append(self, key: str, outcome: Outcome) -> None:
-        """Write the outcome of a run, and wait until the disk has it; nothing is left of one that cannot be written."""
+        """Write the outcome of a run, which the disk has soon after; nothing is left of one that cannot be written."""
         line = _line(key, outcome)
         if _entry(line) is None:
             size = f"it has {len(line)} bytes" if line else "it is not of such types"
@@ -150,13 +238,21 @@ class Ledger:
     def _put(self, line: bytes, place: int) -> None:
         """Write past the file's buffer, which would hold what a full disk refuses and try again when closed."""
         left = memoryview(line)
+        with self._disk_errors_in_words():
+            try:
+                while left:
+                    left = left[os.write(self._file.fileno(), left) :]
+                self._syncing.begin()
+            except OSError:
+                with suppress(OSError):  # a torn line is cut off when the ledger is next opened
+                    os.truncate(self.path, place)
+                raise
+
+    @contextmanager
+    def _disk_errors_in_words(self) -> Iterator[None]:
         try:
-            while left:
-                left = left[os.write(self._file.fileno(), left) :]
-            os.fsync(self._file.fileno())
+            yield
         except OSError as error:
-            with suppress(OSError):  # a torn line is cut off when the ledger is next opened
-                os.truncate(self.path, place)
             raise InvalidValueError(
                 f"{shown_path(self.path)} cannot be written: {error.strerror}; earlier runs are stored, "
                 "make room and sweep again"
@@ -172,10 +268,10 @@ class Ledger:
             return None
         return int(self._places[index])
 
-    def _read(self, retry_failed: bool) -> None:
+    def _read(self) -> None:
         keys, places = bytearray(), array("q")
         for place, (key, outcome) in self._entries():
-            if not (retry_failed and outcome.error is not None):
+            if not (self._retry_failed and outcome.error is not None):
                 keys += bytes.fromhex(key)
                 places.append(place)
         self._late: dict[bytes, int] = {}

@@ -5,28 +5,26 @@ import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
+from importlib.util import find_spec
 from multiprocessing import resource_tracker
-from threading import RLock, Thread
+from threading import Thread
 from time import sleep
 from typing import Any
 
 from joblib import Parallel, cpu_count, delayed
 from joblib.externals.loky import get_reusable_executor
 from joblib.parallel import LokyBackend, get_active_backend
-from tqdm import tqdm
 
 from mesa_swarm.errors import InvalidValueError, check_count
-from mesa_swarm.gallery import Imported, imported
+from mesa_swarm.experiments.workers import WorkerDiedError, worked
+from mesa_swarm.gallery import imported
 
 MOST_JOBS = 1024
 LOCAL = "LokyBackend"
+DASK = "DaskDistributedBackend"
 # Interval at which workers check that their parent is there, s.
 CHECK_EVERY = 0.5
-
-
-class WorkerDiedError(RuntimeError):
-    """A worker was killed, or crashed, and its task is lost."""
 
 
 def checked_jobs(jobs: int) -> int:
@@ -53,26 +51,43 @@ class Workers(LokyBackend):
 
 
 def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
-    """Yield what `work` returns for each task, as they are done; joblib hands out quick ones in chunks.
+    """Yield what `work` returns for each task, as they are done; quick ones are handed out in chunks.
 
     Inside `joblib.parallel_config` with another backend, such as dask, the work is done there. Tasks are read as
     workers become free, never far ahead. As soon as a worker is gone, WorkerDiedError is raised, and what was under way
-    is lost.
+    is lost; a cluster does that work elsewhere, see `dask_pool.on_cluster`.
     """
+    backend = get_active_backend()[0]
+    if type(backend).__name__ == DASK:
+        from mesa_swarm.experiments.dask_pool import on_cluster  # noqa: PLC0415 - needs the extra [cluster]
+
+        yield from on_cluster(backend.client, work, tasks)
+        return
     place = {"n_jobs": -1} if is_remote() else {"n_jobs": workers, "backend": _local()}
     parallel = Parallel(**place, return_as="generator_unordered")
     try:
         with _interrupts_held():
             modules = imported()  # before the work, whose models may be in them
-            results = parallel(delayed(_worked)(modules, work, task) for task in tasks)
+            results = parallel(delayed(worked)(modules, work, task) for task in tasks)
         yield from results
     except BaseException as error:
         if not is_remote():
             # Without this, workers would finish tasks whose results are no longer wanted.
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
-        if isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker":
+        if isinstance(error, BrokenProcessPool):
             raise WorkerDiedError(str(error)) from error
         raise
+
+
+def on_scheduler(address: str) -> AbstractContextManager[None]:
+    """Return a context within which the workers of the dask scheduler at this address do the work."""
+    if find_spec("distributed") is None:
+        raise InvalidValueError(
+            "a scheduler needs dask.distributed, which is not installed; run: pip install 'mesa-swarm[cluster]'"
+        )
+    from mesa_swarm.experiments.dask_pool import connected  # noqa: PLC0415 - needs the extra [cluster]
+
+    return connected(address)
 
 
 def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[Any]:
@@ -140,9 +155,3 @@ def _interrupts_held() -> Iterator[None]:
 
 def _numbered(k: int, work: Callable, task: tuple) -> tuple[int, Any]:
     return k, work(*task)
-
-
-def _worked(_modules: Imported, work: Callable, task: tuple) -> Any:
-    # tqdm's own lock is one between processes, about which Python complains when a worker is stopped by Ctrl-C.
-    tqdm.set_lock(RLock())
-    return work(*task)

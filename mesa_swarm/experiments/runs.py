@@ -4,7 +4,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, TypeVar, cast
@@ -13,8 +13,10 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
-from mesa_swarm.experiments.pool import WorkerDiedError, is_remote, on_all
+from mesa_swarm.experiments.pool import is_remote, on_all
 from mesa_swarm.experiments.reports import reduced
+from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
+from mesa_swarm.files import shown_path
 from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
@@ -69,7 +71,7 @@ def do_runs(
     """
     if tries == 1:  # else a run that kills its process would end this one
         workers = min(workers, max(count - done, 1))
-    with progress_bar(count, unit, progress) as bar:
+    with progress_bar(count, unit, progress) as bar, _stored_runs_named(ledger):
         bar.initial = bar.n = done
         bar.refresh()
         for run, outcome in _outcomes(runs, work, workers, tries):
@@ -77,6 +79,20 @@ def do_runs(
                 ledger.append(run.key, outcome)
             bar.update()
             yield run, outcome
+
+
+@contextmanager
+def _stored_runs_named(ledger: Ledger | None) -> Iterator[None]:
+    """Add to the error about a lost scheduler where finished runs are."""
+    try:
+        yield
+    except SchedulerLostError as error:
+        if ledger is None:
+            raise
+        raise SchedulerLostError(
+            f"{error}; finished runs are stored in {shown_path(ledger.path)}: start the scheduler and its workers "
+            "again, and call it again for the rest"
+        ) from None
 
 
 def completed(

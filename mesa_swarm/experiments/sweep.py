@@ -1,6 +1,7 @@
 """Many runs that a kill only interrupts, and their table as Parquet."""
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,7 +13,7 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.experiments.experiment import (
     FIXED,
     Experiment,
@@ -26,10 +27,12 @@ from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
-from mesa_swarm.files import check_writable, draft_of
+from mesa_swarm.files import check_writable, draft_of, shown_path
 from mesa_swarm.parameters import parameters_of
 
 LEDGER = "ledger.jsonl"
+SHARD = re.compile(r"([0-9]{1,6})/([0-9]{1,6})")
+MOST_SHARDS = 100_000
 TABLE = "runs.parquet"
 RECORDINGS = "recordings"
 RECORDING = "recording"
@@ -42,15 +45,56 @@ MOST_ERRORS = 3
 
 
 @dataclass(frozen=True, slots=True)
+class Shard:
+    """One of several parts of a sweep, which machines do without knowing of each other: `number` from 1 to `shards`.
+
+    Examples
+    --------
+    >>> Shard.parsed("3/10")
+    Shard(number=3, shards=10)
+    """
+
+    number: int = 1
+    shards: int = 1
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_count("number of shards", self.shards, minimum=1, maximum=MOST_SHARDS)
+        check_count("shard", self.number, minimum=1, maximum=self.shards)
+
+    @classmethod
+    def parsed(cls, text: str) -> "Shard":
+        """Return the shard of a text such as "3/10"."""
+        found = SHARD.fullmatch(text.strip())
+        if found is None:
+            raise InvalidValueError(
+                f"shard is {shortened(text)}; expected NUMBER/SHARDS, such as 3/10 for the third of ten"
+            )
+        return cls(int(found[1]), int(found[2]))
+
+    @property
+    def ledger(self) -> str:
+        """The name of its ledger's file."""
+        return f"ledger-{self.number}-of-{self.shards}.jsonl"
+
+    def count(self, experiment: Experiment) -> int:
+        """Return how many runs of an experiment it has."""
+        return len(range(self.number - 1, len(experiment), self.shards))
+
+
+WHOLE = Shard()
+
+
+@dataclass(frozen=True, slots=True)
 class Sweep:
     """The outcome of a sweep.
 
     Parameters
     ----------
     path : Path
-        The table, as Parquet, one row a run.
+        The table, as Parquet, one row a run; of a shard its ledger.
     runs, failed, done_before : int
-        All runs; those that ended in an error; those that an earlier call had done.
+        All runs, or those of the shard; those that ended in an error; those that an earlier call had done.
     errors : tuple of str
         The first different errors, at most three.
     """
@@ -63,6 +107,10 @@ class Sweep:
 
     def frame(self) -> pd.DataFrame:
         """Return the table."""
+        if self.path.name != TABLE:
+            raise InvalidValueError(
+                f"{shown_path(self.path)} is the ledger of a shard; the same sweep without shard makes the table of all"
+            )
         return pd.read_parquet(self.path)
 
 
@@ -79,6 +127,7 @@ def sweep(
     record: bool | Mapping[str, Any] | None = None,
     progress: bool = False,
     retry_failed: bool = False,
+    shard: tuple[int, int] | None = None,
 ) -> Sweep:
     """Run a model at every point of a grid or sample with every seed, and write a table of the results.
 
@@ -115,25 +164,32 @@ def sweep(
         Whether to show a bar with the time left, in a terminal or notebook.
     retry_failed : bool
         Whether to repeat runs that ended in an error before.
+    shard : tuple of int, optional
+        ``(3, 10)`` does the third of ten parts only, into a ledger of its own in the same folder; ten processes on
+        machines that share that folder do all of them. The same call without it collects what all shards have
+        done, does the runs that are missing, and writes the table.
 
     Raises
     ------
     SwarmError
         Before anything is run, if anything about it is wrong.
+    SchedulerLostError
+        If the scheduler of a cluster ends. Finished runs are stored: the same call does the rest.
 
     Notes
     -----
     On a cluster (``pip install 'mesa-swarm[cluster]'`` on all its machines, the same versions everywhere)::
 
-        dask scheduler                                              # on one machine
+        DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL=60s dask scheduler   # on one machine
         dask worker tcp://SCHEDULER:8786 --nthreads 1 --nworkers -1  # on every machine
 
         with Client("tcp://SCHEDULER:8786"), parallel_config(backend="dask"):
             sweep(FireFighting, {"strategy": ["A", "B"]}, seeds=1000)
 
     Only the process that calls `sweep` writes files, except for recordings. A worker process that dies is noticed
-    at once, since its connection closes. One that falls silent, as on a machine that vanishes, is noticed after 5 s
-    or more, and only if the scheduler has a ``worker-ttl``: see docs/sweeps.md.
+    at once, since its connection closes; one that falls silent, as on a machine that vanishes, after ``WORKER_TTL``. A
+    shorter one than 30 s drops workers that are merely busy. While no worker is connected, a line on standard
+    error reports it. See docs/clusters.md.
 
     Examples
     --------
@@ -149,7 +205,15 @@ def sweep(
     if options is not None:
         check_options(options, experiment)
         check_recorded(experiment)
-    return run_experiment(experiment, check_writable(out), workers, progress, options, retry_failed)
+    part = WHOLE if shard is None else checked_shard(shard)
+    return run_experiment(experiment, check_writable(out), workers, progress, options, retry_failed, shard=part)
+
+
+def checked_shard(shard: object) -> Shard:
+    """Return a shard of a pair such as (3, 10)."""
+    if not isinstance(shard, Sequence) or isinstance(shard, str) or len(shard) != 2:
+        raise InvalidValueError(f"shard is {shortened(shard)}; expected a pair, such as (3, 10) for the third of ten")
+    return Shard(*shard)
 
 
 def run_experiment(
@@ -160,6 +224,7 @@ def run_experiment(
     record: Mapping[str, Any] | None = None,
     retry_failed: bool = False,
     heard: Callable[[Run, Outcome], object] = lambda run, outcome: None,
+    shard: Shard = WHOLE,
 ) -> Sweep:
     """Do the outstanding runs of an experiment, and write its table.
 
@@ -174,15 +239,19 @@ def run_experiment(
         See `sweep`; `record` are options, or None.
     heard : function
         Called with each new run and its outcome, after it was stored.
+    shard : Shard
+        The runs to do; there is a table only of all.
     """
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    taken, reports = _taken(experiment, archive), set(experiment.reports)
-    with Ledger(folder / LEDGER, retry_failed=retry_failed, fits=partial(_has_row, taken, reports)) as ledger:
-        before = sum(_is_done(run.key, ledger, archive) for run in experiment.runs())
+    fits = _fitting(experiment, archive)
+    runs = partial(experiment.part, shard.number, shard.shards)
+    with Ledger(_ledger_of(shard, folder), retry_failed=retry_failed, fits=fits) as ledger:
+        _collect(ledger, folder, runs if shard.shards > 1 else None)
+        before = sum(_is_done(run.key, ledger, archive) for run in runs())
         for run, outcome in do_runs(
-            (run for run in experiment.runs() if not _is_done(run.key, ledger, archive)),
-            partial(_done, taken, archive),
-            count=len(experiment),
+            (run for run in runs() if not _is_done(run.key, ledger, archive)),
+            partial(_done, _taken(experiment, archive), archive),
+            count=shard.count(experiment),
             done=before,
             ledger=ledger,
             workers=workers,
@@ -192,15 +261,34 @@ def run_experiment(
             if archive is not None and outcome.error is not None:
                 archive.clear(run.key)
             heard(run, outcome)
-        path = write_table(experiment, ledger, folder / TABLE, archive)
-        failed, errors = _failures(experiment, ledger)
-    return Sweep(path, len(experiment), failed, before, errors)
+        path = ledger.path
+        if shard.shards == 1:
+            path = write_table(experiment, ledger, folder / TABLE, archive)
+        failed, errors = _failures(runs(), ledger)
+    return Sweep(path, shard.count(experiment), failed, before, errors)
 
 
-def _failures(experiment: Experiment, ledger: Ledger) -> tuple[int, tuple[str, ...]]:
+def _ledger_of(shard: Shard, folder: Path) -> Path:
+    return folder / (shard.ledger if shard.shards > 1 else LEDGER)
+
+
+def _ledgers(folder: Path) -> list[Path]:
+    """Return the ledgers in a folder: that of the whole sweep, then those of shards."""
+    return [path for path in (folder / LEDGER, *sorted(folder.glob("ledger-*-of-*.jsonl"))) if path.exists()]
+
+
+def _collect(ledger: Ledger, folder: Path, runs: Callable[[], Iterator[Run]] | None) -> None:
+    """Copy what the other ledgers in the folder have of these runs, by default of all."""
+    others = [path for path in _ledgers(folder) if path != ledger.path]
+    keys = {run.key for run in runs()} if runs is not None and others else None
+    for path in others:
+        ledger.absorb(path, keys)
+
+
+def _failures(runs: Iterable[Run], ledger: Ledger) -> tuple[int, tuple[str, ...]]:
     """Return how many runs ended in an error, and the first different errors; memory does not grow with the runs."""
     failed, errors = 0, dict[str, None]()
-    for _, outcome in _stored(experiment, ledger):
+    for _, outcome in _stored(runs, ledger):
         if outcome.error is not None:
             failed += 1
             if len(errors) < MOST_ERRORS:
@@ -208,8 +296,10 @@ def _failures(experiment: Experiment, ledger: Ledger) -> tuple[int, tuple[str, .
     return failed, tuple(errors)
 
 
-def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None) -> int:
-    """Return how many runs of an experiment are done in a folder, without changing anything there.
+def done_before(
+    experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None, shard: Shard = WHOLE
+) -> int:
+    """Return how many runs of an experiment, or a shard, are done in a folder, without changing anything there.
 
     If options of recordings are given, runs that were not recorded do not count.
 
@@ -218,12 +308,12 @@ def done_before(experiment: Experiment, folder: Path, record: Mapping[str, Any] 
     >>> done_before(checked_experiment("fire_fighting", seeds=2, steps=5), Path("nowhere"))
     0
     """
-    if not (folder / LEDGER).exists():
-        return 0
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    fits = partial(_has_row, _taken(experiment, archive), set(experiment.reports))
-    with Ledger(folder / LEDGER, read_only=True, fits=fits) as ledger:
-        return sum(_is_done(run.key, ledger, archive) for run in experiment.runs())
+    done: set[str] = set()
+    for path in _ledgers(folder):
+        with Ledger(path, read_only=True, fits=_fitting(experiment, archive)) as ledger:
+            done.update(key for key in ledger if _is_done(key, ledger, archive))
+    return sum(run.key in done for run in experiment.part(shard.number, shard.shards)) if done else 0
 
 
 def stored_runs(experiment: Experiment, folder: Path) -> Iterator[tuple[Run, Outcome]]:
@@ -235,9 +325,8 @@ def stored_runs(experiment: Experiment, folder: Path) -> Iterator[tuple[Run, Out
     []
     """
     if (folder / LEDGER).exists():
-        fits = partial(_has_row, _taken(experiment, None), set(experiment.reports))
-        with Ledger(folder / LEDGER, read_only=True, fits=fits) as ledger:
-            yield from _stored(experiment, ledger)
+        with Ledger(folder / LEDGER, read_only=True, fits=_fitting(experiment, None)) as ledger:
+            yield from _stored(experiment.runs(), ledger)
 
 
 def check_recorded(experiment: Experiment) -> None:
@@ -248,6 +337,11 @@ def check_recorded(experiment: Experiment) -> None:
 def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
     """Return the names of the columns that are not results."""
     return {*FIXED, *experiment.columns, *(() if archive is None else (RECORDING,))}
+
+
+def _fitting(experiment: Experiment, archive: Archive | None) -> Callable[[Outcome], bool]:
+    """Return whether an outcome can be a row of this experiment's table, as a function of outcomes."""
+    return partial(_has_row, _taken(experiment, archive), set(experiment.reports))
 
 
 def _has_row(taken: set[str], reports: set[str], outcome: Outcome) -> bool:
@@ -301,7 +395,7 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Arc
     if archive is not None:
         schema = schema.append(pa.field(RECORDING, pa.string()))
     with draft_of(path) as draft, parquet.ParquetWriter(draft, schema) as writer:
-        for rows in _batches(_row(*pair, archive) for pair in _stored(experiment, ledger)):
+        for rows in _batches(_row(*pair, archive) for pair in _stored(experiment.runs(), ledger)):
             writer.write_table(pa.Table.from_pylist(rows, schema=schema))
     return path
 
@@ -313,13 +407,13 @@ def _schema(experiment: Experiment, ledger: Ledger) -> pa.Schema:
     fields += [("rng", pa.int64()), ("steps", pa.int64()), ("state_hash", pa.string())]
     names: dict[str, None] = dict.fromkeys(experiment.measures)
     if not names:
-        for _, outcome in _stored(experiment, ledger):
+        for _, outcome in _stored(experiment.runs(), ledger):
             names.update(dict.fromkeys(outcome.numbers))
     return pa.schema([*fields, *((name, pa.float64()) for name in names), ("error", pa.string())])
 
 
-def _stored(experiment: Experiment, ledger: Ledger) -> Iterator[tuple[Run, Outcome]]:
-    for run in experiment.runs():
+def _stored(runs: Iterable[Run], ledger: Ledger) -> Iterator[tuple[Run, Outcome]]:
+    for run in runs:
         outcome = ledger.outcome(run.key)
         if outcome is not None:
             yield run, outcome

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter, sleep
 
-from mesa_swarm.experiments.pool import WorkerDiedError, checked_jobs, ending_with_us
+from mesa_swarm.experiments.pool import checked_jobs, ending_with_us
+from mesa_swarm.experiments.workers import WorkerDiedError
 from mesa_swarm.gallery import find_model
 from mesa_swarm.geometry.compiling import COMPILED, compilation, listed_functions, needed_functions
 from mesa_swarm.progress import progress_bar

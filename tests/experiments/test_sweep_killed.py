@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from joblib import parallel_config
 
-from mesa_swarm.experiments.pool import WorkerDiedError, on_all
+from mesa_swarm.experiments.pool import on_all
 from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm.experiments.workers import WorkerDiedError
 from mesa_swarm.gallery import find_model
 from support import failing_models
 from support.killing import environment, lines_in

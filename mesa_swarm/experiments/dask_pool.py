@@ -1,0 +1,218 @@
+"""Tasks on the workers of a dask cluster: quick ones in chunks, and one line about workers and schedulers that go."""
+
+import logging
+import re
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from itertools import islice
+from queue import Empty, SimpleQueue
+from time import monotonic, perf_counter
+from typing import Any
+
+from distributed import CancelledError, Client, Future, KilledWorker
+from distributed.protocol.pickle import dumps, loads
+from joblib import parallel_config
+
+from mesa_swarm.errors import InvalidValueError, in_words, shortened
+from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError, worked
+from mesa_swarm.gallery import imported
+from mesa_swarm.progress import notice
+from mesa_swarm.wording import quantity
+
+ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:[0-9]{1,5}")
+# A chunk takes about so long, s: what is lost with a worker, and far more than what handing it out takes.
+CHUNK_SECONDS = 0.2
+LARGEST_CHUNK = 256
+# Chunks under way beyond two for each thread: without them a cluster that grows with its work would never grow.
+AHEAD = 8
+# Interval at which the workers are counted, and at which their absence is reported again, s.
+COUNT_EVERY = 2.0
+REPORT_EVERY = 600.0
+# Longest time for which a scheduler may be silent when it is asked something, s.
+PATIENCE = 10.0
+
+
+@contextmanager
+def connected(address: str) -> Iterator[None]:
+    """Let the workers of this scheduler do what is done within.
+
+    Raises
+    ------
+    InvalidValueError
+        If no scheduler answers there.
+    """
+    if ADDRESS.fullmatch(address) is None:
+        raise _no_scheduler(address, "not an address")
+    try:
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
+    except OSError as error:
+        raise _no_scheduler(address, " ".join(str(error).split())) from None
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    log.setLevel(logging.CRITICAL)  # that its scheduler is gone is reported in one line of ours
+    try:
+        with parallel_config(backend="dask", client=client):
+            yield
+    finally:
+        client.close(timeout=COUNT_EVERY)
+        log.setLevel(level)
+
+
+def _no_scheduler(address: str, reason: str) -> InvalidValueError:
+    return InvalidValueError(
+        f"no dask scheduler answers at {shortened(address)} ({reason[:100]}); expected an address such as "
+        "tcp://HOST:8786, which `dask scheduler` prints when it is started"
+    )
+
+
+def on_cluster(client: Client, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any]:
+    """Yield what `work` returns for each task, as they are done on the workers of a dask cluster.
+
+    Tasks whose workers die, four of them, are set aside until all others are done; then WorkerDiedError is raised.
+
+    Raises
+    ------
+    SchedulerLostError
+        As soon as the connection to the scheduler is lost.
+    """
+    chunks = Chunks(client, work)
+    try:
+        yield from chunks.results(iter(tasks))
+    finally:
+        chunks.release()
+
+
+class Chunks:
+    """Tasks under way on a cluster, in chunks of as many as take a fifth of a second."""
+
+    def __init__(self, client: Client, work: Callable) -> None:
+        self._client = client
+        self._work = work
+        self._crew = Crew(client)
+        self._size = 1
+        self._under_way: dict[Any, tuple[Future, list[tuple]]] = {}
+        self._ended: SimpleQueue[Future] = SimpleQueue()
+        self._set_aside = 0
+
+    def results(self, tasks: Iterator[tuple]) -> Iterator[Any]:
+        """Yield results as they arrive."""
+        while True:
+            self._hand_out(tasks)
+            if not self._under_way:
+                break
+            self._crew.count()
+            with suppress(Empty):
+                yield from self._results_of(self._ended.get(timeout=COUNT_EVERY))
+        if self._set_aside:
+            raise WorkerDiedError(f"the workers of {quantity(self._set_aside, 'task')} died")
+
+    def release(self) -> None:
+        """Give up what is still under way."""
+        for future, _ in self._under_way.values():
+            future.release()
+        self._under_way.clear()
+
+    def _hand_out(self, tasks: Iterator[tuple]) -> None:
+        while len(self._under_way) < 2 * self._crew.threads + AHEAD:
+            chunk = list(islice(tasks, self._size))
+            if not chunk:
+                return
+            self._submit(chunk)
+
+    def _submit(self, chunk: list[tuple]) -> None:
+        # In one piece: dask would look for its own tasks in tuples. What was imported comes before what needs it.
+        content = dumps((imported(), self._work, chunk))
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph")  # maps of many shapes
+            future = self._client.submit(_results_and_seconds, content, pure=False)
+        self._under_way[future.key] = future, chunk
+        future.add_done_callback(self._ended.put)
+
+    def _results_of(self, future: Future) -> list[Any]:
+        """Return the results of a chunk that has ended, none if it is to be done again."""
+        if future.status not in ("finished", "error"):
+            raise self._lost()
+        _, chunk = self._under_way[future.key]
+        try:
+            results, seconds = future.result(timeout=PATIENCE)
+        except KilledWorker:
+            results = self._again(chunk)
+        except TimeoutError:  # its worker died before the results were here: dask does it again
+            future.add_done_callback(self._ended.put)
+            return []
+        except ImportError as error:
+            raise InvalidValueError(
+                f"a worker of the cluster cannot import what it needs: {in_words(error)[:150]}; install the same "
+                "packages on all machines"
+            ) from None
+        except CancelledError:
+            raise self._lost() from None
+        else:
+            self._adapt(len(chunk), seconds)
+        del self._under_way[future.key]
+        return results
+
+    def _again(self, chunk: list[tuple]) -> list[Any]:
+        """Hand out the tasks of a chunk whose workers died one by one, and set aside one that was alone."""
+        if len(chunk) == 1:
+            self._set_aside += 1
+        else:
+            for task in chunk:
+                self._submit([task])
+        return []
+
+    def _adapt(self, tasks: int, seconds: float) -> None:
+        """Change the size of chunks, at most to twice as many: the first tasks may be quicker than others."""
+        fitting = int(CHUNK_SECONDS * tasks / max(seconds, 1e-6))
+        self._size = max(1, min(fitting, 2 * self._size, LARGEST_CHUNK))
+
+    def _lost(self) -> SchedulerLostError:
+        return SchedulerLostError(
+            f"the connection to the dask scheduler at {address_of_scheduler(self._client)} is lost"
+        )
+
+
+class Crew:
+    """The workers of a cluster: how many threads they have, and lines on standard error while there are none."""
+
+    def __init__(self, client: Client) -> None:
+        self.threads = 0
+        self._client = client
+        self._next_count = 0.0
+        self._next_report: float | None = None
+
+    def count(self) -> None:
+        """Count the threads, unless that was done a moment ago."""
+        now = monotonic()
+        if now < self._next_count:
+            return
+        self._next_count = now + COUNT_EVERY
+        with suppress(OSError):  # a scheduler that is gone is noticed by what was under way
+            threads = self._client.sync(self._client.scheduler.ncores, callback_timeout=PATIENCE)
+            self.threads = sum(threads.values())
+            self._report(len(threads), now)
+
+    def _report(self, workers: int, now: float) -> None:
+        if workers and self._next_report is not None:
+            notice(f"{quantity(workers, 'worker')} connected to the scheduler; the work continues")
+            self._next_report = None
+        elif not workers and now >= (self._next_report or 0.0):
+            address = address_of_scheduler(self._client)
+            notice(
+                f"no worker is connected to the scheduler at {address}; waiting; start one with: "
+                f"dask worker {address} --nthreads 1"
+            )
+            self._next_report = now + REPORT_EVERY
+
+
+def address_of_scheduler(client: Client) -> str:
+    """Return the address of the scheduler to which a client is, or was, connected."""
+    return str(client.scheduler.address) if client.scheduler is not None else "an unknown address"
+
+
+def _results_and_seconds(content: bytes) -> tuple[list[Any], float]:
+    """Do a chunk of tasks on a worker."""
+    modules, work, chunk = loads(content)
+    begin = perf_counter()
+    return [worked(modules, work, task) for task in chunk], perf_counter() - begin
