@@ -26,7 +26,9 @@ DEFAULT_STEPS = 3_000
 MOST_RUNS = 100_000_000
 # This many points may be impossible before an experiment is refused as a whole.
 POINTS_TRIED = 20
-FIXED = ("rng", "steps", "state_hash", "error")
+# The column that names the point of the design to which a row belongs.
+POINT = "point"
+FIXED = (POINT, "rng", "steps", "state_hash", "error")
 # Looking it up takes a millisecond, and each run asks.
 package_version = cache(version)
 
@@ -53,11 +55,8 @@ class Experiment:
         return len(self.points) * len(self.seeds)
 
     def runs(self) -> Iterator[Run]:
-        """Yield the runs in the order of the table: point by point, and of each the seeds."""
-        for point in self.points:
-            settings = {**self.settings, **point}
-            for rng in self.seeds:
-                yield self.run(settings, rng)
+        """Return the runs in the order of the table: point by point, and of each the seeds."""
+        return self.part()
 
     def part(self, number: int = 1, parts: int = 1) -> Iterator[Run]:
         """Yield the runs of one of several equal parts, in the order of the table.
@@ -68,13 +67,13 @@ class Experiment:
         >>> [run.rng for run in experiment.part(2, 3)]
         [2, 5]
         """
-        both = ((point, rng) for point in self.points for rng in self.seeds)
-        for point, rng in islice(both, number - 1, None, parts):
-            yield self.run({**self.settings, **point}, rng)
+        both = ((i, point, rng) for i, point in enumerate(self.points) for rng in self.seeds)
+        for i, point, rng in islice(both, number - 1, None, parts):
+            yield self.run({**self.settings, **point}, rng, i)
 
-    def run(self, settings: Mapping[str, Any], rng: int) -> Run:
-        """Return one run, with these settings of all parameters that are set."""
-        return Run(self.model_class, settings, rng, self.steps, self.key(settings, rng), self.reports)
+    def run(self, settings: Mapping[str, Any], rng: int, point: int = 0) -> Run:
+        """Return one run, with these settings of all parameters that are set, at the point with this number."""
+        return Run(self.model_class, settings, rng, self.steps, self.key(settings, rng), self.reports, point)
 
     @property
     def reports(self) -> tuple[str, ...]:

@@ -41,6 +41,8 @@ class Run:
     key: str = ""
     # Measures besides the model's results: see `experiments.reports`.
     reports: tuple[str, ...] = ()
+    # Which point of its experiment it belongs to, from 0.
+    point: int = 0
 
     def made(self) -> Any:
         """Return the model before its first step, or the numbers of the function."""

@@ -1,7 +1,7 @@
-"""Points in the space of a model's parameters: grids, Latin hypercubes and Sobol' sequences."""
+"""Points in the space of a model's parameters: ranges, grids, Latin hypercubes and Sobol' sequences."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from typing import Any, overload
 
@@ -20,6 +20,113 @@ MOST_RANGES = 1_000
 MOST_SHOWN = 40
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Range:
+    """Where a parameter may lie: between two ends, on a linear or a logarithmic scale, or at one of some values.
+
+    Whatever takes ranges also takes ``(low, high)``, ``(low, high, "log")``, and of a parameter that is not a number
+    its values.
+
+    Parameters
+    ----------
+    low, high : float or int
+        The ends, both included; whole numbers where the parameter is one. Of a logarithmic range both are above 0.
+    log : bool
+        Whether equal ratios, and not equal differences, are equally probable.
+    values : tuple
+        At least two different values, equally probable, in place of the ends.
+
+    Raises
+    ------
+    InvalidValueError
+
+    Examples
+    --------
+    >>> Range(low=1.0, high=100.0, log=True).at(np.array([0.0, 0.5, 1.0])).tolist()
+    [1.0, 10.0, 100.0]
+    >>> Range(low=1, high=4).at(np.array([0.0, 0.3, 1.0])).tolist()
+    [1, 2, 4]
+    >>> Range(values=("A", "B")).at(np.array([0.2, 0.7]))
+    ['A', 'B']
+    """
+
+    low: float | None = None
+    high: float | None = None
+    log: bool = False
+    values: tuple = ()
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without the parameter."""
+        if (self.low is None or self.high is None) == (not self.values):
+            raise InvalidValueError(f"{self!r} is not a range; give low and high, or values")
+        if self.values and (len(self.values) < 2 or self.log):
+            raise InvalidValueError(f"{self!r} is not a range; expected at least two values, and log only with ends")
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it holds whole numbers between two ends."""
+        return isinstance(self.low, int)
+
+    def at(self, shares: np.ndarray) -> Sequence | np.ndarray:
+        """Return the values at shares of the range, 0 to 1, whole numbers and listed values in equal parts of it."""
+        if self.low is None or self.high is None:
+            places = np.minimum((shares * len(self.values)).astype(int), len(self.values) - 1)
+            return [self.values[place] for place in places.tolist()]
+        low, high = self.low, self.high + self.is_whole
+        numbers = low * (high / low) ** shares if self.log else low + shares * (high - low)
+        return np.minimum(np.floor(numbers).astype(int), self.high) if self.is_whole else numbers
+
+    def of(self, parameter: Parameter) -> "Range":
+        """Return this range as one of a parameter, with its type; refuse what it cannot be."""
+        name = f"range of {parameter.name}"
+        if self.low is None or self.high is None:
+            values = tuple(map(parameter.checked, self.values))
+            if any(value in values[:i] for i, value in enumerate(values)):
+                raise InvalidValueError(f"{name} is {shortened(self.values)}; expected different values")
+            return replace(self, values=values)
+        low, high = parameter.checked(self.low), parameter.checked(self.high)
+        check_number(f"width of the {name}", high - low, above=0)
+        if self.log:
+            check_number(f"lower end of the logarithmic {name}", low, above=0)
+        return replace(self, low=low, high=high)
+
+
+def checked_ranges(model_class: type, ranges: object) -> dict[str, Range]:
+    """Return ranges of a model's parameters by name, checked.
+
+    Examples
+    --------
+    >>> from mesa_swarm.gallery import find_model
+    >>> checked_ranges(find_model("fire_fighting"), {"n_robots": (5, 8)})["n_robots"].high
+    8
+    """
+    if not isinstance(ranges, Mapping) or not 1 <= len(ranges) <= MOST_RANGES:
+        raise InvalidValueError(
+            f"ranges is {shortened(ranges)}; expected (low, high) of 1 to {MOST_RANGES} parameters by name"
+        )
+    known = parameters_of(model_class)
+    for name in ranges:
+        check_choice(f"parameter of {model_class.__name__}", name, known)
+    return {name: _range(known[name], given) for name, given in ranges.items()}
+
+
+def _range(parameter: Parameter, given: Any) -> Range:
+    """Return a range of a parameter, of which the ends or the values may be given as a sequence."""
+    if isinstance(given, Range):
+        return given.of(parameter)
+    given = as_list(given)
+    if isinstance(given, (str, bytes)) or not isinstance(given, Sequence):
+        raise InvalidValueError(f"range of {parameter.name} is {shortened(given)}; expected [low, high]")
+    if parameter.kind not in (int, float):
+        return Range(values=tuple(given)).of(parameter)
+    log = len(given) == 3 and isinstance(given[2], str) and given[2] == "log"
+    if not log and len(given) != 2:
+        raise InvalidValueError(
+            f'range of {parameter.name} is {shortened(given)}; expected [low, high] or [low, high, "log"]'
+        )
+    return Range(low=given[0], high=given[1], log=log).of(parameter)
+
+
 @dataclass(frozen=True, slots=True)
 class Sample:
     """Points that fill a box of parameters evenly.
@@ -30,8 +137,9 @@ class Sample:
         A Latin hypercube (McKay, Beckman and Conover, Technometrics 21, 1979) has one point in each of `points`
         slices of every range. A scrambled Sobol' sequence (Sobol', USSR Comput. Math. Math. Phys. 7, 1967; Owen's
         scrambling) is even in several dimensions at once.
-    ranges : mapping of str to (low, high)
-        Of each parameter; whole numbers where the parameter is one, both ends included.
+    ranges : mapping of str to (low, high) or Range
+        Of each parameter; whole numbers where the parameter is one, both ends included. Also ``(low, high, "log")``,
+        and the values of a parameter that is not a number: see `Range`.
     points : int
         1 to 1,000,000; a power of two for Sobol'.
     rng : int
@@ -46,7 +154,7 @@ class Sample:
     """
 
     kind: str
-    ranges: Mapping[str, Sequence[float]]
+    ranges: Mapping[str, Any]
     points: int
     rng: int = 1
 
@@ -69,14 +177,7 @@ class Sample:
 
     def points_of(self, model_class: type) -> "Points":
         """Return the same without taking memory for each point."""
-        known = parameters_of(model_class)
-        for name in self.ranges:
-            check_choice(f"parameter of {model_class.__name__}", name, known)
-        columns = {
-            name: _scaled(known[name], ends, shares)
-            for (name, ends), shares in zip(self.ranges.items(), self._shares().T, strict=True)
-        }
-        return Points(columns, crossed=False)
+        return points_at(checked_ranges(model_class, self.ranges), self._shares())
 
     def _shares(self) -> np.ndarray:
         """Return the points in the unit box, shape (points, ranges)."""
@@ -127,6 +228,18 @@ class Points(Sequence[dict[str, Any]]):
     def __repr__(self) -> str:
         shown = ", ".join(f"{name!r}: {shortened(column[:MOST_SHOWN])}" for name, column in self._columns.items())
         return f"Points({{{shown}}}, crossed={self._crossed})"
+
+
+def points_at(ranges: Mapping[str, Range], shares: np.ndarray) -> Points:
+    """Return points at shares (points, ranges) of the ranges, each from 0 to 1.
+
+    Examples
+    --------
+    >>> points_at({"k": Range(low=0.0, high=4.0)}, np.array([[0.5]]))[0]
+    {'k': 2.0}
+    """
+    columns = {name: each.at(column) for (name, each), column in zip(ranges.items(), shares.T, strict=True)}
+    return Points(columns, crossed=False)
 
 
 def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -197,17 +310,3 @@ def _hashable(value: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
-
-
-def _scaled(parameter: Parameter, ends: object, shares: np.ndarray) -> np.ndarray:
-    """Return shares of a range as values in it."""
-    ends = as_list(ends)
-    if parameter.kind not in (int, float):
-        raise InvalidValueError(f"{parameter.name} is not a number; expected one, or put its values into a grid")
-    if isinstance(ends, (str, bytes)) or not isinstance(ends, Sequence) or len(ends) != 2:
-        raise InvalidValueError(f"range of {parameter.name} is {shortened(ends)}; expected [low, high]")
-    low, high = (parameter.checked(end) for end in ends)
-    width = check_number(f"width of the range of {parameter.name}", high - low, above=0)
-    if parameter.kind is float:
-        return low + shares * width
-    return low + np.floor(shares * (width + 1)).astype(int)

@@ -16,6 +16,7 @@ from pyarrow import parquet
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.experiments.experiment import (
     FIXED,
+    POINT,
     Experiment,
     check_columns,
     checked_experiment,
@@ -92,7 +93,8 @@ class Sweep:
     Parameters
     ----------
     path : Path
-        The table, as Parquet, one row a run; of a shard its ledger.
+        The table, as Parquet, one row a run; the column `point` numbers the points of the design from 0. Of a shard
+        its ledger.
     runs, failed, done_before : int
         All runs, or those of the shard; those that ended in an error; those that an earlier call had done.
     errors : tuple of str
@@ -242,6 +244,7 @@ def run_experiment(
     shard : Shard
         The runs to do; there is a table only of all.
     """
+    _check_parameters(experiment)
     archive = None if record is None else Archive(folder / RECORDINGS, record)
     fits = _fitting(experiment, archive)
     runs = partial(experiment.part, shard.number, shard.shards)
@@ -283,6 +286,13 @@ def _collect(ledger: Ledger, folder: Path, runs: Callable[[], Iterator[Run]] | N
     keys = {run.key for run in runs()} if runs is not None and others else None
     for path in others:
         ledger.absorb(path, keys)
+
+
+def _check_parameters(experiment: Experiment) -> None:
+    """Refuse parameters that are named as another column of the table."""
+    for name in experiment.columns:
+        if name in FIXED:
+            raise InvalidValueError(f"parameter {name} is named as a column of the table; rename it in the model")
 
 
 def _failures(runs: Iterable[Run], ledger: Ledger) -> tuple[int, tuple[str, ...]]:
@@ -382,7 +392,8 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Arc
         All of whose runs are done.
     ledger : Ledger
     path : Path
-        Of the Parquet file. Columns: the parameters that are set, `rng`, `steps`, `state_hash`, the results, `error`.
+        Of the Parquet file. Columns: `point`, from 0, the parameters that are set, `rng`, `steps`, `state_hash`, the
+        results, `error`.
     archive : Archive, optional
         If there is one, `recording` names each run's file in it.
 
@@ -403,7 +414,8 @@ def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Arc
 def _schema(experiment: Experiment, ledger: Ledger) -> pa.Schema:
     """Return the columns; a result that only some runs have is placed by the first run that has it."""
     known = parameters_of(experiment.model_class)
-    fields = [(name, TYPES.get(known[name].kind, pa.string())) for name in experiment.columns]
+    fields = [(POINT, pa.int64())]
+    fields += [(name, TYPES.get(known[name].kind, pa.string())) for name in experiment.columns]
     fields += [("rng", pa.int64()), ("steps", pa.int64()), ("state_hash", pa.string())]
     names: dict[str, None] = dict.fromkeys(experiment.measures)
     if not names:
@@ -422,6 +434,7 @@ def _stored(runs: Iterable[Run], ledger: Ledger) -> Iterator[tuple[Run, Outcome]
 def _row(run: Run, outcome: Outcome, archive: Archive | None) -> dict[str, Any]:
     settings = {name: shown_value(value) for name, value in run.settings.items()}
     fixed = {
+        POINT: run.point,
         "rng": run.rng,
         "steps": outcome.steps if outcome.error is None else None,
         "state_hash": outcome.state_hash,

@@ -69,7 +69,7 @@ def test_other_steps_and_parameters_are_other_runs():
 
 def test_only_what_is_wanted_becomes_a_column(tmp_path):
     path = sweep(FIRE, seeds=1, steps=5, measure=["fires out"], out=tmp_path, jobs=1).path
-    assert parquet.read_schema(path).names == ["rng", "steps", "state_hash", "fires out", "error"]
+    assert parquet.read_schema(path).names == ["point", "rng", "steps", "state_hash", "fires out", "error"]
 
 
 def test_points_that_a_sample_has_twice_are_run_once(tmp_path):
