@@ -32,7 +32,10 @@ provide_composer(_composer)
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.about import ModelInfo, model_info
     from mesa_swarm.experiments.batch import batch_run
+    from mesa_swarm.experiments.adaptive import AdaptiveDesign
+    from mesa_swarm.experiments.calibration import calibrate
     from mesa_swarm.experiments.compare import compare
+    from mesa_swarm.experiments.sensitivity import sensitivity
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
     from mesa_swarm.looks import Chart, ColourMap, Looks
@@ -75,7 +78,10 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 _MODULES = {
     "about": "ModelInfo model_info",
     "experiments.batch": "batch_run",
+    "experiments.adaptive": "AdaptiveDesign",
+    "experiments.calibration": "calibrate",
     "experiments.compare": "compare",
+    "experiments.sensitivity": "sensitivity",
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
     "looks": "Chart ColourMap Looks",
@@ -111,6 +117,7 @@ __all__ = [
     "THYMIO_2",
     "TURTLEBOT_3",
     "Actuator",
+    "AdaptiveDesign",
     "Carried",
     "Chart",
     "ColourMap",
@@ -144,6 +151,7 @@ __all__ = [
     "all_round",
     "batch_run",
     "bump_sensor",
+    "calibrate",
     "compare",
     "disc",
     "laser_sensor",
@@ -152,6 +160,7 @@ __all__ = [
     "polygon",
     "rectangle",
     "scatter",
+    "sensitivity",
     "show",
     "sweep",
     "warm_up",

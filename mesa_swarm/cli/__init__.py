@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, policies, run
+from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, policies, run, studies
 from mesa_swarm.errors import SwarmError, in_words
 from mesa_swarm.work_done import one_line
 
@@ -23,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (listing, info, run, compare, draw, learn, design, check, page):
+for group in (listing, info, run, compare, studies, draw, learn, design, check, page):
     app.add_typer(group.commands)
 app.add_typer(draw.map_commands, name="map")
 app.add_typer(policies.commands, name="policy")

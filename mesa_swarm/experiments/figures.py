@@ -74,7 +74,7 @@ def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
     nearest = float(np.diff(np.sort(places)).min())
     for i, (place, value) in enumerate(zip(places, plan.values, strict=True)):
         aside = ASIDE * nearest * (1 if i else -1)  # the first to the left, where no lines are
-        _draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, LIGHT.series[0])
+        draw_interval(axes, place + aside, summarised(comparison.column(value, measure)).mean, LIGHT.series[0])
     axes.set_xlim(places.min() - 0.3 * nearest, places.max() + 0.3 * nearest)
     axes.set_title(literal(fill(measure, 45, break_long_words=False)), fontsize=TEXT)
     _label_values(axes, comparison, measure, places, plan.values)
@@ -95,7 +95,7 @@ def _draw_differences(axes: Axes, comparison: PairedRuns, measure: str) -> None:
         heights = np.clip(differences, below, above)
         axes.plot(place + spread_out(len(heights), reach), heights, "o", color=LIGHT.faint, markersize=6, alpha=0.7)
         mean = bootstrap_mean(pair_differences(base, comparison.column(value, measure)))
-        _draw_interval(axes, place + 1.5 * reach, mean, LIGHT.series[1] if mean.excludes_zero else LIGHT.series[0])
+        draw_interval(axes, place + 1.5 * reach, mean, LIGHT.series[1] if mean.excludes_zero else LIGHT.series[0])
     axes.set_xlim(everywhere[1:].min() - 2 * reach, everywhere[1:].max() + 2.5 * reach)
     axes.set_title(literal(fill(f"minus {comparison.plan.parameter} {first}, on the same seed", 32)), fontsize=TEXT)
     _label_values(axes, comparison, measure, everywhere[1:], others, paired=True)
@@ -172,7 +172,8 @@ def spread_out(n: int, reach: float) -> np.ndarray:
     return np.linspace(-reach, reach, n) if n > 1 else np.zeros(n)
 
 
-def _draw_interval(axes: Axes, place: float, interval: Interval, colour: str) -> None:
+def draw_interval(axes: Axes, place: float, interval: Interval, colour: str) -> None:
+    """Draw an estimate as a ring and its interval as a bar, upright at a place."""
     if np.isnan(interval.estimate):
         return
     if not np.isnan(interval.low):

@@ -11,6 +11,7 @@ import scipy
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.parameters import Parameter, parameters_of
+from mesa_swarm.wording import in_brief
 
 KINDS = ("latin_hypercube", "sobol")
 MOST_POINTS = 1_000_000
@@ -89,6 +90,19 @@ class Range:
         if self.log:
             check_number(f"lower end of the logarithmic {name}", low, above=0)
         return replace(self, low=low, high=high)
+
+
+def range_text(each: Range) -> str:
+    """Return a range as a user would write it.
+
+    Examples
+    --------
+    >>> range_text(Range(low=0.1, high=0.3, log=True)), range_text(Range(values=("A", "B")))
+    ('0.1 to 0.3, log', 'A, B')
+    """
+    if each.values:
+        return ", ".join(map(in_brief, each.values))
+    return f"{in_brief(each.low)} to {in_brief(each.high)}{', log' if each.log else ''}"
 
 
 def checked_ranges(model_class: type, ranges: object) -> dict[str, Range]:
