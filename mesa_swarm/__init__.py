@@ -31,8 +31,8 @@ provide_composer(_composer)
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.about import ModelInfo, model_info
-    from mesa_swarm.experiments.batch import batch_run
     from mesa_swarm.experiments.adaptive import AdaptiveDesign
+    from mesa_swarm.experiments.batch import batch_run
     from mesa_swarm.experiments.calibration import calibrate
     from mesa_swarm.experiments.compare import compare
     from mesa_swarm.experiments.sensitivity import sensitivity

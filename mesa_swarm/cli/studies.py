@@ -180,7 +180,7 @@ def _parsed_difference(model_class: type, text: str) -> tuple[str, Any, Any]:
 
 def _numbers(option: str, texts: Sequence[str], most: int) -> list[tuple[str, list[float]]]:
     """Return names with numbers, of texts such as "fires out=7" and "fires out=7:2"."""
-    found = []
+    found: list[tuple[str, list[float]]] = []
     for text in texts:
         name, _, listed = text.rpartition("=")
         try:

@@ -107,12 +107,12 @@ class AdaptiveDesign:
         SwarmError
             If a value cannot be one of its parameter; no point is added then.
         """
-        listed = _listed(points)
+        proposed = _listed(points)
         if self._experiment is None:
-            self._experiment = checked_experiment(self._model, listed, **self._fixed)
+            self._experiment = checked_experiment(self._model, proposed, **self._fixed)
             listed = list(self._experiment.points)
         else:
-            listed = [checked_settings(self._model, point) for point in listed]
+            listed = [checked_settings(self._model, point) for point in proposed]
             names = list(self._experiment.points[0])
             for point in listed:
                 if point.keys() != set(names):

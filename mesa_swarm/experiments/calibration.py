@@ -296,7 +296,7 @@ def calibrate(
         retry_failed=retry_failed,
     )
     history = _searched(design, checked, losses, budget, _checked_sampler(sampler, rng))
-    point = int(history[LOSS].idxmin())
+    point = int(history[LOSS].argmin())
     experiment = design.experiment
     again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, budget.fresh))
     made = run_experiment(again, check_writable(out) / FRESH, workers, progress, retry_failed=retry_failed)
@@ -309,7 +309,7 @@ def calibrate(
         point=point,
         best=dict(again.points[0]),
         seeds=again.seeds,
-        measures={name: summarised(list(map(known, rows[name]))) for name in rows},
+        measures={str(name): summarised(list(map(known, rows[name]))) for name in rows},
         failed=made.failed,
         loss=losses.of(rows),
     )
@@ -333,7 +333,7 @@ class _Losses:
     def numbers(self, table: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
         """Return the measures of the runs that ended in no error, with numbers for those that did not happen."""
         taken = {*FIXED, *experiment.columns}
-        names = list(self.measure) or [name for name in table if name not in taken]
+        names = list(self.measure) or [str(name) for name in table if name not in taken]
         check_columns(names, {LOSS, FAILED})
         for name in self.missing.keys() - set(names):
             raise InvalidValueError(f"missing has {shortened(name)}, which is not one of the measures; leave it out")
@@ -362,7 +362,7 @@ def check_loss(given: object) -> float:
 
 def _means(rows: pd.DataFrame) -> dict[str, Any]:
     """Return the mean of each measure, None where it did not happen in all runs."""
-    return {name: None if rows[name].isna().any() or rows.empty else float(rows[name].mean()) for name in rows}
+    return {str(name): None if rows[name].isna().any() or rows.empty else float(rows[name].mean()) for name in rows}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -393,6 +393,8 @@ def _checked_losses(target: object, measure: Sequence[str], missing: Mapping[str
     if measure:
         raise InvalidValueError("measure is given beside targets, which name their measures; leave it out")
     targets = {name: _checked_target(name, given) for name, given in target.items()}
+    for name in numbers.keys() - targets.keys():
+        raise InvalidValueError(f"missing has {shortened(name)}, which has no target; leave it out")
     return _Losses(targets=targets, function=None, measure=checked_measures(list(targets)), missing=numbers)
 
 
@@ -436,7 +438,8 @@ def _searched(
         while len(rows) < budget.points:
             trials = [study.ask(space) for _ in range(min(budget.batch, budget.points - len(rows)))]
             design.propose([_settings(ranges, trial.params) for trial in trials])
-            for trial, (point, table) in zip(trials, design.results().groupby(POINT), strict=True):
+            numbers_of = range(len(rows), len(rows) + len(trials))
+            for trial, point, (_, table) in zip(trials, numbers_of, design.results().groupby(POINT), strict=True):
                 numbers = losses.numbers(table, design.experiment)
                 failed = len(table) - len(numbers)
                 error = error or next(iter(table["error"].dropna()), "")
@@ -466,7 +469,9 @@ def _distribution(each: Range) -> Any:
 
     if each.low is None or each.high is None:
         return CategoricalDistribution(range(len(each.values)))
-    return (IntDistribution if each.is_whole else FloatDistribution)(each.low, each.high, log=each.log)
+    if each.is_whole:
+        return IntDistribution(int(each.low), int(each.high), log=each.log)
+    return FloatDistribution(each.low, each.high, log=each.log)
 
 
 def _settings(ranges: Mapping[str, Range], chosen: Mapping[str, Any]) -> dict[str, Any]:

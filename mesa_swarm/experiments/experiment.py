@@ -8,7 +8,7 @@ from importlib.metadata import version
 from itertools import islice
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.experiments.fingerprints import fingerprint, source_hash
 from mesa_swarm.experiments.reports import check_report, parts_of
 from mesa_swarm.experiments.runs import Run, check_results
@@ -213,6 +213,6 @@ def first_built(experiment: Experiment) -> SwarmModel:
     for point in islice(experiment.points, POINTS_TRIED):
         try:
             return experiment.model_class(**experiment.settings, **point, rng=experiment.seeds[0])
-        except SwarmError as error:
+        except Exception as error:  # of a user's model it may be any
             first_error = first_error or error
     raise first_error or InvalidValueError("the experiment has no points; give at least one")

@@ -20,7 +20,7 @@ from mesa_swarm.experiments.sweep import Sweep, run_experiment
 from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, known, with_limits
 from mesa_swarm.files import check_writable
 from mesa_swarm.parameters import parameters_of
-from mesa_swarm.wording import quantity
+from mesa_swarm.wording import in_brief, quantity
 
 METHODS = ("sobol", "morris")
 # By method: the index that ranks, and what the indices are.
@@ -169,7 +169,7 @@ class Sensitivity:
         return [
             *notes,
             f"Seeds cause {100 * self.chance:.2g} % of the variance of the points' means: "
-            f"{ranking} of a parameter without effect can be {self.floor:.2g}.",
+            f"{ranking} of a parameter without effect can be {in_brief(float(f'{self.floor:.2g}'))}.",
         ]
 
     @property
@@ -450,19 +450,20 @@ def _indices(
         weights = np.bincount(some, minlength=seeds) / seeds
         for index, values in estimated(blocks[chosen] @ weights, chosen).items():
             drawn[index].append(values)
+    least = ROUNDING * max(float(np.nanmax(np.abs(values), initial=0.0)) for values in found.values())
     return {
         index: {
-            name: Interval(float(x), float(x - Z * s), float(x + Z * s))
-            for name, x, s in zip(names, *_above_rounding(values, np.std(drawn[index], axis=0, ddof=1)), strict=True)
+            name: _interval(x, s, least)
+            for name, x, s in zip(names, values, np.std(drawn[index], axis=0, ddof=1), strict=True)
         }
         for index, values in found.items()
     }
 
 
-def _above_rounding(values: np.ndarray, spreads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return indices and their spreads, with 0 for what is nothing but errors of rounding."""
-    least = ROUNDING * np.nanmax(np.abs(values), initial=0.0)
-    return np.where(np.abs(values) < least, 0.0, values), np.where(spreads < least, 0.0, spreads)
+def _interval(estimate: float, deviation: float, least: float) -> Interval:
+    """Return an estimate with its interval; what is smaller than `least` is an error of rounding, and 0."""
+    x, half = (0.0 if abs(number) < least else float(number) for number in (estimate, Z * deviation))
+    return Interval(x, x - half, x + half)
 
 
 def _chance(numbers: np.ndarray) -> float:
@@ -474,7 +475,7 @@ def _chance(numbers: np.ndarray) -> float:
     rest = numbers - means[:, None] - numbers.mean(axis=0) + numbers.mean()
     spread = means.var(ddof=1)
     noise = float((rest**2).sum()) / ((points - 1) * (seeds - 1)) / seeds
-    return noise / spread if noise > ROUNDING**2 * spread else 0.0
+    return float(noise / spread) if noise > ROUNDING**2 * spread else 0.0
 
 
 def _ends(interval: Interval) -> tuple[float, float, float]:

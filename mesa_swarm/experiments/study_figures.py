@@ -28,7 +28,7 @@ def sensitivity_figure(found: Sensitivity) -> Figure:
     names = found.ranked()[:MOST_PANELS]
     rows = -(-len(names) // IN_A_ROW)
     figure = Figure(figsize=(WIDE[0], 4.2 + 2.7 * rows), layout="constrained")
-    above, below = figure.subfigures(2, 1, height_ratios=(4.2, 2.7 * rows))
+    above, below = _halves(figure, 4.2, 2.7 * rows)
     title = f"{found.experiment.model_class.__name__}: {found.plan.title}, {quantity(len(found.shares), 'point')}"
     above.suptitle(literal(f"{title}, {quantity(len(found.experiment.seeds), 'seed')}"), fontsize=TITLE)
     panels = np.ravel(above.subplots(1, 1 if found.plan.method == "sobol" else 2))
@@ -104,7 +104,7 @@ def calibration_figure(found: Calibration) -> Figure:
     names = list(ranges)[:MOST_PANELS]
     rows = -(-len(names) // IN_A_ROW)
     figure = Figure(figsize=(WIDE[0], 3.6 + 2.7 * rows), layout="constrained")
-    above, below = figure.subfigures(2, 1, height_ratios=(3.6, 2.7 * rows))
+    above, below = _halves(figure, 3.6, 2.7 * rows)
     title = f"{found.experiment.model_class.__name__}: {quantity(len(history), 'point')} of a search"
     above.suptitle(literal(f"{title}, {quantity(len(found.experiment.seeds), 'seed')} at each"), fontsize=TITLE)
     losses = history[LOSS].to_numpy(float)
@@ -129,6 +129,12 @@ def calibration_figure(found: Calibration) -> Figure:
 def _ring() -> dict[str, Any]:
     """Return how the best point is drawn."""
     return {"markersize": 12, "markerfacecolor": "none", "markeredgecolor": LIGHT.series[1], "markeredgewidth": 3}
+
+
+def _halves(figure: Figure, above: float, below: float) -> tuple[SubFigure, SubFigure]:
+    """Return the upper and the lower part of a figure, with these heights."""
+    halves = figure.subfigures(2, 1, squeeze=False, height_ratios=(above, below))
+    return halves[0, 0], halves[1, 0]
 
 
 def _panels(figure: SubFigure, count: int) -> list[Axes]:

@@ -45,14 +45,19 @@ class Function(SwarmModel):
         rng=None,
     ) -> None:
         super().__init__(rng=rng)
-        if x1 > fails_above:
-            raise ValueError("x1 is too large")
         self.x = x1, x2, x3
         self.kind, self.whole = kind, whole
         self.noise = noise * float(self.rng.standard_normal())
-        if diary:
-            with open(Path(diary), "a") as file:
-                file.write(f"{rng}\n")
+        self.fails_above, self.diary, self.seed = fails_above, diary, rng
+
+    def step(self) -> None:
+        """Note the seed, and fail if the first parameter is too large."""
+        super().step()
+        if self.diary:
+            with open(Path(self.diary), "a") as file:
+                file.write(f"{self.seed}\n")
+        if self.x[0] > self.fails_above:
+            raise ValueError("x1 is too large")
 
     def value(self) -> float:
         """Return the function without noise."""
