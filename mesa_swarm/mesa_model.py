@@ -9,8 +9,9 @@ from typing import Any, ClassVar, cast
 import mesa
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, UnobservedStepError, shortened, unknown_name
+from mesa_swarm.errors import InvalidValueError, UnobservedStepError, shortened
 from mesa_swarm.observers import Observers
+from mesa_swarm.parameters import check_names
 from mesa_swarm.streams import Seed
 from mesa_swarm.world.arena import ArenaAgent, hold_agents
 
@@ -236,11 +237,8 @@ def without_scenario(model_class: type, named: Mapping[str, Any]) -> dict[str, A
     UnknownNameError
         If the class has no parameter of a name in the scenario.
     """
-    parameters = inspect.signature(model_class).parameters
-    takes_all = any(one.kind is one.VAR_KEYWORD for one in parameters.values())
     values = _values_of(named["scenario"])
-    for name in () if takes_all else values.keys() - parameters.keys():
-        raise UnknownNameError(f"scenario: {unknown_name(f'parameter of {model_class.__name__}', name, parameters)}")
+    check_names(model_class, values)
     return _combined(values, named)
 
 
@@ -260,7 +258,9 @@ def _combined(values: dict[str, Any], named: Mapping[str, Any]) -> dict[str, Any
 
 
 def _values_of(scenario: Any) -> dict[str, Any]:
-    """Return the parameters of a scenario, `rng` among them."""
+    """Return the parameters of a scenario, `rng` among them; None, which Mesa takes for no scenario, has none."""
+    if scenario is None:
+        return {}
     kind = getattr(getattr(mesa.experimental, "scenarios", None), "Scenario", None)
     if kind is None:
         raise InvalidValueError(

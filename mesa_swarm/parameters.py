@@ -1,7 +1,7 @@
 """Parameters of a model: their types, and the ranges and choices that a model declares beside them."""
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -189,6 +189,25 @@ def _choice_in(hint: Any) -> Choice | None:
     """Return the texts of a `Literal` as a choice."""
     texts = get_args(hint) if get_origin(hint) is Literal else ()
     return Choice(texts) if texts and all(isinstance(text, str) for text in texts) else None
+
+
+def check_names(model: Callable, names: Iterable[str]) -> None:
+    """Refuse a name that is not a parameter of a model, `rng` included, unless it takes any keyword.
+
+    Examples
+    --------
+    >>> from mesa_swarm.models.boids import Boids
+    >>> check_names(Boids, ["n_robot"])
+    Traceback (most recent call last):
+    ...
+    mesa_swarm.errors.UnknownNameError: unknown parameter of Boids 'n_robot'; did you mean 'n_robots'? known: ...
+    """
+    known = inspect.signature(model).parameters
+    if any(one.kind is one.VAR_KEYWORD for one in known.values()):
+        return
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, known))
 
 
 def parsed_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:

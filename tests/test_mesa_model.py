@@ -261,6 +261,15 @@ def test_a_class_that_reads_a_scenario_itself_hands_it_on_for_the_seed_and_what_
     assert model.streams.seed.entropy == 4
 
 
+def test_none_is_no_scenario_as_for_mesa():
+    class Own(SwarmModel):
+        def __init__(self, scenario=None, rng=None):
+            super().__init__(scenario=scenario, rng=rng)
+
+    assert Own(rng=1).state_hash() == Own(scenario=None, rng=1).state_hash() == SwarmModel(rng=1).state_hash()
+    assert Crowd(scenario=None, rng=1, n_robots=2).run(1).state_hash() == Crowd(rng=1, n_robots=2).run(1).state_hash()
+
+
 @with_scenarios
 @pytest.mark.parametrize(
     ("given", "error", "words"),

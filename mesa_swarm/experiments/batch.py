@@ -9,6 +9,7 @@ from mesa_swarm.experiments.experiment import MOST_STEPS
 from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, on_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.mesa_model import collected_of_agents
+from mesa_swarm.parameters import check_names
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -57,8 +58,8 @@ def batch_run(
 
     Raises
     ------
-    InvalidValueError
-        If a value is not permitted.
+    InvalidValueError, UnknownNameError
+        If a value is not permitted, or the model has no such parameter.
     WorkerDiedError
         If a process dies.
 
@@ -76,6 +77,8 @@ def batch_run(
     found = find_model(model) if isinstance(model, str) else model
     if not isinstance(found, type) or not issubclass(found, SwarmModel):
         raise InvalidValueError(f"model is {shortened(model)}; expected a SwarmModel class, or its name or address")
+    grid = _grid(parameters)
+    check_names(found, parameters)
     check_count("max_steps", max_steps, minimum=1, maximum=MOST_STEPS)
     if data_collection_period != LAST:
         check_count("data_collection_period", data_collection_period, minimum=1)
@@ -84,7 +87,6 @@ def batch_run(
     else:
         workers = check_count("number_processes", number_processes, minimum=1, maximum=MOST_JOBS)
     seeds = list(rng) if isinstance(rng, Iterable) else [rng]
-    grid = _grid(parameters)
     runs = [(i, {**point, "rng": seed}) for i, seed in enumerate(seeds) for point in grid]
     tasks = [(found, number, *run, max_steps, data_collection_period) for number, run in enumerate(runs)]
     rows: dict[int, list[Row]] = {}

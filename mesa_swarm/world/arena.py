@@ -423,7 +423,9 @@ class ArenaAgent(ContinuousSpaceAgent):
 
     @classmethod
     def _refuse(cls, method: str) -> NoReturn:
-        raise InvalidValueError(f"{cls.__name__}.{method} makes no {cls.__name__} of a model; use {cls._made_by}")
+        raise InvalidValueError(
+            f"{cls.__name__}.{method} is not available: a model makes its robots and bodies itself; use {cls._made_by}"
+        )
 
     def get_neighbors_in_radius(self, radius: float = 1) -> Neighbours:
         """Return the other agents whose positions are within `radius`, and their distances."""

@@ -90,6 +90,7 @@ def test_an_error_of_one_run_is_raised(tmp_path):
         (Counted(rng=1), {}, InvalidValueError, "expected a SwarmModel class"),
         ("fire_fightin", {}, UnknownNameError, "fire_fighting"),
         (Counted, {"parameters": {"rng": [1, 2]}}, InvalidValueError, r"rng=\[1, 2, 3\]"),
+        (Counted, {"parameters": {"od": 1}}, UnknownNameError, "did you mean 'odd'"),
         (Counted, {"parameters": {"odd": []}}, InvalidValueError, "no value for odd"),
         (Counted, {"parameters": [1]}, InvalidValueError, "expected a dict"),
         (Counted, {"max_steps": 0}, InvalidValueError, "max_steps is 0"),
