@@ -4,8 +4,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from editable_links import LINKS, link_folder
 
+from editable_links import LINKS, link_folder
 from support.installing import ROOT, run
 
 PLACES = """
