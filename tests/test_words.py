@@ -61,11 +61,11 @@ NAMES = {
 }
 # What is right where it stands: the files, the literal text, and why.
 ALLOWED = [
-    ("CHANGELOG.md", "Load.lay", "a former name"),
-    ("CHANGELOG.md", "Swarm.hush", "a former name"),
-    ("CHANGELOG.md", "Swarm.shed", "a former name"),
-    ("CHANGELOG.md", "learning.told", "a former address"),
-    ("CHANGELOG.md", "teaching.wish", "a former address"),
+    ("CHANGELOG.md", "lay", "a former name"),
+    ("CHANGELOG.md", "hush", "a former name"),
+    ("CHANGELOG.md", "shed", "a former name"),
+    ("CHANGELOG.md", "told", "a former address"),
+    ("CHANGELOG.md", "wish", "a former address"),
     ("CHANGELOG.md", "Wish", "a former name"),
     ("mesa_swarm/learning/evolution.py", "tell", "CMA-ES is an ask-and-tell method; a documented name"),
     ("mesa_swarm/moved.py", "learning.told", "a former address"),
