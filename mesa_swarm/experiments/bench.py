@@ -207,6 +207,11 @@ for _ in range(6):
     times.append(perf_counter() - start)
 print(100 * 16 * 15 / np.median(times[1:]))
 """
+OVERHEAD = """
+from mesa_swarm.experiments.overhead import print_overheads
+if __name__ == "__main__":
+    print_overheads()
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -423,6 +428,13 @@ MEASUREMENTS = (
     Measurement(
         goals=(Goal(what="16 learning worlds of 15 robots", unit="robot-steps/s", limit=1_000_000, least=True),),
         measure=lambda effort: printed_numbers(LEARNERS),
+    ),
+    Measurement(
+        goals=(
+            Goal(what="overhead of a run, two processes", unit="ms", limit=2.0),
+            Goal(what="overhead of a run, dask, two workers", unit="ms", limit=10.0),
+        ),
+        measure=lambda effort: printed_numbers(OVERHEAD),
     ),
 )
 # In the thesis's order: dense, sparse, open.

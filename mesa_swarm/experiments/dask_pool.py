@@ -131,14 +131,15 @@ class Chunks:
 
     def _results_of(self, future: Future) -> list[Any]:
         """Return the results of a chunk that has ended, none if it is to be done again."""
-        if future.status not in ("finished", "error"):
-            raise self._lost()
         _, chunk = self._under_way[future.key]
         try:
             results, seconds = future.result(timeout=PATIENCE)
         except KilledWorker:
             results = self._again(chunk)
-        except TimeoutError:  # its worker died before the results were here: dask does it again
+        except (TimeoutError, CancelledError):
+            if future.cancelled():
+                raise self._lost() from None
+            # Its worker died before the results were here: dask does it again.
             future.add_done_callback(self._ended.put)
             return []
         except ImportError as error:
@@ -146,8 +147,6 @@ class Chunks:
                 f"a worker of the cluster cannot import what it needs: {in_words(error)[:150]}; install the same "
                 "packages on all machines"
             ) from None
-        except CancelledError:
-            raise self._lost() from None
         else:
             self._adapt(len(chunk), seconds)
         del self._under_way[future.key]

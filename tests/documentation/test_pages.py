@@ -21,18 +21,10 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at the results.
-OWN = {"sweeps.md", "environments.md", "mesa.md", "own_package.md", "ppo.md"}
+OWN = {"clusters.md", "sweeps.md", "environments.md", "mesa.md", "own_package.md", "ppo.md"}
 # What these show takes seconds to minutes: in the slow tests, once, with the commands beside it if there are any.
 LONG = {
-    *(
-        "extend.md",
-        "fire_learning.md",
-        "from_argos.md",
-        "learning.md",
-        "microcontroller.md",
-        "reward_lab.md",
-        "train.md",
-    ),
+    *("extend.md", "fire_learning.md", "from_argos.md", "learning.md", "microcontroller.md", "reward_lab.md"),
     *("own_actuator.md", "own_body.md", "own_field.md", "own_message.md", "own_process.md", "own_robot.md"),
     *("own_sensor.md", "train.md", "tutorial.md"),
 }

@@ -1,0 +1,209 @@
+"""Work on a dask cluster: chunks, absent workers, lost schedulers, and tasks that kill their workers."""
+
+import subprocess
+import sys
+from contextlib import ExitStack, contextmanager, suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from mesa_swarm.cli import main
+from mesa_swarm.experiments.sweep import sweep
+from support.killing import COMMAND, environment, lines_in
+from support.waiting import wait_until
+
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="needs the extra [cluster]")
+JOB = """
+model = "fire_fighting"
+steps = 1000
+seeds = 10
+grid = { strategy = ["A", "B"] }
+"""
+
+
+class Scheduler:
+    """One that has these numbers of workers whenever it is asked, one after the other."""
+
+    address = "tcp://there:8786"
+
+    def __init__(self, *workers):
+        self.workers = list(workers)
+
+    def ncores(self):
+        return {f"tcp://there:{k}": 2 for k in range(self.workers.pop(0))}
+
+
+class Connection:
+    """A client of such a scheduler."""
+
+    def __init__(self, *workers):
+        self.scheduler = Scheduler(*workers)
+
+    def sync(self, function, callback_timeout):
+        return function()
+
+
+def lines_about(monkeypatch, capsys, times, workers):
+    """Count workers at these times, and return the threads and the lines that were printed each time."""
+    from mesa_swarm.experiments import dask_pool  # noqa: PLC0415 - needs the extra
+
+    found, crew = [], dask_pool.Crew(Connection(*workers))
+    for now in times:
+        monkeypatch.setattr(dask_pool, "monotonic", lambda now=now: now)
+        crew.count()
+        found.append((crew.threads, capsys.readouterr().err.count("\n")))
+    return found
+
+
+def test_the_absence_of_workers_is_reported_in_one_line_which_is_repeated_rarely(monkeypatch, capsys):
+    found = lines_about(monkeypatch, capsys, [100.0, 101.0, 103.0, 400.0, 701.0], [0, 0, 0, 0])
+    assert found == [(0, 1), (0, 0), (0, 0), (0, 0), (0, 1)]
+
+
+def test_workers_that_are_back_are_reported_once_and_their_next_absence_at_once(monkeypatch, capsys):
+    found = lines_about(monkeypatch, capsys, [100.0, 103.0, 106.0, 109.0], [0, 3, 3, 0])
+    assert found == [(0, 1), (6, 1), (6, 0), (0, 1)]
+
+
+def test_nothing_is_reported_while_there_are_workers(monkeypatch, capsys):
+    assert lines_about(monkeypatch, capsys, [100.0, 103.0], [1, 2]) == [(2, 0), (4, 0)]
+
+
+def test_the_line_names_the_command_that_starts_a_worker(capsys):
+    from mesa_swarm.experiments.dask_pool import Crew  # noqa: PLC0415 - needs the extra
+
+    Crew(Connection(0)).count()
+    assert "; start one with: dask worker tcp://there:8786 --nthreads 1\n" in capsys.readouterr().err
+
+
+def test_chunks_grow_to_a_fifth_of_a_second_and_shrink_at_once():
+    from mesa_swarm.experiments.dask_pool import LARGEST_CHUNK, Chunks  # noqa: PLC0415 - needs the extra
+
+    chunks, sizes = Chunks(Connection(), pow), []
+    for seconds_each in (0.02, 0.02, 0.02, 0.02, 0.02, 5.0, 1e-9):
+        chunks._adapt(chunks._size, seconds_each * chunks._size)
+        sizes.append(chunks._size)
+    assert sizes == [2, 4, 8, 10, 10, 1, 2]
+    for _ in range(20):
+        chunks._adapt(chunks._size, 0.0)
+    assert chunks._size == LARGEST_CHUNK
+
+
+@pytest.mark.parametrize("address", ["nonsense", "", "tcp://", "tcp://there", "there:port"])
+def test_what_is_no_address_is_refused_in_one_line(tmp_path, address, capsys):
+    (tmp_path / "job.toml").write_text(JOB)
+    with pytest.raises(SystemExit) as end:
+        main(["sweep", str(tmp_path / "job.toml"), "--out", str(tmp_path / "out"), "--scheduler", address])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert end.value.code == 2
+    assert "no dask scheduler answers at" in line
+
+
+def test_processes_of_this_machine_are_not_counted_for_a_scheduler(tmp_path, capsys):
+    (tmp_path / "job.toml").write_text(JOB)
+    with pytest.raises(SystemExit):
+        main(["sweep", str(tmp_path / "job.toml"), "--jobs", "2", "--scheduler", "tcp://there:1"])
+    assert "leave it out with --scheduler" in capsys.readouterr().err
+
+
+@contextmanager
+def started(*words, **streams):
+    """A process that is killed at the end."""
+    process = subprocess.Popen(list(map(str, words)), env=environment(), **streams)
+    try:
+        yield process
+    finally:
+        with suppress(OSError):
+            process.kill()
+        process.wait()
+
+
+def dask(log, *words):
+    return started(sys.executable, "-m", "dask", *words, stdout=subprocess.DEVNULL, stderr=log)
+
+
+@contextmanager
+def scheduler(folder):
+    """A scheduler, and its address."""
+    file = folder / "scheduler"
+    with (
+        file.open("w") as log,
+        dask(log, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard") as process,
+    ):
+        wait_until(lambda: "Scheduler at:" in file.read_text(), every=0.1)
+        line = next(line for line in file.read_text().splitlines() if "Scheduler at:" in line)
+        yield process, line.split()[-1]
+
+
+def worker(address):
+    return dask(subprocess.DEVNULL, "worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+
+
+@pytest.mark.slow
+def test_after_kills_of_all_workers_and_of_the_scheduler_the_same_call_makes_the_table_of_one_machine(tmp_path):
+    (tmp_path / "job.toml").write_text(JOB)
+    out, errors = tmp_path / "out", tmp_path / "errors"
+    ledger = out / "ledger.jsonl"
+    command = [sys.executable, "-c", COMMAND, "sweep", tmp_path / "job.toml", "--quiet", "--out", out, "--scheduler"]
+    with ExitStack() as stack:
+        master, address = stack.enter_context(scheduler(tmp_path))
+        complaints = stack.enter_context(errors.open("w"))
+        driver = stack.enter_context(started(*command, address, stderr=complaints, stdout=subprocess.DEVNULL))
+        wait_until(lambda: errors.read_text().count("no worker is connected") == 1, every=0.1)
+        first = stack.enter_context(worker(address))
+        wait_until(lambda: lines_in(ledger) >= 2, every=0.05)
+        first.kill()
+        wait_until(lambda: errors.read_text().count("no worker is connected") == 2, every=0.1)
+        stack.enter_context(worker(address))
+        done = lines_in(ledger)
+        wait_until(lambda: lines_in(ledger) >= done + 2, every=0.05)
+        assert errors.read_text().count("the work continues") == 2
+        master.kill()
+        assert driver.wait(120) == 2
+        done = lines_in(ledger)
+        assert 4 <= done < 20, "it was killed in the midst of the sweep"
+        last = errors.read_text().splitlines()[-1]
+        assert "lost; finished runs are stored in" in last
+        assert last.endswith("call it again for the rest")
+    with scheduler(tmp_path) as (_, address), worker(address):
+        again = subprocess.run([*command, address], env=environment(), capture_output=True, text=True, check=True)
+    assert f"20 runs, {done} of them before" in again.stdout
+    assert lines_in(ledger) == 20, "no run was done twice"
+    whole = sweep("fire_fighting", {"strategy": ["A", "B"]}, seeds=10, steps=1000, out=tmp_path / "one", jobs=1)
+    assert (out / "runs.parquet").read_bytes() == whole.path.read_bytes()
+
+
+KILLER = """
+import os, sys
+from distributed import Client, LocalCluster
+from joblib import parallel_config
+from mesa_swarm import sweep
+from mesa_swarm.experiments.overhead import ShortRun
+
+class Fatal(ShortRun):
+    def __init__(self, *, series=0, rng=None):
+        if rng == 7:
+            os._exit(1)
+        super().__init__(series=series, rng=rng)
+
+if __name__ == "__main__":
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=60) as cluster,
+        Client(cluster),
+        parallel_config(backend="dask"),
+    ):
+        made = sweep(Fatal, seeds=12, steps=1, out=sys.argv[1])
+        print(made.runs, made.failed, made.errors[0])
+        print(*made.frame().query("error.notna()")["rng"])
+"""
+
+
+@pytest.mark.slow
+def test_a_run_that_kills_its_workers_is_recorded_as_failed_and_all_others_are_done(tmp_path):
+    script = tmp_path / "killer.py"
+    script.write_text(KILLER)
+    words = [sys.executable, script, tmp_path / "out"]
+    done = subprocess.run(words, env=environment(), capture_output=True, text=True, timeout=600, check=False)
+    assert done.stdout.splitlines() == ["12 1 WorkerDiedError: the process died in each of 3 tries", "7"], done.stderr
+    assert len((Path(tmp_path) / "out" / "ledger.jsonl").read_bytes().splitlines()) == 12
