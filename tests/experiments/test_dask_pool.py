@@ -1,11 +1,13 @@
 """Work on a dask cluster: chunks, absent workers, lost schedulers, and tasks that kill their workers."""
 
+import os
+import signal
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager, suppress
 from importlib.util import find_spec
-from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from mesa_swarm.cli import main
@@ -174,36 +176,34 @@ def test_after_kills_of_all_workers_and_of_the_scheduler_the_same_call_makes_the
     assert (out / "runs.parquet").read_bytes() == whole.path.read_bytes()
 
 
-KILLER = """
-import os, sys
-from distributed import Client, LocalCluster
-from joblib import parallel_config
-from mesa_swarm import sweep
+FATAL = """
+import os
 from mesa_swarm.experiments.overhead import ShortRun
 
 class Fatal(ShortRun):
     def __init__(self, *, series=0, rng=None):
-        if rng == 7:
+        if rng == 3 and os.environ.get("FATAL"):
             os._exit(1)
         super().__init__(series=series, rng=rng)
-
-if __name__ == "__main__":
-    with (
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=60) as cluster,
-        Client(cluster),
-        parallel_config(backend="dask"),
-    ):
-        made = sweep(Fatal, seeds=12, steps=1, out=sys.argv[1])
-        print(made.runs, made.failed, made.errors[0])
-        print(*made.frame().query("error.notna()")["rng"])
 """
+WORKERS = "while true; do {python} -m dask worker {address} --nthreads 1 --no-nanny --no-dashboard; done"
 
 
 @pytest.mark.slow
-def test_a_run_that_kills_its_workers_is_recorded_as_failed_and_all_others_are_done(tmp_path):
-    script = tmp_path / "killer.py"
-    script.write_text(KILLER)
-    words = [sys.executable, script, tmp_path / "out"]
-    done = subprocess.run(words, env=environment(), capture_output=True, text=True, timeout=600, check=False)
-    assert done.stdout.splitlines() == ["12 1 WorkerDiedError: the process died in each of 3 tries", "7"], done.stderr
-    assert len((Path(tmp_path) / "out" / "ledger.jsonl").read_bytes().splitlines()) == 12
+@pytest.mark.skipif(sys.platform == "win32", reason="workers are started by a shell")
+def test_a_run_that_kills_its_workers_is_recorded_as_failed_and_all_others_are_done(tmp_path, monkeypatch):
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")  # else it takes twelve workers
+    monkeypatch.setenv("FATAL", "yes")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fatal.py").write_text(FATAL)
+    (tmp_path / "job.toml").write_text('model = "./fatal.py:Fatal"\nsteps = 1\nseeds = 5\n')
+    with scheduler(tmp_path) as (_, address):
+        loop = WORKERS.format(python=sys.executable, address=address)
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
+        with started("sh", "-c", loop, **quiet) as workers:
+            words = [sys.executable, "-c", COMMAND, "sweep", "job.toml", "--out", "out", "--scheduler", address]
+            done = subprocess.run(words, env=environment(), capture_output=True, text=True, timeout=400, check=False)
+            os.killpg(workers.pid, signal.SIGKILL)
+    assert done.stdout.splitlines() == ["out/runs.parquet: 5 runs, 1 ended in an error"], done.stderr
+    failed = pd.read_parquet("out/runs.parquet").set_index("rng")["error"].dropna()
+    assert failed.to_dict() == {3: "WorkerDiedError: the process died in each of 3 tries"}
