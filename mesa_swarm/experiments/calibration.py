@@ -126,9 +126,7 @@ class Calibration:
         return [name, wanted, in_brief(float(self.searched[name])), f"{with_limits(mean)}{fewer}", apart]
 
     def _notes(self) -> list[str]:
-        notes = [
-            "in the search: means of the point that was chosen for them, hence too good. fresh seeds: bootstrap (BCa)."
-        ]
+        notes = ["in the search: means of the point chosen for them, as a rule too good. fresh seeds: bootstrap (BCa)."]
         if self.targets:
             scales = ", ".join(f"{name} {each.scale:.4g}" for name, each in self.targets.items())
             notes.append(f"deviation: from the target over the scale ({scales}).")
@@ -175,7 +173,13 @@ class Calibration:
         """Return the picture, a Matplotlib figure: the loss of all points in order, and over each parameter."""
         from mesa_swarm.experiments.study_figures import calibration_figure  # noqa: PLC0415 - slow to load
 
-        return calibration_figure(self)
+        title = f"{self.experiment.model_class.__name__}: {quantity(len(self.history), 'point')} of a search"
+        return calibration_figure(
+            f"{title}, {quantity(len(self.experiment.seeds), 'seed')} at each",
+            {name: (each, list(self.history[name])) for name, each in self.ranges.items()},
+            self.history[LOSS].to_numpy(float),
+            self.point,
+        )
 
     def save(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write tables, finding and picture, all of them or none, and return their paths.

@@ -185,15 +185,14 @@ class Sensitivity:
         plan = self.plan
         if np.ptp(self.numbers.mean(axis=1)) == 0:
             return f"{plan.title} was {self.numbers.mean():g} at every point: it does not depend on these parameters."
-        index = RANKING[plan.method]
+        index, floor = RANKING[plan.method], np.nan_to_num(self.floor)
         ranking, (first, *others) = self.indices[index], self.ranked()
-        level = [name for name in others if ranking[name].meets(ranking[first])]
+        without = [name for name in others if ranking[name].low <= floor]
+        level = [name for name in others if name not in without and ranking[name].meets(ranking[first])]
         top = f"{plan.title} depends most on {first} ({index} {with_limits(ranking[first])})"
         if level:
             top = f"{plan.title} depends most on {', '.join([first, *level])}, whose {index} are not clearly different"
-        floor = np.nan_to_num(self.floor)
-        without = [name for name in others if name not in level and ranking[name].low <= floor]
-        return f"{top}{'; no effect is shown of ' if without else ''}{', '.join(without)}."
+        return f"{top}{'; no effect beyond chance is shown of ' if without else ''}{', '.join(without)}."
 
     def csv(self) -> str:
         """Return the indices as CSV, one line a parameter and index, empty where an interval is not known."""
@@ -208,7 +207,16 @@ class Sensitivity:
         """Return the picture, a Matplotlib figure: the indices, and the measure over each parameter."""
         from mesa_swarm.experiments.study_figures import sensitivity_figure  # noqa: PLC0415 - slow to load
 
-        return sensitivity_figure(self)
+        title = f"{self.experiment.model_class.__name__}: {self.plan.title}, {quantity(len(self.shares), 'point')}"
+        of = dict(zip(self.plan.ranges, self.shares.T, strict=True))
+        points = {name: (self.plan.ranges[name], self.plan.ranges[name].at(of[name])) for name in self.ranked()}
+        return sensitivity_figure(
+            f"{title}, {quantity(len(self.experiment.seeds), 'seed')}",
+            self.indices,
+            points,
+            self.numbers.mean(axis=1),
+            floor=self.floor,
+        )
 
     def save(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write table, finding and picture, all of them or none, and return their paths.

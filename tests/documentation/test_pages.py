@@ -21,12 +21,12 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at the results.
-OWN = {"clusters.md", "sweeps.md", "environments.md", "mesa.md", "own_package.md", "ppo.md"}
+OWN = {"abc.md", "clusters.md", "sweeps.md", "environments.md", "mesa.md", "own_package.md", "ppo.md"}
 # What these show takes seconds to minutes: in the slow tests, once, with the commands beside it if there are any.
 LONG = {
     *("extend.md", "fire_learning.md", "from_argos.md", "learning.md", "microcontroller.md", "reward_lab.md"),
     *("own_actuator.md", "own_body.md", "own_field.md", "own_message.md", "own_process.md", "own_robot.md"),
-    *("own_sensor.md", "train.md", "tutorial.md"),
+    *("own_sensor.md", "sensitivity.md", "train.md", "tutorial.md"),
 }
 # The same commands with figures so small that they take seconds; what is given last counts.
 SMALL = {
@@ -37,6 +37,8 @@ SMALL = {
     "run learning_fires": "--steps 300",
     "design ": "--generations 2 --population 4 --robots 4 --steps 40",
     "design-gap": "--generations 1 --population 4 --robots 4 --steps 40 --designs 2 --seeds 2",
+    "sensitivity ": "--points 2 --seeds 2 --steps 20 --jobs 1",
+    "calibrate ": "--points 2 --seeds 1 --fresh 2 --steps 20 --jobs 1",
     "diversity": "--generations 2 --robots 4 --steps 40",
 }
 # Commands that serve until they are stopped.

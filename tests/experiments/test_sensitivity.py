@@ -48,7 +48,7 @@ def test_indices_of_a_linear_function_are_those_of_its_variances(tmp_path):
     assert found.indices["ST"]["x1"].estimate == pytest.approx(0.9, abs=0.1)
     assert found.ranked() == ["x1", "x2", "x3"]
     assert found.finding().startswith("y depends most on x1 (ST ")
-    assert found.finding().endswith("no effect is shown of x3.")
+    assert found.finding().endswith("no effect beyond chance is shown of x3.")
 
 
 def test_estimates_are_those_of_salib_for_the_means_over_the_seeds(tmp_path):
@@ -112,7 +112,7 @@ def test_a_parameter_of_names_has_indices_too_and_all_is_written(tmp_path):
     assert len(found.csv().splitlines()) == 1 + 2 * 2
 
 
-def test_a_measure_that_does_not_vary_has_no_indices_and_says_so(tmp_path):
+def test_a_measure_that_does_not_vary_has_no_indices_and_a_finding_that_states_it(tmp_path):
     found = studied(Linear, {"x3": UNIT, "fails_above": (5.0, 6.0)}, tmp_path, points=2)
     assert found.finding() == "y was 1 at every point: it does not depend on these parameters."
     assert math.isnan(found.indices["ST"]["x3"].estimate)
