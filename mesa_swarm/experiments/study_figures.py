@@ -94,8 +94,10 @@ def _draw_over(axes: Axes, name: str, each: Range, values: Any, heights: np.ndar
     if each.values:
         axes.set_xticks(range(len(each.values)), [literal(str(value)) for value in each.values])
         axes.set_xlim(-0.5, len(each.values) - 0.5)
-    elif each.log and each.low is not None and each.high is not None:
-        axes.set_xscale("log")
+    elif each.low is not None and each.high is not None:
+        axes.set_xscale("log" if each.log else "linear")
+        axes.set_xlim(*Range(low=float(each.low), high=float(each.high), log=each.log).at(np.array([-0.04, 1.04])))
+    if each.log and each.low is not None and each.high is not None:
         ticks = np.geomspace(each.low, each.high, 3)
         axes.set_xticks(ticks, [f"{tick:.3g}" for tick in ticks])
         axes.xaxis.set_minor_locator(NullLocator())

@@ -35,9 +35,9 @@ def assert_within(found, expected):
     [(Ishigami, dict.fromkeys(WEIGHTS, PI), ISHIGAMI), (GFunction, dict.fromkeys(WEIGHTS, UNIT), g_indices())],
 )
 def test_intervals_of_sobol_indices_hold_the_closed_forms(tmp_path, model, ranges, expected):
-    found = studied(model, ranges, tmp_path, points=256)
+    found = studied(model, ranges, tmp_path, points=128)
     assert_within(found, expected)
-    assert max(found.indices["ST"][name].high - found.indices["ST"][name].low for name in ranges) < 0.35
+    assert max(found.indices["ST"][name].high - found.indices["ST"][name].low for name in ranges) < 0.5
 
 
 def test_indices_of_a_linear_function_are_those_of_its_variances(tmp_path):
