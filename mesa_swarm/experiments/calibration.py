@@ -5,13 +5,12 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.experiments.adaptive import AdaptiveDesign
 from mesa_swarm.experiments.experiment import (
     FIXED,
@@ -28,6 +27,7 @@ from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text
 from mesa_swarm.experiments.statistics import Summary, known, summarised
 from mesa_swarm.experiments.sweep import run_experiment
 from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, with_limits
+from mesa_swarm.extras import need
 from mesa_swarm.files import check_writable
 from mesa_swarm.wording import in_brief, quantity
 
@@ -321,8 +321,7 @@ def calibrate(
 
 def need_optuna() -> None:
     """Check that Optuna is installed; if not, the error gives the command that installs it."""
-    if find_spec("optuna") is None:
-        raise SwarmError("calibration needs Optuna; install it with: pip install 'mesa-swarm[calibration]'")
+    need("optuna", "calibration", "calibration needs", "Optuna")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

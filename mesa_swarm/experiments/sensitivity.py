@@ -4,20 +4,20 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.experiments.experiment import Experiment, checked_class, checked_experiment
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.sampling import Range, checked_ranges, points_at, range_text
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.experiments.sweep import Sweep, run_experiment
 from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, known, with_limits
+from mesa_swarm.extras import need
 from mesa_swarm.files import check_writable
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.wording import in_brief, quantity
@@ -336,8 +336,7 @@ def sensitivity(
 
 def need_salib() -> None:
     """Check that SALib is installed; if not, the error gives the command that installs it."""
-    if find_spec("SALib") is None:
-        raise SwarmError("sensitivity needs SALib; install it with: pip install 'mesa-swarm[sensitivity]'")
+    need("SALib", "sensitivity", "sensitivity needs", "SALib")
 
 
 def _checked_plan(

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from mesa_swarm import extras
 from mesa_swarm.cli.studies import parsed_ranges
 from mesa_swarm.experiments.sampling import Range
+from mesa_swarm.extras import install_command
 from mesa_swarm.gallery import find_model
 
 STUDY = ["sensitivity", "fire_fighting", "--measure", "mean of robots_at_fires", "--steps", "20", "--jobs", "1"]
@@ -79,6 +81,5 @@ def test_wrong_words_end_with_one_line_and_leave_nothing(typed, tmp_path, words,
 
 @pytest.mark.parametrize(("command", "extra"), [(STUDY, "sensitivity"), (SEARCH, "calibration")])
 def test_a_missing_package_is_reported_with_the_command_that_installs_it(typed, monkeypatch, command, extra):
-    module = __import__(f"mesa_swarm.experiments.{extra}", fromlist=["find_spec"])
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
-    assert f"pip install 'mesa-swarm[{extra}]'" in typed([*command, *RANGES])[2]
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    assert install_command(extra) in typed([*command, *RANGES])[2]

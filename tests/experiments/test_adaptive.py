@@ -1,17 +1,18 @@
 """Adaptive designs and calibration: proposals and results through one ledger, and targets that are found."""
 
 import math
+import re
 from collections import Counter
 
 import optuna
 import pandas as pd
 import pytest
 
-from mesa_swarm import AdaptiveDesign, calibrate
+from mesa_swarm import AdaptiveDesign, calibrate, extras
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments import calibration as module
 from mesa_swarm.experiments.sampling import Range
 from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm.extras import install_command
 from mesa_swarm.viewing.pictures import png
 from support.known_functions import Bowl, Linear
 
@@ -224,6 +225,6 @@ def test_a_wrong_calibration_is_refused_before_anything_is_run(tmp_path, wrong, 
 
 
 def test_a_missing_optuna_gives_the_command_that_installs_it(monkeypatch):
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
-    with pytest.raises(SwarmError, match=r"pip install 'mesa-swarm\[calibration\]'"):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(SwarmError, match=re.escape(f"needs Optuna; install it with: {install_command('calibration')}")):
         calibrate(Bowl, SPACE, {"y": 0})

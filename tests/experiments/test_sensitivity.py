@@ -1,15 +1,17 @@
 """Sensitivity: indices that are known in closed form are found through the public function; what is refused."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from SALib.analyze import morris as salib_morris
 from SALib.analyze import sobol as salib_sobol
 
-from mesa_swarm import sensitivity
+from mesa_swarm import extras, sensitivity
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import sensitivity as module
+from mesa_swarm.extras import install_command
 from mesa_swarm.viewing.pictures import png
 from support.known_functions import ISHIGAMI, WEIGHTS, GFunction, Ishigami, Linear, g_indices
 
@@ -161,6 +163,6 @@ def test_a_wrong_study_is_refused_before_anything_is_run(tmp_path, wrong, messag
 
 
 def test_a_missing_salib_gives_the_command_that_installs_it(monkeypatch):
-    monkeypatch.setattr(module, "find_spec", lambda name: None)
-    with pytest.raises(SwarmError, match=r"pip install 'mesa-swarm\[sensitivity\]'"):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(SwarmError, match=re.escape(f"needs SALib; install it with: {install_command('sensitivity')}")):
         sensitivity(Linear, THREE, "y")
