@@ -1,6 +1,7 @@
-"""What holds and what does not: diagnose, bench, reproduce."""
+"""What holds and what does not: diagnose, bench, reproduce, validate."""
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -21,7 +22,7 @@ from mesa_swarm.cli.options import (
     print_pairs,
     resumable,
 )
-from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.files import check_writable, checked_file, write_all, write_whole
 
 if TYPE_CHECKING:
@@ -105,9 +106,7 @@ def reproduce(
     if contents:
         _list_contents(report)
         return
-    from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.reproduction import registry
-    from mesa_swarm.reproduction.laboratory import Laboratory
 
     numbers = {registry.find_item(number).figure for number in figure or ()}
     source = registry.PAPER if published else registry.READING if readings else registry.THESIS
@@ -116,6 +115,55 @@ def reproduce(
         for item in chosen if given else registry.items().values():
             print_lines([f"{item.figure:5} {item.title} ({item.place})"], 6)
         return
+    _make(chosen, out, _print_made, quick=quick, jobs=jobs, report=report, quiet=quiet)
+
+
+@commands.command()
+def validate(
+    *,
+    only: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Such as kinetic_collisions.")] = None,
+    names: Annotated[bool, typer.Option("--list", help="Only list them.")] = False,
+    out: Folder = Path("results", "validation"),
+    quick: Annotated[bool, typer.Option("--quick", help="A trial: few seeds, other files.")] = False,
+    jobs: Jobs = -1,
+    report: Annotated[Path | None, typer.Option(metavar="FILE.md", help="Write a page of the results.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Measure what physics predicts, each quantity beside its theory; continue an interrupted call."""
+    from mesa_swarm.experiments.tables import csv_text
+    from mesa_swarm.reproduction import registry
+    from mesa_swarm.reproduction.judging import header
+
+    theories = {item.figure: item for item in registry.items().values() if item.source == registry.THEORY}
+    numbers = {check_choice("item", name, theories) for name in only or theories}
+    chosen = [item for name, item in theories.items() if name in numbers]
+    if names:
+        for item in chosen:
+            print_lines([f"{item.figure:21} {item.title} ({item.section})"], 22)
+        return
+    made = _make(chosen, out, _print_table, quick=quick, jobs=jobs, report=report, quiet=quiet)
+    rows = [(one.item.figure, *check.row) for one in made for check in one.result.checks]
+    table = csv_text([("item", *header(registry.THEORY)), *rows])
+    print(write_whole(out / f"validation{'_quick' if quick else ''}.csv", table))
+    outcomes = Counter(check.outcome for one in made for check in one.result.checks)
+    print_lines([", ".join(f"{number} {outcome}" for outcome, number in outcomes.items())], 0)
+
+
+def _make(
+    chosen: "Sequence[Item]",
+    out: Path,
+    show: "Callable[[Made, Path, bool], None]",
+    *,
+    quick: bool,
+    jobs: int,
+    report: Path | None,
+    quiet: bool,
+) -> "list[Made]":
+    """Make results, and write and show each as soon as it is made; write the page of all if there is to be one."""
+    from mesa_swarm.experiments.pool import checked_jobs
+    from mesa_swarm.reproduction import registry
+    from mesa_swarm.reproduction.laboratory import Laboratory
+
     workers, folder = checked_jobs(jobs), check_writable(out)
     beside = None
     if report is not None:
@@ -124,11 +172,24 @@ def reproduce(
     with Laboratory(folder, quick=quick, jobs=workers, progress=not quiet) as laboratory, resumable(folder):
         for one in made_by(laboratory, chosen):
             made.append(one)
-            _print_made(one, _written(one, folder, "_quick" if quick else "", beside)[0], quick)
+            show(one, _written(one, folder, "_quick" if quick else "", beside)[0], quick)
     if quick:
         print_lines(["Few seeds and short runs: this shows that it works; the verdicts mean nothing."], 0)
     if report is not None:
         print(write_whole(report, registry.report(made, quick=quick, runs=(laboratory.made, laboratory.found))))
+    return made
+
+
+def _print_table(one: "Made", picture: Path, quick: bool) -> None:
+    """Print the verdict of a comparison with a theory, the table of its checks, and where its picture is."""
+    from mesa_swarm.experiments.tables import fitting
+    from mesa_swarm.reproduction.registry import marked
+
+    print_lines([f"{one.item.figure}: {one.item.title}: {marked(one.result, quick)} ({one.seconds:.0f} s)"], 4)
+    rows = [[check.claim, check.reported, check.measured, check.outcome] for check in one.result.checks]
+    head = ["quantity and setting", "theory", "measured [95 % interval]", "outcome"]
+    print("\n".join(fitting([head, *rows], terminal_width())))
+    print(f"{picture}\n", flush=True)
 
 
 def _print_made(one: "Made", picture: Path, quick: bool) -> None:

@@ -275,3 +275,55 @@ def judged_fact(
     """Judge a fact."""
     outcome = PASSED if held else FAILED
     return Check(claim=claim, reported=reported, measured=measured, criterion=criterion, outcome=outcome, main=main)
+
+
+# A value of theory is compared with an interval of this confidence: of 60 comparisons with a theory that is right, one
+# or more fail by chance in 6 % of all repetitions.
+AGAINST_THEORY = 0.999
+
+
+def judged_theory(
+    claim: str, theory: float | Sequence[float], values: Sequence[float], *, within: float, main: bool = True
+) -> Check:
+    """Judge whether the mean over runs is what a theory predicts, a number, or one for each run.
+
+    Passed if an interval of confidence `AGAINST_THEORY` includes the prediction and reaches at most `within` times it
+    to each side; undecided if it includes it and is wider; failed if it excludes it. What is shown is the usual
+    interval of 95 %. With a prediction for each run both are those of the differences, around the mean prediction.
+    """
+    predicted = np.broadcast_to(np.asarray(theory, float), len(values))
+    centre = float(predicted.mean())
+    off = (np.asarray(values, float) - predicted).tolist()
+    shown, wide = mean_interval(off), mean_interval(off, AGAINST_THEORY)
+    return Check(
+        claim=claim,
+        reported=f"{centre:.4g}",
+        measured=f"{with_limits(moved(shown, centre))}, {len(off)} runs",
+        criterion=f"{AGAINST_THEORY:.1%} interval includes the theory, within {within:.0%}",
+        outcome=beside_zero(wide, within * abs(centre)),
+        main=main,
+        detectable=detectable_deviation(off, centre),
+    )
+
+
+def moved(interval: Interval, by: float) -> Interval:
+    """Return an interval with all its numbers increased by a number."""
+    return Interval(interval.estimate + by, interval.low + by, interval.high + by)
+
+
+def beside_zero(interval: Interval, most: float) -> str:
+    """Return whether an interval excludes 0 (failed), or includes it and is at most so wide to each side (passed)."""
+    if math.isnan(interval.low):
+        return UNDECIDED
+    if interval.excludes_zero:
+        return FAILED
+    return PASSED if (interval.high - interval.low) / 2 <= most else UNDECIDED
+
+
+def detectable_deviation(off: Sequence[float], centre: float) -> str:
+    """Return by how much of it a theory must be wrong for as many runs to show it with the probability `POWER`."""
+    n = len(off)
+    if n < 2 or min(off) == max(off):
+        return "unknown"
+    steps = float(stdtrit(n - 1, 0.5 + AGAINST_THEORY / 2) + stdtrit(n - 1, POWER))
+    return f"{rounded(100 * steps * float(np.std(off, ddof=1)) / math.sqrt(n) / abs(centre), 2)} %"

@@ -16,6 +16,8 @@ Function = Callable[..., Numbers]
 Choice = TypeVar("Choice")
 RUNS = "runs.jsonl"
 FEW = 3
+# What runs of several modules are made of, beside the engine.
+SHARED = "reproduction/courses.py"
 # Seeds from 1 on were looked at while criteria were chosen, those of 10,000 and more while settings were.
 FRESH = 1_001
 
@@ -108,5 +110,5 @@ class Laboratory:
 
 def key_of(run: Function, settings: Mapping[str, Any], rng: int) -> str:
     """Return the fingerprint of all that decides a run: its code, the engine's, the models', its settings and seed."""
-    code = engine_hash(inspect.getfile(run), models=True)
+    code = engine_hash(inspect.getfile(run), SHARED, models=True)
     return fingerprint(run.__module__, run.__qualname__, code, dict(settings), rng)

@@ -1,17 +1,18 @@
-"""Which results of the thesis, and of published papers, are reproduced, and the pages that list them."""
+"""Which results of the thesis, of published papers and of theories are reproduced, and the pages that list them."""
 
 import os
+import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
+from importlib import import_module, resources
 from pkgutil import iter_modules
 
 import numba
 import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, check_choice
-from mesa_swarm.reproduction.judging import VERDICTS, Result, header
+from mesa_swarm.reproduction.judging import AGAINST_THEORY, VERDICTS, Result, header
 from mesa_swarm.reproduction.laboratory import Laboratory
 
 PACKAGE = "mesa_swarm.reproduction"
@@ -22,7 +23,10 @@ CHAPTERS = (
 )
 # Modules whose names begin with this hold the results of papers.
 PUBLISHED = "published"
-THESIS, PAPER, READING = "thesis", "paper", "reading"
+# What theories of physics predict: the modules in the order of the page, and their texts.
+THEORIES = ("theory_kinetics", "theory_motion", "theory_sensing", "theory_flocks")
+TEXTS = "theory.toml"
+THESIS, PAPER, READING, THEORY = "thesis", "paper", "reading", "theory"
 # The module of what depends on how the thesis is read.
 READINGS = "readings"
 # Numbers of earlier versions, which were not those of the thesis's captions.
@@ -31,7 +35,7 @@ RENUMBERED = {"6.3": "6.5"}
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Item:
-    """One result of the thesis or of a paper: its number, what it shows, where, and how it is made.
+    """One result of the thesis, a paper or a theory: its number, what it shows, where, and how it is made.
 
     A result of the thesis has the number of its figure and its section. A result of a paper has the name of the model
     of the gallery that reproduces it, authors and year as its section, the full reference, and a paragraph about what
@@ -46,12 +50,15 @@ class Item:
     paper: str = ""
     about: str = ""
     readings: bool = False
+    theory: bool = False
 
     @property
     def source(self) -> str:
-        """Where the result comes from: "thesis", "paper", or "reading" of the thesis."""
+        """Where the result comes from: "thesis", "paper", "reading" of the thesis, or "theory"."""
         if self.readings:
             return READING
+        if self.theory:
+            return THEORY
         return PAPER if self.paper else THESIS
 
     @property
@@ -62,11 +69,13 @@ class Item:
 
 @cache
 def items() -> dict[str, Item]:
-    """Return all results by the number of their figure: the thesis's in its order, then readings, then papers."""
+    """Return all results by the number of their figure: thesis (in its order), readings, papers, theories."""
     of_thesis = [item for name in CHAPTERS for item in _items_in(name)]
     of_readings = _items_in(READINGS)
     of_papers = [item for name in _published() for item in _items_in(name)]
-    return {item.figure: item for item in (*of_thesis, *of_readings, *sorted(of_papers, key=lambda item: item.figure))}
+    of_theories = [item for name in THEORIES for item in _items_in(name)]
+    in_order = *of_thesis, *of_readings, *sorted(of_papers, key=lambda item: item.figure), *of_theories
+    return {item.figure: item for item in in_order}
 
 
 def _items_in(module: str) -> Sequence[Item]:
@@ -76,6 +85,23 @@ def _items_in(module: str) -> Sequence[Item]:
 def _published() -> list[str]:
     modules = iter_modules(import_module(PACKAGE).__path__)
     return sorted(module.name for module in modules if module.name.startswith(PUBLISHED))
+
+
+def items_of_theory(**make: Callable[[Laboratory], Result]) -> tuple[Item, ...]:
+    """Return items of theories by name; their titles, sources and equations are in `theory.toml` beside this file."""
+    texts = tomllib.loads((resources.files(PACKAGE) / TEXTS).read_text(encoding="utf-8"))
+    return tuple(
+        Item(
+            figure=name,
+            title=texts[name]["title"],
+            section=texts[name]["section"],
+            make=made_by,
+            paper=" ".join(texts[name]["paper"].split()),
+            about=texts[name]["about"].strip(),
+            theory=True,
+        )
+        for name, made_by in make.items()
+    )
 
 
 def find_item(figure: str) -> Item:
@@ -137,15 +163,37 @@ Settings and criteria were fixed before the runs that are judged, which have see
 runs with seeds of 10,000 and more. The robots differ from the animals and robots of the papers: each section states
 how.
 """
+OF_THEORIES = f"""\
+# Validation: what physics predicts
+
+This page is written by `mesa-swarm validate --report docs/validation.md`; `mesa-swarm validate --only
+kinetic_collisions` repeats a single section, with its picture and table; `--quick` is a trial of a minute. Whatever
+can be computed with pencil and paper is measured here in runs of the package, each repeated over many seeds.
+
+A comparison with a number is *passed* if the {AGAINST_THEORY:.1%} interval of the mean over runs (Student's t)
+includes the theory and is as narrow as required, *undecided* if it includes the theory but is wider, and *failed* if
+it excludes the theory. The interval is that wide because there are many comparisons: with 60 of them, and theories
+that are right, one or more fail by chance in 6 % of all repetitions. What is printed are the usual 95 % intervals, of
+which one in twenty does not include even a theory that is right. The column "detectable" is the error of a theory that
+as many runs detect with a probability of 80 %. Other checks are passed if their 95 % interval lies within what is
+required. A result is **confirmed** if all its checks are passed, **confirmed with limits** if all main checks are;
+side claims are in italics.
+
+Settings and criteria were fixed before the runs that are judged, which have seeds from 1,001 on; settings were chosen
+in runs with seeds of 10,000 and more. Theories are compared at settings where they hold; a claim about settings where
+they do not states so.
+"""
 OF_A_SELECTION = """\
 # Selected results
 
-This page has only these of the {total} results of the thesis, of readings of it and of papers: {names}. It is written
-by `mesa-swarm reproduce {figures} --report FILE.md`.
+This page has only these of the {total} results of the thesis, of readings of it, of papers and of theories: {names}. It
+is written by `mesa-swarm reproduce {figures} --report FILE.md`.
 
 Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
 
 """
+
+INTRODUCTIONS = {THESIS: INTRODUCTION, READING: OF_READINGS, PAPER: OF_PAPERS, THEORY: OF_THEORIES}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -177,7 +225,7 @@ def is_selection(made: Sequence[Made]) -> bool:
 def introduction_of(made: Sequence[Made]) -> str:
     """Return what begins a page of these results."""
     sources = {one.item.source for one in made}
-    of_source = OF_PAPERS if sources == {PAPER} else OF_READINGS if sources == {READING} else INTRODUCTION
+    of_source = INTRODUCTIONS[sources.copy().pop()] if len(sources) == 1 else INTRODUCTION
     if not is_selection(made):
         return of_source
     names = [one.item.figure for one in made]
