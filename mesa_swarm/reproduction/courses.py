@@ -5,8 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm import HolonomicDrive, Map, RobotDesign, SwarmModel
 from mesa_swarm.control import Subsumption
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.drive import HolonomicDrive
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.world.map import Map
 
 
 class Course:
@@ -52,7 +55,7 @@ def torus(
 ) -> SwarmModel:
     """Return robots on a torus of this side: each starts at its place on a plane of its own, and no two ever meet.
 
-    A world of the package has walls. So each robot gets a part of one large world that it cannot leave in so many
+    A world of the package has walls. So each robot gets a part of one large world, which it cannot leave in `steps`
     steps; the starts are whole multiples of `side` apart from `places` (n, 2), so that ``position % side`` is the
     position on the torus.
     """

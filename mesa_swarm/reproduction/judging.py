@@ -277,8 +277,8 @@ def judged_fact(
     return Check(claim=claim, reported=reported, measured=measured, criterion=criterion, outcome=outcome, main=main)
 
 
-# A value of theory is compared with an interval of this confidence: of 60 comparisons with a theory that is right, one
-# or more fail by chance in 6 % of all repetitions.
+# A value of theory is compared with an interval of this confidence: of 70 comparisons with a theory that is right, one
+# or more fail by chance in 7 % of all repetitions.
 AGAINST_THEORY = 0.999
 
 
@@ -299,7 +299,7 @@ def judged_theory(
         claim=claim,
         reported=f"{centre:.4g}",
         measured=f"{with_limits(moved(shown, centre))}, {len(off)} runs",
-        criterion=f"{AGAINST_THEORY:.1%} interval includes the theory, within {within:.0%}",
+        criterion=f"{100 * AGAINST_THEORY:g} % interval includes the theory, within {100 * within:g} %",
         outcome=beside_zero(wide, within * abs(centre)),
         main=main,
         detectable=detectable_deviation(off, centre),

@@ -166,22 +166,23 @@ how.
 OF_THEORIES = f"""\
 # Validation: what physics predicts
 
-This page is written by `mesa-swarm validate --report docs/validation.md`; `mesa-swarm validate --only
-kinetic_collisions` repeats a single section, with its picture and table; `--quick` is a trial of a minute. Whatever
-can be computed with pencil and paper is measured here in runs of the package, each repeated over many seeds.
+This page is written by `mesa-swarm validate --report docs/validation.md`; with `--quick` the command is a trial of a
+minute. Whatever can be computed with pencil and paper is measured here in runs of the package, each repeated over many
+seeds.
 
-A comparison with a number is *passed* if the {AGAINST_THEORY:.1%} interval of the mean over runs (Student's t)
-includes the theory and is as narrow as required, *undecided* if it includes the theory but is wider, and *failed* if
-it excludes the theory. The interval is that wide because there are many comparisons: with 60 of them, and theories
-that are right, one or more fail by chance in 6 % of all repetitions. What is printed are the usual 95 % intervals, of
+Verdicts are computed. A check is *passed* if the {100 * AGAINST_THEORY:g} % interval of the mean over runs (Student's
+t) includes the theory and is as narrow as required, *undecided* if it includes the theory but is wider, and *failed*
+if it excludes the theory. The interval is that wide because there are many comparisons: with 70 of them, and theories
+that are right, one or more fail by chance in 7 % of all repetitions. What is printed are the usual 95 % intervals, of
 which one in twenty does not include even a theory that is right. The column "detectable" is the error of a theory that
 as many runs detect with a probability of 80 %. Other checks are passed if their 95 % interval lies within what is
 required. A result is **confirmed** if all its checks are passed, **confirmed with limits** if all main checks are;
 side claims are in italics.
 
 Settings and criteria were fixed before the runs that are judged, which have seeds from 1,001 on; settings were chosen
-in runs with seeds of 10,000 and more. Theories are compared at settings where they hold; a claim about settings where
-they do not states so.
+in runs with seeds of 10,000 and more, and none was changed afterwards. Theories are compared at settings where they
+hold; a claim about settings where they do not states so. To repeat a single section: `mesa-swarm validate --only
+kinetic_collisions`.
 """
 OF_A_SELECTION = """\
 # Selected results

@@ -5,7 +5,6 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from mesa_swarm import Map, SwarmModel
 from mesa_swarm.control import Subsumption
 from mesa_swarm.experiments.statistics import mean_interval
 from mesa_swarm.experiments.tables import with_limits
@@ -14,7 +13,9 @@ from mesa_swarm.reproduction.drawing import column, draw_means, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_mean, judged_theory
 from mesa_swarm.reproduction.laboratory import Laboratory, Numbers
 from mesa_swarm.reproduction.registry import items_of_theory, table_of
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
+from mesa_swarm.world.map import Map
 from mesa_swarm.world.statics import ROBOT
 
 SEEDS = 20
@@ -29,7 +30,7 @@ DENSITIES = (0.01, 0.05, 0.1, 0.2, 0.3, 0.4)
 DILUTE, DENSE = (0.005, 0.01), 0.1
 # Slower robots move less in a step: the time in contact is a whole number of steps.
 DILUTE_SPEED, DENSE_SPEED, DENSE_STEPS = 0.5, 1.0, 1_000
-# The unit of paths: collisions are counted over so many diameters.
+# The unit of paths: collisions are counted over this number of diameters.
 WAY = 100
 
 

@@ -1,13 +1,13 @@
 """Wheels that slip, and walkers, beside closed forms: diffusion of headings and positions, and coverage."""
 
 import math
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from mesa_swarm import Map, RobotDesign, SwarmModel
 from mesa_swarm.analysis import coverage
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.reproduction.courses import Course, apart, torus
@@ -15,12 +15,15 @@ from mesa_swarm.reproduction.drawing import column, count_steps, draw_means, pla
 from mesa_swarm.reproduction.judging import Check, Result, judged_theory
 from mesa_swarm.reproduction.laboratory import Laboratory, Numbers
 from mesa_swarm.reproduction.registry import items_of_theory
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
+from mesa_swarm.world.map import Map
 
 SEEDS = 20
 # Walks are short, and vary more from run to run.
 WALKS = 40
-# Wheels: robots that drive straight on at speed 1 for so many steps, looked at after some of them.
+# Wheels: robots that drive straight on at speed 1 for a number of steps, looked at after some of them.
 WHEELED, DRIVEN_STEPS = 400, 400
 LOOKS = (1, 10, 30, 100, 200, 400)
 
@@ -73,12 +76,12 @@ def chords(slip: Slip) -> tuple[float, float]:
 
 
 def cosine_after(slip: Slip, steps: int) -> float:
-    """Return the mean cosine of the turn of so many steps."""
+    """Return the mean cosine of the turn of a number of steps."""
     return memory_of(slip) ** steps
 
 
 def square_after(slip: Slip, steps: int) -> float:
-    """Return the mean squared displacement after so many steps, exactly.
+    """Return the mean squared displacement after a number of steps, exactly.
 
     Examples
     --------
@@ -91,7 +94,7 @@ def square_after(slip: Slip, steps: int) -> float:
 
 
 def ahead_after(slip: Slip, steps: int) -> float:
-    """Return the mean displacement along the first heading after so many steps, exactly."""
+    """Return the mean displacement along the first heading after a number of steps, exactly."""
     c = memory_of(slip)
     return chords(slip)[0] * (steps if c == 1.0 else (1.0 - c**steps) / (1.0 - c))
 
@@ -134,7 +137,7 @@ def drives(laboratory: Laboratory) -> dict[Slip, list[dict]]:
 
 
 def at_look(rows: list[dict], name: str, steps: int) -> list[float]:
-    """Return a number of every run after so many steps."""
+    """Return a number of every run after a number of steps."""
     return [row[name][row["looks"].index(steps)] for row in rows]
 
 
@@ -271,6 +274,7 @@ def straight_visit(steps: int, *, step: float = 1.0) -> float:
     return (CELL**2 + swept) / SIDE**2
 
 
+@cache
 def lattice_visit(hops: int) -> float:
     """Return the probability that a random walk on the lattice of the torus visits a given site.
 

@@ -198,9 +198,38 @@ def test_a_page_has_the_pictures_of_its_results_beside_it(typed, tmp_path):
     assert (tmp_path / "pictures" / "B.1.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_validate_lists_what_theories_predict(typed, tmp_path):
+    theories = [figure for figure, item in items().items() if item.source == "theory"]
+    status, out, err = typed("validate --list")
+    assert (status, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()] == theories
+    assert [line.split()[0] for line in typed("validate --list --only sector_hits")[1].splitlines()] == ["sector_hits"]
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_validate_prints_and_writes_a_table_of_quantities_beside_their_theory(typed, tmp_path):
+    status, out, err = typed("validate --only walker_coverage --quick --quiet --jobs 1 --report page.md")
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].startswith("walker_coverage: independent walkers cover")
+    assert lines[1].split("  ")[0] == "quantity and setting"
+    assert any(line.startswith("share of cells that 5 robots visit") and "0.1568" in line for line in lines)
+    made = tmp_path / "results" / "validation"
+    assert (made / "validation_quick.csv").read_text().startswith("item,claim,theory,measured,")
+    assert (made / "figure_walker_coverage_quick.png").exists()
+    assert (tmp_path / "page.md").read_text().startswith("# Selected results")
+    assert typed("validate --only walker_coverage --quick --quiet --jobs 1")[1].splitlines()[2:10] == lines[2:10]
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
+        ("validate --only kinetic", "unknown item 'kinetic'; did you mean 'kinetic_collisions'?"),
+        ("validate --only 8.3", "unknown item '8.3'"),
+        ("validate --report page.html", "expected the name of a .md file"),
+        ("validate --jobs 0", "jobs is 0"),
+        ("validate --out /proc/nowhere", "results cannot be written to"),
         ("reproduce --figure 8.9", "unknown figure '8.9'; did you mean"),
         ("reproduce --all --figure 8.2", "--all and --figure are given at once"),
         ("reproduce --readings --published", "--published and --readings are given at once"),

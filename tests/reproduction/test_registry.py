@@ -81,13 +81,15 @@ def heading_and_summary(laboratory, figures):
 
 
 @pytest.mark.parametrize(
-    "figures", [("D.3",), ("8.1", "D.3"), ("readings-8.3",), ("task_allocation",), ("8.1", "task_allocation")], ids=str
+    "figures",
+    [("D.3",), ("8.1", "D.3"), ("readings-8.3",), ("task_allocation",), ("8.1", "task_allocation"), ("sector_hits",)],
+    ids=str,
 )
 def test_a_page_of_selected_figures_states_that_it_has_only_these(figures, laboratory):
     title, first, rest = heading_and_summary(laboratory, figures)
     assert title == "# Selected results"
     assert first.startswith(f"This page has only these of the {len(items())} results")
-    assert f"papers: {', '.join(figures)}. " in first
+    assert f"theories: {', '.join(figures)}. " in first
     assert f"mesa-swarm reproduce {' '.join(f'--figure {figure}' for figure in figures)} --report" in first
     assert "## All results" not in rest
     assert "## Selected results" in rest
@@ -100,6 +102,7 @@ def test_a_page_of_selected_figures_states_that_it_has_only_these(figures, labor
         ("thesis", "# Reproduced results"),
         ("paper", "# Published results"),
         ("reading", "# How much the verdicts depend on how one reads"),
+        ("theory", "# Validation: what physics predicts"),
     ],
 )
 def test_a_page_of_all_results_of_a_source_states_that_these_are_all(source, title, laboratory):
