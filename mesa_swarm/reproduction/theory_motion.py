@@ -54,7 +54,7 @@ def diffusion_of(slip: Slip) -> float:
 
     Examples
     --------
-    >>> diffusion_of(Slip(probability=0.5, magnitude=1.0, radius=5.0))
+    >>> round(diffusion_of(Slip(probability=0.5, magnitude=1.0, radius=5.0)), 6)
     0.0025
     """
     return slip.probability * (1.0 - slip.probability) * turn_of(slip) ** 2

@@ -38,7 +38,7 @@ def counted_area(distance: float, degrees: float) -> float:
     Examples
     --------
     >>> round(counted_area(50.0, 40.0))
-    1537
+    1535
     """
     half = math.radians(degrees) / 2.0
     arc = np.linspace(-half, half, CORNERS)

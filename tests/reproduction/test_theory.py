@@ -370,7 +370,7 @@ def test_an_item_is_not_confirmed_where_runs_are_off_by_a_twentieth(name, off):
     assert {check.outcome for check in checks} == {FAILED}
 
 
-def test_so_many_comparisons_fail_by_chance_in_few_repetitions(at_theory):
+def test_few_repetitions_of_all_comparisons_fail_by_chance(at_theory):
     number = sum(len(compared(result)) for result in at_theory.values())
     assert number >= 50
     assert 1.0 - AGAINST_THEORY**number < 0.075
