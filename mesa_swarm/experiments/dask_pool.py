@@ -50,7 +50,7 @@ def connected(address: str) -> Iterator[None]:
         raise _no_scheduler(address, " ".join(str(error).split())) from None
     log = logging.getLogger("distributed.client")
     level = log.level
-    log.setLevel(logging.CRITICAL)  # that its scheduler is gone is reported in one line of ours
+    log.setLevel(logging.CRITICAL)  # a lost scheduler is reported in one line, not in tracebacks
     try:
         with parallel_config(backend="dask", client=client):
             yield

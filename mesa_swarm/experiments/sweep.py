@@ -133,7 +133,7 @@ def sweep(
 ) -> Sweep:
     """Run a model at every point of a grid or sample with every seed, and write a table of the results.
 
-    Each finished run is on the disk before the next is waited for. A sweep that was interrupted, or whose process
+    Each finished run is stored before the next is waited for. A sweep that was interrupted, or whose process
     or workers were killed, continues when it is called again with the same folder; runs that another
     sweep has done there are not done again. A run that ends in an error is recorded with it. A run whose worker
     dies is tried again, three times in all. Runs of code that was changed since are other runs (`source_hash`).

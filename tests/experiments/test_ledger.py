@@ -6,6 +6,7 @@ import os
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
+from threading import Event
 from zlib import crc32
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from support.forks import forked
+from support.waiting import PATIENCE
 
 
 def ended(steps):
@@ -261,3 +263,32 @@ def forked_while_open(path):
     with forked():
         ledger.close()
         yield
+
+
+def test_lines_that_are_written_during_a_sync_share_the_next_one_which_the_end_waits_for(tmp_path, monkeypatch):
+    sizes, sync, written = [], os.fsync, Event()
+
+    def slow(number):
+        written.wait(PATIENCE)
+        sizes.append(os.fstat(number).st_size)
+        sync(number)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    with Ledger(tmp_path / "l") as ledger:
+        for number in range(50):
+            ledger.append(key(number), ended(number))
+        written.set()
+    assert sizes[-1] == (tmp_path / "l").stat().st_size
+    assert len(sizes) <= 2
+
+
+def test_a_disk_that_refuses_a_sync_is_reported_in_one_line_at_the_latest_at_the_end(tmp_path, monkeypatch):
+    def refuse(number):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    with (
+        pytest.raises(SwarmError, match="cannot be written: No space left on device"),
+        Ledger(tmp_path / "l") as ledger,
+    ):
+        ledger.append(key(1), ended(1))
