@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 # Packages by the name of their import, as if none of them were installed.
 OPTIONAL = "cmaes solara anywidget reacton uvicorn ipywidgets traitlets imageio_ffmpeg gymnasium pettingzoo"
-OPTIONAL += " pygame stable_baselines3 torch onnx onnxruntime ribs distributed latex2mathml pygments"
+OPTIONAL += " SALib optuna pygame stable_baselines3 torch onnx onnxruntime ribs distributed latex2mathml pygments"
 WITHOUT = """
 import sys
 
