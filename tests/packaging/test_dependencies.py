@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -13,14 +14,15 @@ from support.installing import ROOT
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 # What users install; the others are for developers.
-FOR_USERS = EXTRAS.keys() - {"docs", "learners", "notebooks", "release", "test"}
+FOR_USERS = sorted(EXTRAS.keys() - {"docs", "learners", "notebooks", "release", "test"})
 LOWEST = (ROOT / "constraints-lowest.txt").read_text(encoding="utf-8")
 # Declared without an import, and why.
 NOT_IMPORTED = {
     "ipyvue": "its version 2 does not draw the dashboard",
     "ipyvuetify": "likewise",
     "solara-assets": "Solara serves its files without a connection",
-    "distributed": "a sweep runs on a cluster whose client a user passes to it",
+    "dask-jobqueue": "starts workers of a cluster through SLURM and the like, as the page on clusters shows",
+    "pyabc": "the page on approximate Bayesian computation uses it",
 }
 # Imported by another name than that of the package.
 OF_ANOTHER_NAME = {"PIL": "pillow", "stable_baselines3": "stable-baselines3", "imageio_ffmpeg": "imageio-ffmpeg"}
@@ -35,7 +37,7 @@ def bound_of(requirement: str) -> str | None:
     return found and found[1]
 
 
-def requirements(extras: set[str]) -> dict[str, str]:
+def requirements(extras: Iterable[str]) -> dict[str, str]:
     """Return all requirements of the package with some extras, by the name of the package."""
     found = [*PROJECT["dependencies"], *(line for extra in extras for line in EXTRAS[extra])]
     return {name_of(line): line for line in found if name_of(line) != "mesa-swarm"}
