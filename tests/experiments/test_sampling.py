@@ -1,5 +1,6 @@
 """Grids and samples of parameters."""
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.plan import checked_seeds
-from mesa_swarm.experiments.sampling import Points, Sample, grid
+from mesa_swarm.experiments.sampling import Points, Range, Sample, grid
 from mesa_swarm.gallery import find_model
 from mesa_swarm.swarm_model import SwarmModel
 from support.pace import work_within
@@ -118,3 +119,32 @@ def test_crossed_columns_vary_the_last_name_fastest_and_others_are_read_side_by_
     columns = {"a": [1, 2], "b": [3, 4]}
     assert list(Points(columns, crossed=True))[1:3] == [{"a": 1, "b": 4}, {"a": 2, "b": 3}]
     assert list(Points(columns, crossed=False)) == [{"a": 1, "b": 3}, {"a": 2, "b": 4}]
+
+
+def test_a_logarithmic_range_has_as_many_points_in_each_decade():
+    points = Sample("latin_hypercube", {"k1": (1e-4, 1e-1, "log")}, points=30).settings(FIRE)
+    assert Counter(math.floor(math.log10(point["k1"])) for point in points) == {-4: 10, -3: 10, -2: 10}
+
+
+def test_the_values_of_a_parameter_that_is_not_a_number_are_equally_frequent():
+    points = Sample("sobol", {"strategy": ["A", "B"], "n_robots": Range(values=(5, 20))}, points=8).settings(FIRE)
+    assert Counter((point["strategy"], point["n_robots"]) for point in points) == {
+        (strategy, n): 2 for strategy in "AB" for n in (5, 20)
+    }
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_the_ends_of_a_range_are_reached_and_never_passed(log):
+    ends = np.array([0.0, 1.0])
+    assert Range(low=2, high=9, log=log).at(ends).tolist() == [2, 9]
+    assert Range(low=0.5, high=4.0, log=log).at(ends).tolist() == [0.5, 4.0]
+    assert Range(values=("A", "B", "C")).at(ends) == ["A", "C"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{}, {"low": 1}, {"low": 1, "high": 2, "values": (1, 2)}, {"values": (1,)}, {"values": (1, 2), "log": True}],
+)
+def test_a_range_has_two_ends_or_at_least_two_values(wrong):
+    with pytest.raises(InvalidValueError, match="is not a range"):
+        Range(**wrong)

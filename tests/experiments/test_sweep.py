@@ -72,6 +72,30 @@ def test_only_what_is_wanted_becomes_a_column(tmp_path):
     assert parquet.read_schema(path).names == ["point", "rng", "steps", "state_hash", "fires out", "error"]
 
 
+@pytest.mark.parametrize("varied", [GRID, Sample("sobol", {"n_robots": (2, 9)}, points=4), [{"n_robots": 2}] * 4, ()])
+def test_the_table_of_every_design_numbers_its_points(tmp_path, varied):
+    table = sweep(FIRE, varied, seeds=2, steps=3, out=tmp_path, jobs=1).frame()
+    assert table["point"].tolist() == [i for i in range(len(table) // 2) for _ in range(2)]
+    assert (table.drop(columns=["rng", "state_hash"]).groupby("point").nunique() <= 1).all(axis=None)
+
+
+class Pointing(SwarmModel):
+    """A model whose parameter is named as a column."""
+
+    def __init__(self, *, point: int = 1, rng=None) -> None:
+        super().__init__(rng=rng)
+
+    def results(self):
+        """Return a number."""
+        return {"a": 1.0}
+
+
+def test_a_parameter_that_is_named_as_a_column_is_refused(tmp_path):
+    with pytest.raises(InvalidValueError, match="parameter point is named as a column of the table; rename it"):
+        sweep(Pointing, {"point": [1, 2]}, seeds=1, steps=1, out=tmp_path, jobs=1)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_points_that_a_sample_has_twice_are_run_once(tmp_path):
     sample = Sample("latin_hypercube", {"n_robots": (2, 3)}, points=6)
     table = sweep(FIRE, sample, seeds=1, steps=5, out=tmp_path, jobs=1).frame()
