@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
-from importlib.util import find_spec
 from multiprocessing import resource_tracker
 from threading import Thread
 from time import sleep
@@ -18,6 +17,7 @@ from joblib.parallel import LokyBackend, get_active_backend
 
 from mesa_swarm.errors import InvalidValueError, check_count
 from mesa_swarm.experiments.workers import WorkerDiedError, worked
+from mesa_swarm.extras import need
 from mesa_swarm.gallery import imported
 
 MOST_JOBS = 1024
@@ -81,10 +81,7 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
 
 def on_scheduler(address: str) -> AbstractContextManager[None]:
     """Return a context within which the workers of the dask scheduler at this address do the work."""
-    if find_spec("distributed") is None:
-        raise InvalidValueError(
-            "a scheduler needs dask.distributed, which is not installed; run: pip install 'mesa-swarm[cluster]'"
-        )
+    need("distributed", "cluster", "a scheduler needs", "dask.distributed")
     from mesa_swarm.experiments.dask_pool import connected  # noqa: PLC0415 - needs the extra [cluster]
 
     return connected(address)
