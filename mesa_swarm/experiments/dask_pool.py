@@ -98,6 +98,8 @@ class Chunks:
     def results(self, tasks: Iterator[tuple]) -> Iterator[Any]:
         """Yield results as they arrive."""
         while True:
+            if self._client.status in ("closing", "closed"):
+                raise self._lost()
             self._hand_out(tasks)
             if not self._under_way:
                 break
@@ -137,6 +139,8 @@ class Chunks:
         except KilledWorker:
             results = self._again(chunk)
         except (TimeoutError, CancelledError):
+            if future.status == "error":  # that of the task itself
+                raise
             if future.cancelled():
                 raise self._lost() from None
             # Its worker died before the results were here: dask does it again.

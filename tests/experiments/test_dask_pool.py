@@ -12,6 +12,7 @@ import pytest
 
 from mesa_swarm.cli import main
 from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm.experiments.workers import SchedulerLostError
 from support.killing import COMMAND, environment, lines_in
 from support.waiting import wait_until
 
@@ -90,6 +91,15 @@ def test_chunks_grow_to_a_fifth_of_a_second_and_shrink_at_once():
     for _ in range(20):
         chunks._adapt(chunks._size, 0.0)
     assert chunks._size == LARGEST_CHUNK
+
+
+def test_a_connection_that_is_closed_already_is_reported_before_anything_is_handed_out():
+    from mesa_swarm.experiments.dask_pool import on_cluster  # noqa: PLC0415 - needs the extra
+
+    closed = Connection()
+    closed.status = "closed"
+    with pytest.raises(SchedulerLostError, match="the connection to the dask scheduler at tcp://there:8786 is lost"):
+        list(on_cluster(closed, pow, [(2, 3)]))
 
 
 @pytest.mark.parametrize("address", ["nonsense", "", "tcp://", "tcp://there", "there:port"])
