@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.dashboard.many_runs import Send
-from mesa_swarm.experiments.experiment import Experiment
+from mesa_swarm.experiments.experiment import POINT, Experiment
 from mesa_swarm.experiments.jobs import job_text
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.reports import parts_of
@@ -34,11 +34,9 @@ MOST_STORED = 10_000
 class SeedBySeed(Experiment):
     """An experiment whose runs are done with the first seed at all points, then with the next: early runs show all."""
 
-    def runs(self) -> Iterator[Run]:
-        """Yield the runs, whose keys are those of the same experiment in another order."""
-        for rng in self.seeds:
-            for point in self.points:
-                yield self.run({**self.settings, **point}, rng)
+    def order(self) -> Iterator[tuple[int, int]]:
+        """Yield the numbers of a point and a seed of each run: seed by seed."""
+        return ((point, seed) for seed in range(len(self.seeds)) for point in range(len(self.points)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +158,13 @@ class GridResults:
     def csv(self, measure: str) -> str:
         """Return one line for each finished run, point by point."""
         names = self.columns(measure)
-        lines: list[Sequence] = [[*self.values, "rng", "steps", "state_hash", *names, "error"]]
+        lines: list[Sequence] = [[POINT, *self.values, "rng", "steps", "state_hash", *names, "error"]]
         points = len(self.experiment.points)
         for number in sorted(self.outcomes, key=lambda number: (number % points, number)):
             outcome, seed = self.outcomes[number], self.experiment.seeds[number // points]
             fixed = [seed, None if outcome.error else outcome.steps, outcome.state_hash]
             numbers = [outcome.numbers.get(name) for name in names]
-            lines.append([*self.point(number % points).values(), *fixed, *numbers, outcome.error])
+            lines.append([number % points, *self.point(number % points).values(), *fixed, *numbers, outcome.error])
         return csv_text(lines)
 
     @property

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from hashlib import blake2b
 from importlib.metadata import version
-from itertools import islice
+from itertools import islice, product
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
@@ -54,8 +54,12 @@ class Experiment:
         """Count the runs."""
         return len(self.points) * len(self.seeds)
 
+    def order(self) -> Iterator[tuple[int, int]]:
+        """Yield the numbers of a point and a seed of each run: point by point, and of each the seeds."""
+        return product(range(len(self.points)), range(len(self.seeds)))
+
     def runs(self) -> Iterator[Run]:
-        """Return the runs in the order of the table: point by point, and of each the seeds."""
+        """Return the runs in their order, which is that of the table."""
         return self.part()
 
     def part(self, number: int = 1, parts: int = 1) -> Iterator[Run]:
@@ -67,9 +71,8 @@ class Experiment:
         >>> [run.rng for run in experiment.part(2, 3)]
         [2, 5]
         """
-        both = ((i, point, rng) for i, point in enumerate(self.points) for rng in self.seeds)
-        for i, point, rng in islice(both, number - 1, None, parts):
-            yield self.run({**self.settings, **point}, rng, i)
+        for point, seed in islice(self.order(), number - 1, None, parts):
+            yield self.run({**self.settings, **self.points[point]}, self.seeds[seed], point)
 
     def run(self, settings: Mapping[str, Any], rng: int, point: int = 0) -> Run:
         """Return one run, with these settings of all parameters that are set, at the point with this number."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import mesa_swarm
 from mesa_swarm import cli
 from mesa_swarm.cli import listing
 from mesa_swarm.cli.options import print_pairs
@@ -108,7 +109,7 @@ def test_help_is_printed_on_request_and_without_a_command(typed, line):
 
 
 def test_version_is_the_packages(typed):
-    assert typed("--version")[:2] == (0, "mesa-swarm 0.1.0\n")
+    assert typed("--version")[:2] == (0, f"mesa-swarm {mesa_swarm.__version__}\n")
 
 
 @pytest.mark.parametrize("line", WRONG)
