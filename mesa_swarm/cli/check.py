@@ -144,7 +144,8 @@ def validate(
     made = _make(chosen, out, _print_table, quick=quick, jobs=jobs, report=report, quiet=quiet)
     rows = [(one.item.figure, *check.row) for one in made for check in one.result.checks]
     table = csv_text([("item", *header(registry.THEORY)), *rows])
-    print(write_whole(out / f"validation{'_quick' if quick else ''}.csv", table))
+    if not only:  # the table of all items; each has one of its own as well
+        print(write_whole(out / f"validation{'_quick' if quick else ''}.csv", table))
     outcomes = Counter(check.outcome for one in made for check in one.result.checks)
     print_lines([", ".join(f"{number} {outcome}" for outcome, number in outcomes.items())], 0)
 

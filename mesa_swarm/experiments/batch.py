@@ -4,9 +4,11 @@ from collections.abc import Iterable, Mapping
 from itertools import product, starmap
 from typing import Any, cast
 
+from mesa import DataCollector
+
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.experiments.experiment import MOST_STEPS
-from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, on_all
+from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, is_remote, on_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.mesa_model import collected_of_agents
 from mesa_swarm.parameters import check_names
@@ -91,7 +93,8 @@ def batch_run(
     tasks = [(found, number, *run, max_steps, data_collection_period) for number, run in enumerate(runs)]
     rows: dict[int, list[Row]] = {}
     with progress_bar(len(tasks), "runs", display_progress) as bar:
-        done = starmap(_rows, tasks) if workers == 1 else on_all(workers, _rows, tasks)
+        here = workers == 1 and (number_processes == 1 or not is_remote())
+        done = starmap(_rows, tasks) if here else on_all(workers, _rows, tasks)
         for number, collected in done:
             rows[number] = collected
             bar.update()
@@ -114,6 +117,13 @@ def _grid(parameters: Mapping[str, Any]) -> list[Row]:
     return [dict(zip(values, point, strict=True)) for point in product(*values.values())]
 
 
+def _collections(collector: DataCollector) -> int:
+    """Return how many rows a data collector has; without model reporters, of how many times it has rows of agents."""
+    if collector.model_vars:
+        return len(next(iter(collector.model_vars.values())))
+    return len(collector._agent_records.keys() | collector._agenttype_records.keys())
+
+
 def _rows(model_class: type, number: int, iteration: int, settings: Row, steps: int, period: int) -> tuple[int, list]:
     """Do a run, and return its number and its rows."""
     model = cast(SwarmModel, model_class(**settings))
@@ -121,7 +131,7 @@ def _rows(model_class: type, number: int, iteration: int, settings: Row, steps: 
     taken: list[int] = []  # the step after which each row was collected
     times: list[float] = []
     while True:
-        new = len(next(iter(collector.model_vars.values()))) - len(taken)
+        new = _collections(collector) - len(taken)
         taken += [model.steps] * new
         times += [getattr(model, "time", model.steps)] * new
         if not model.running or model.steps >= steps:

@@ -3,6 +3,7 @@
 import logging
 import re
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
@@ -11,7 +12,9 @@ from time import monotonic, perf_counter
 from typing import Any
 
 from distributed import CancelledError, Client, Future, KilledWorker
+from distributed.client import ClosedClientError
 from distributed.protocol.pickle import dumps, loads
+from distributed.security import Security
 from joblib import parallel_config
 
 from mesa_swarm.errors import InvalidValueError, in_words, shortened
@@ -20,8 +23,9 @@ from mesa_swarm.gallery import imported
 from mesa_swarm.progress import notice
 from mesa_swarm.wording import quantity
 
-ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:[0-9]{1,5}")
-# A chunk takes about so long, s: what is lost with a worker, and far more than what handing it out takes.
+ADDRESS = re.compile(r"((tcp|tls)://)?[^\s/]+:[0-9]{1,5}")
+# A chunk takes about so long, s, and ends with the run that takes it beyond twice this: what is lost with a worker, and
+# far more than what handing it out takes.
 CHUNK_SECONDS = 0.2
 LARGEST_CHUNK = 256
 # Chunks under way beyond two for each thread: without them a cluster that grows with its work would never grow.
@@ -44,9 +48,11 @@ def connected(address: str) -> Iterator[None]:
     """
     if ADDRESS.fullmatch(address) is None:
         raise _no_scheduler(address, "not an address")
+    if address.startswith("tls:") and Security().get_connection_args("client").get("ssl_context") is None:
+        raise _no_scheduler(address, "dask has no certificates: see distributed.comm.tls in its documentation")
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise _no_scheduler(address, " ".join(str(error).split())) from None
     log = logging.getLogger("distributed.client")
     level = log.level
@@ -94,18 +100,25 @@ class Chunks:
         self._under_way: dict[Any, tuple[Future, list[tuple]]] = {}
         self._ended: SimpleQueue[Future] = SimpleQueue()
         self._set_aside = 0
+        self._left: deque[tuple] = deque()  # the tasks of chunks that took too long
 
     def results(self, tasks: Iterator[tuple]) -> Iterator[Any]:
         """Yield results as they arrive."""
         while True:
             if self._client.status in ("closing", "closed"):
                 raise self._lost()
-            self._hand_out(tasks)
+            try:
+                self._hand_out(tasks)
+            except ClosedClientError:
+                raise self._lost() from None
             if not self._under_way:
                 break
             self._crew.count()
-            with suppress(Empty):
-                yield from self._results_of(self._ended.get(timeout=COUNT_EVERY))
+            try:
+                ended = self._ended.get(timeout=COUNT_EVERY)
+            except Empty:
+                continue
+            yield from self._results_of(ended)
         if self._set_aside:
             raise WorkerDiedError(f"the workers of {quantity(self._set_aside, 'task')} died")
 
@@ -117,7 +130,8 @@ class Chunks:
 
     def _hand_out(self, tasks: Iterator[tuple]) -> None:
         while len(self._under_way) < 2 * self._crew.threads + AHEAD:
-            chunk = list(islice(tasks, self._size))
+            left = min(self._size, len(self._left))
+            chunk = [self._left.popleft() for _ in range(left)] or list(islice(tasks, self._size))
             if not chunk:
                 return
             self._submit(chunk)
@@ -146,13 +160,17 @@ class Chunks:
             # Its worker died before the results were here: dask does it again.
             future.add_done_callback(self._ended.put)
             return []
-        except ImportError as error:
+        except (ImportError, RuntimeError) as error:
+            missing = error if isinstance(error, ImportError) else error.__cause__  # the scheduler wraps its own
+            if not isinstance(missing, ImportError):
+                raise
             raise InvalidValueError(
-                f"a worker of the cluster cannot import what it needs: {in_words(error)[:150]}; install the same "
-                "packages on all machines"
+                f"the scheduler or a worker cannot import what it needs: {in_words(missing)[:150]}; install the same "
+                "packages on all machines, that of the scheduler too"
             ) from None
         else:
-            self._adapt(len(chunk), seconds)
+            self._adapt(len(results), seconds)
+            self._left.extend(chunk[len(results) :])
         del self._under_way[future.key]
         return results
 
@@ -191,8 +209,11 @@ class Crew:
         if now < self._next_count:
             return
         self._next_count = now + COUNT_EVERY
+        scheduler = self._client.scheduler
+        if scheduler is None:  # the client was closed, which the next round reports
+            return
         with suppress(OSError):  # a scheduler that is gone is noticed by what was under way
-            threads = self._client.sync(self._client.scheduler.ncores, callback_timeout=PATIENCE)
+            threads = self._client.sync(scheduler.ncores, callback_timeout=PATIENCE)
             self.threads = sum(threads.values())
             self._report(len(threads), now)
 
@@ -215,7 +236,11 @@ def address_of_scheduler(client: Client) -> str:
 
 
 def _results_and_seconds(content: bytes) -> tuple[list[Any], float]:
-    """Do a chunk of tasks on a worker."""
+    """Do a chunk of tasks on a worker, or as many of them as its time allows: others may be quicker or free."""
     modules, work, chunk = loads(content)
-    begin = perf_counter()
-    return [worked(modules, work, task) for task in chunk], perf_counter() - begin
+    begin, results = perf_counter(), []
+    for task in chunk:
+        results.append(worked(modules, work, task))
+        if perf_counter() - begin > 2 * CHUNK_SECONDS:
+            break
+    return results, perf_counter() - begin

@@ -25,7 +25,7 @@ from mesa_swarm.experiments.design import (
     settings_of_mission,
 )
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.pool import checked_jobs, on_all
+from mesa_swarm.experiments.pool import checked_jobs, is_remote, on_all
 from mesa_swarm.experiments.reality_gap import DIAL, checked_dial
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
@@ -286,7 +286,7 @@ def _map(number: int) -> Map:
 
 def _finished(workers: int, work: Callable, tasks: list[tuple]) -> Iterator[tuple]:
     """Yield results as they are done."""
-    if workers == 1:
+    if workers == 1 and not is_remote():
         yield from (work(*task) for task in tasks)
     elif tasks:
         yield from on_all(workers, work, tasks)

@@ -67,14 +67,19 @@ class Syncing:
         self._written = self._synced = 0
         self._error: OSError | None = None
         self._thread: Thread | None = None
+        # How many bytes of the file the disk has for certain, from the first line on that was written.
+        self.safe: int | None = None
 
-    def begin(self) -> None:
-        """Have what was written so far synced, soon; raise the error of an earlier sync."""
+    def begin(self, place: int) -> None:
+        """Have what was written so far synced, soon; its last line begins here. Raise the error of an earlier sync."""
         with self._change:
             self._raise_error()
+            if self.safe is None:
+                self.safe = place
             self._written += 1
             if self._thread is None:
-                self._thread = Thread(target=self._sync, name="sync a ledger", daemon=True)
+                number = os.dup(self._file.fileno())  # Ctrl-C may close the file meanwhile
+                self._thread = Thread(target=self._sync, args=(number,), name="sync a ledger", daemon=True)
                 self._thread.start()
             self._change.notify_all()
 
@@ -92,18 +97,24 @@ class Syncing:
         if error is not None:
             raise error
 
-    def _sync(self) -> None:
-        while True:
+    def _sync(self, number: int) -> None:
+        """Sync the file with this descriptor until the end, or until an error."""
+        try:
+            while (written := self._next()) > self._synced:
+                size = os.fstat(number).st_size
+                os.fsync(number)
+                self.safe, self._synced = size, written
+        except OSError as error:
             with self._change:
-                self._change.wait_for(lambda: self._written > self._synced or self._thread is None)
-                written = self._written
-                if written == self._synced:
-                    return
-            try:
-                os.fsync(self._file.fileno())
-            except OSError as error:
-                self._error = error
-            self._synced = written
+                self._error, self._synced, self._thread = error, self._written, None
+        finally:
+            os.close(number)
+
+    def _next(self) -> int:
+        """Wait until something was written since the last sync, or for the end; return how often something was."""
+        with self._change:
+            self._change.wait_for(lambda: self._written > self._synced or self._thread is None)
+            return self._written
 
 
 class Ledger:
@@ -157,7 +168,7 @@ class Ledger:
     def close(self) -> None:
         """Close the file when the disk has all of it, and give up its lock."""
         try:
-            with self._disk_errors_in_words():
+            with self._disk_errors_in_words(), self._cut_back():
                 self._syncing.end()
         finally:
             unlock(self._file)  # a worker that is still there may share it
@@ -242,11 +253,26 @@ class Ledger:
             try:
                 while left:
                     left = left[os.write(self._file.fileno(), left) :]
-                self._syncing.begin()
             except OSError:
-                with suppress(OSError):  # a torn line is cut off when the ledger is next opened
-                    os.truncate(self.path, place)
+                self._cut_to(place)
                 raise
+            with self._cut_back():
+                self._syncing.begin(place)
+
+    @contextmanager
+    def _cut_back(self) -> Iterator[None]:
+        """Cut a file that cannot be synced back to what the disk has: lines that it may lose would count as done."""
+        try:
+            yield
+        except OSError:
+            self._cut_to(self._syncing.safe or 0)
+            raise
+
+    def _cut_to(self, place: int) -> None:
+        with suppress(OSError):  # a torn line is cut off when the ledger is next opened
+            if place < os.path.getsize(self.path):
+                os.truncate(self.path, place)
+                self._read()
 
     @contextmanager
     def _disk_errors_in_words(self) -> Iterator[None]:

@@ -89,7 +89,7 @@ def on_scheduler(address: str) -> AbstractContextManager[None]:
 
 def in_order(workers: int, work: Callable, tasks: list[tuple]) -> list[Any]:
     """Return what `work` returns for each task, in the order of the tasks: in this process if one is enough."""
-    if workers == 1:
+    if workers == 1 and not is_remote():
         return [work(*task) for task in tasks]
     results = dict(on_all(workers, _numbered, ((k, work, task) for k, task in enumerate(tasks))))
     return [results[k] for k in range(len(tasks))]

@@ -5,7 +5,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryFile
 from time import perf_counter, sleep
+from typing import IO
 
 from mesa_swarm.experiments.pool import checked_jobs, ending_with_us
 from mesa_swarm.experiments.workers import WorkerDiedError
@@ -106,27 +108,36 @@ def _compile_all(left: list[str], workers: int, show: Callable[[], object]) -> N
     What it reuses is for more general types, and the process that later runs only this model would not find its own.
     Each is run, even if what is counted is there by then: its own rules and sensors are stored too.
     """
-    running: dict[str, subprocess.Popen] = {}
+    running: dict[str, tuple[subprocess.Popen, IO[str]]] = {}
     try:
         while left or running:
             while left and len(running) < workers:
                 model = left.pop(0)
                 script = ending_with_us(f"from {__name__} import compile_for; compile_for({model!r})")
-                running[model] = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True)
+                errors = _text_file()
+                running[model] = subprocess.Popen([sys.executable, "-c", script], stderr=errors), errors
             sleep(SHOWN_EVERY)
             show()
-            for model in [model for model, process in running.items() if process.poll() is not None]:
-                _check_ended(model, running.pop(model))
+            for model in [model for model, (process, _) in running.items() if process.poll() is not None]:
+                _check_ended(model, *running.pop(model))
     finally:
-        for process in running.values():
+        for process, errors in running.values():
             process.kill()
-            process.communicate()
+            process.wait()
+            errors.close()
 
 
-def _check_ended(model: str, process: subprocess.Popen) -> None:
-    _, errors = process.communicate()
+def _text_file() -> IO[str]:
+    """Return a file for what a process writes, which a pipe that is not read would block."""
+    return TemporaryFile("w+", errors="replace")
+
+
+def _check_ended(model: str, process: subprocess.Popen, errors: IO[str]) -> None:
+    with errors:
+        errors.seek(0)
+        written = errors.read()
     if process.returncode:
-        last = (errors.strip().splitlines() or [f"its process ended with status {process.returncode}"])[-1]
+        last = (written.strip().splitlines() or [f"its process ended with status {process.returncode}"])[-1]
         raise WorkerDiedError(f"compiling for {model} failed: {last}")
 
 

@@ -42,6 +42,23 @@ def test_the_rows_are_those_of_mesa(period, more):
     assert batch_run(Reporting, parameters, **how) == mesa.batch_run(Reporting, parameters, **how)
 
 
+class OnlyOfAgents(SwarmModel):
+    """A model whose data collector has reports of agents only."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+        self.add_robots(AGENT3, 2)
+        self.datacollector = mesa.DataCollector(agent_reporters={"number": lambda agent: agent.unique_id})
+
+
+@pytest.mark.parametrize(("period", "steps"), [(-1, [3]), (1, [1, 2, 3])])
+def test_a_model_with_reports_of_agents_only_has_rows_too(period, steps):
+    rows = batch_run(OnlyOfAgents, {}, rng=5, max_steps=3, data_collection_period=period, **QUIET)
+    assert list(dict.fromkeys(row["Step"] for row in rows)) == steps
+    assert {row["AgentID"] for row in rows} == {agent.unique_id for agent in OnlyOfAgents(rng=5).agents}
+    assert all(row["number"] == row["AgentID"] for row in rows)
+
+
 @pytest.mark.parametrize("period", [-1, 1, 3])
 def test_the_rows_are_those_of_the_data_collector_after_these_steps(period):
     rows = batch_run(Reporting, {"n_robots": 2}, rng=5, max_steps=7, data_collection_period=period, **QUIET)

@@ -6,11 +6,13 @@ import subprocess
 import sys
 from contextlib import ExitStack, contextmanager, suppress
 from importlib.util import find_spec
+from queue import Empty
 
 import pandas as pd
 import pytest
 
 from mesa_swarm.cli import main
+from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.experiments.workers import SchedulerLostError
 from support.killing import COMMAND, environment, lines_in
@@ -102,7 +104,101 @@ def test_a_connection_that_is_closed_already_is_reported_before_anything_is_hand
         list(on_cluster(closed, pow, [(2, 3)]))
 
 
-@pytest.mark.parametrize("address", ["nonsense", "", "tcp://", "tcp://there", "there:port"])
+class Done:
+    """What a cluster would return of a task: its result, or an error."""
+
+    status = "error"
+
+    def __init__(self, outcome):
+        self.key, self.outcome = object(), outcome
+
+    def add_done_callback(self, heard):
+        heard(self)
+
+    def result(self, timeout):
+        if isinstance(self.outcome, BaseException):
+            raise self.outcome
+        return self.outcome
+
+    def cancelled(self):
+        return False
+
+    def release(self):
+        pass
+
+
+class Cluster(Connection):
+    """A client of a cluster that ends each task with the next of these outcomes."""
+
+    status = "running"
+
+    def __init__(self, *outcomes):
+        super().__init__(*[1] * 10)
+        self.outcomes = list(outcomes)
+
+    def submit(self, work, content, pure):
+        outcome = self.outcomes.pop(0)
+        if isinstance(outcome, type):
+            raise outcome("closed")
+        return Done(outcome)
+
+
+def of_the_graph(cause):
+    error = RuntimeError("Error during deserialization of the task graph")
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("outcome", "error", "words"),
+    [
+        (Empty("mine"), Empty, "mine"),
+        (TimeoutError("mine"), TimeoutError, "mine"),
+        (RuntimeError("mine"), RuntimeError, "mine"),
+        (
+            of_the_graph(ModuleNotFoundError("No module named 'ants'")),
+            SwarmError,
+            "or a worker cannot import",
+        ),
+    ],
+    ids=["an empty queue", "a time-out", "an error of its own", "a package that the scheduler lacks"],
+)
+def test_an_error_of_a_task_ends_the_call(outcome, error, words):
+    from mesa_swarm.experiments.dask_pool import on_cluster  # noqa: PLC0415 - needs the extra
+
+    with pytest.raises(error, match=words):
+        list(on_cluster(Cluster(outcome), pow, [(2, 3)]))
+
+
+def test_a_client_that_closes_while_tasks_are_handed_out_is_reported_as_a_lost_scheduler():
+    from distributed.client import ClosedClientError  # noqa: PLC0415 - needs the extra
+
+    from mesa_swarm.experiments.dask_pool import on_cluster  # noqa: PLC0415 - needs the extra
+
+    with pytest.raises(SchedulerLostError):
+        list(on_cluster(Cluster(ClosedClientError), pow, [(2, 3)]))
+
+
+def test_a_chunk_ends_with_the_run_that_takes_it_too_long_and_the_rest_is_handed_out_again(monkeypatch):
+    from mesa_swarm.experiments import dask_pool  # noqa: PLC0415 - needs the extra
+
+    clock = iter(range(1000))
+    monkeypatch.setattr(dask_pool, "perf_counter", lambda: next(clock) * dask_pool.CHUNK_SECONDS * 0.9)
+    content = dask_pool.dumps(([], pow, [(2, k) for k in range(10)]))
+    results, _ = dask_pool._results_and_seconds(content)
+    assert results == [1, 2, 4]
+
+    class Working(Cluster):
+        def submit(self, work, content, pure):
+            return Done(work(content))
+
+    tasks = [(2, k) for k in range(30)]
+    assert sorted(dask_pool.on_cluster(Working(), pow, tasks)) == [2**k for k in range(30)]
+
+
+@pytest.mark.parametrize(
+    "address", ["nonsense", "", "tcp://", "tcp://there", "there:port", "foo://there:1", "tls://there:1"]
+)
 def test_what_is_no_address_is_refused_in_one_line(tmp_path, address, capsys):
     (tmp_path / "job.toml").write_text(JOB)
     with pytest.raises(SystemExit) as end:

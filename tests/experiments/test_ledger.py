@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import threading
 from contextlib import contextmanager
 from fractions import Fraction
 from functools import partial
@@ -292,3 +293,46 @@ def test_a_disk_that_refuses_a_sync_is_reported_in_one_line_at_the_latest_at_the
         Ledger(tmp_path / "l") as ledger,
     ):
         ledger.append(key(1), ended(1))
+
+
+def test_lines_whose_sync_failed_are_cut_off_so_that_their_runs_are_done_again(tmp_path, monkeypatch):
+    sync, refused = os.fsync, Event()
+
+    def refuse(number):
+        refused.set()
+        raise OSError(28, "No space left on device")
+
+    with Ledger(tmp_path / "l") as ledger:
+        ledger.append(key(1), ended(1))
+    safe = (tmp_path / "l").read_bytes()
+    monkeypatch.setattr(os, "fsync", refuse)
+    ledger = Ledger(tmp_path / "l")
+    ledger.append(key(2), ended(2))
+    refused.wait(PATIENCE)
+    with pytest.raises(SwarmError, match="earlier runs are stored"):
+        ledger.close()
+    assert (tmp_path / "l").read_bytes() == safe
+    monkeypatch.setattr(os, "fsync", sync)
+    with Ledger(tmp_path / "l") as ledger:
+        assert list(ledger) == [key(1)]
+
+
+def test_an_interrupt_while_a_ledger_waits_for_the_disk_leaves_no_error_of_its_thread(tmp_path, monkeypatch):
+    goes_on, sync, errors = Event(), os.fsync, []
+
+    def slow(number):
+        goes_on.wait(PATIENCE)
+        sync(number)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    monkeypatch.setattr(threading, "excepthook", errors.append)
+    ledger = Ledger(tmp_path / "l")
+    ledger.append(key(1), ended(1))
+    thread = ledger._syncing._thread
+    monkeypatch.setattr(thread, "join", lambda: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        ledger.close()
+    goes_on.set()
+    threading.Thread.join(thread, PATIENCE)
+    assert not thread.is_alive()
+    assert errors == []
