@@ -132,7 +132,7 @@ def validate(
     """Measure what physics predicts, each quantity beside its theory; continue an interrupted call."""
     from mesa_swarm.experiments.tables import csv_text
     from mesa_swarm.reproduction import registry
-    from mesa_swarm.reproduction.judging import header
+    from mesa_swarm.reproduction.judging import UNDECIDED, header
 
     theories = {item.figure: item for item in registry.items().values() if item.source == registry.THEORY}
     numbers = {check_choice("item", name, theories) for name in only or theories}
@@ -147,7 +147,8 @@ def validate(
     if not only:  # the table of all items; each has one of its own as well
         print(write_whole(out / f"validation{'_quick' if quick else ''}.csv", table))
     outcomes = Counter(check.outcome for one in made for check in one.result.checks)
-    print_lines([", ".join(f"{number} {outcome}" for outcome, number in outcomes.items())], 0)
+    why = "; undecided: the interval is wider than required" if outcomes[UNDECIDED] else ""
+    print_lines([f"{', '.join(f'{number} {outcome}' for outcome, number in outcomes.items())}{why}"], 0)
 
 
 def _make(

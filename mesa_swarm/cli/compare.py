@@ -13,6 +13,7 @@ from mesa_swarm.cli.options import FAILED, Jobs, Model, Quiet, Settings, StepsOf
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.files import check_writable, write_whole
 from mesa_swarm.gallery import find_model, loaded_models, short_name
+from mesa_swarm.wording import quantity
 
 if TYPE_CHECKING:
     from mesa_swarm.experiments.experiment import Experiment
@@ -52,8 +53,8 @@ def sweep(
         for experiment, home, options in _parts(read, folder, record):
             runs, done = part.count(experiment), done_before(experiment, home, options, part)
             points, seeds = len(experiment.points), len(experiment.seeds)
-            size = f"{points:,} points x {seeds:,} seeds, {experiment.steps:,} steps each"
-            print_lines([f"{home}: {runs:,} runs ({size}), {done:,} done, {runs - done:,} to do"])
+            size = f"{quantity(points, 'point')} x {quantity(seeds, 'seed')}, {quantity(experiment.steps, 'step')} each"
+            print_lines([f"{home}: {quantity(runs, 'run')} ({size}), {done:,} done, {runs - done:,} to do"])
         return
     check_writable(folder)
     workers = checked_jobs(jobs)
@@ -65,7 +66,7 @@ def sweep(
             made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, shard=part)
             before = f", {made.done_before:,} of them before" if made.done_before else ""
             failed = f", {made.failed:,} ended in an error" if made.failed else ""
-            print_lines([f"{made.path}: {made.runs:,} runs{before}{failed}"])
+            print_lines([f"{made.path}: {quantity(made.runs, 'run')}{before}{failed}"])
             for error in made.errors:
                 print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
             failures += made.failed

@@ -28,7 +28,7 @@ Ranges = Annotated[
 DesignSeed = Annotated[int, typer.Option("--rng", min=0, max=2**31 - 1, help="Seed of the design or search.")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="Repeat runs that ended in an error.")]
 Results = Annotated[
-    Path | None, typer.Option("--out", help="Folder of tables, picture and runs; results/COMMAND_MODEL by default.")
+    Path | None, typer.Option("--out", help="Folder of tables, picture and runs; in results/ by default.")
 ]
 
 
@@ -62,7 +62,7 @@ def sensitivity(
 
     studies.need_salib()
     model_class = find_model(model)
-    folder = check_writable(out or Path("results", f"sensitivity_{short_name(model)}"))
+    folder = check_writable(out or Path("results", f"sensitivity_{short_name(model)}_{method}"))
     with resumable(folder):
         found = studies.sensitivity(
             model_class,
@@ -96,7 +96,9 @@ def calibrate(
     points: Annotated[int, typer.Option(min=1, max=100_000, help="Points of the search.")] = 80,
     batch: Annotated[int, typer.Option(min=1, max=100_000, help="Points that are proposed at a time.")] = 8,
     seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each point of the search.")] = 5,
-    fresh: Annotated[int, typer.Option(min=1, max=100_000, help="Runs of the best with seeds of their own.")] = 20,
+    fresh: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Runs of the best with seeds of their own; intervals need 6.")
+    ] = 20,
     missing: Annotated[
         list[str] | None,
         typer.Option(metavar="MEASURE=VALUE", help="What counts where a measure did not happen; repeat it."),
@@ -147,7 +149,7 @@ def parsed_ranges(model_class: type, texts: Sequence[str] | None) -> "dict[str, 
     from mesa_swarm.parameters import parsed_settings
 
     if not texts:
-        raise InvalidValueError("no range is given; give at least one, such as --range n_robots=5:20")
+        raise InvalidValueError("no range is given; give one for each parameter, such as --range n_robots=5:20")
     found: dict[str, Range] = {}
     for text in texts:
         name, _, described = text.partition("=")

@@ -18,9 +18,11 @@ from mesa_swarm.experiments.experiment import (
     checked_settings,
     checked_steps,
 )
+from mesa_swarm.experiments.plan import checked_measures
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.sweep import TABLE, run_experiment
 from mesa_swarm.files import check_writable
+from mesa_swarm.wording import quantity
 
 
 class AdaptiveDesign:
@@ -74,7 +76,7 @@ class AdaptiveDesign:
             "seeds": checked_seeds(seeds),
             "steps": checked_steps(self._model, steps),
             "settings": checked_settings(self._model, settings or {}),
-            "measure": tuple(measure),
+            "measure": checked_measures(measure),
         }
         self._workers = checked_jobs(jobs)
         self._folder = check_writable(out)
@@ -82,6 +84,10 @@ class AdaptiveDesign:
         self._experiment: Experiment | None = None
         self._points: list[dict[str, Any]] = []
         self._done = 0
+
+    def __repr__(self) -> str:
+        done = f"{self._done} with results" if self._done else "none with results"
+        return f"<{type(self).__name__} of {self._model.__name__}: {quantity(len(self), 'point')} proposed, {done}>"
 
     def __len__(self) -> int:
         """Count the points that were proposed."""

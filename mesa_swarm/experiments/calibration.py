@@ -24,7 +24,7 @@ from mesa_swarm.experiments.experiment import (
 from mesa_swarm.experiments.plan import checked_measures
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text
-from mesa_swarm.experiments.statistics import Summary, known, summarised
+from mesa_swarm.experiments.statistics import FEWEST, Summary, known, summarised
 from mesa_swarm.experiments.sweep import run_experiment
 from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, with_limits
 from mesa_swarm.extras import need
@@ -123,13 +123,17 @@ class Calibration:
         apart = "-" if target is None or math.isnan(mean.estimate) else f"{target.deviation(mean.estimate):+.3g}"
         missing = summary.runs - summary.happened
         fewer = f" ({summary.happened} of {summary.runs} runs)" if missing else ""
-        return [name, wanted, in_brief(float(self.searched[name])), f"{with_limits(mean)}{fewer}", apart]
+        searched = _number(self.searched[name])
+        before = "-" if math.isnan(searched) else f"{searched:.4g}"
+        return [name, wanted, before, f"{with_limits(mean)}{fewer}", apart]
 
     def _notes(self) -> list[str]:
-        notes = ["in the search: means of the point chosen for them, as a rule too good. fresh seeds: bootstrap (BCa)."]
+        notes = ["in the search: means over the seeds that chose this point, therefore optimistic."]
+        few = f"no intervals: they need at least {FEWEST}" if len(self.seeds) < FEWEST else "bootstrap intervals (BCa)"
+        notes.append(f"fresh seeds: {few}.")
         if self.targets:
             scales = ", ".join(f"{name} {each.scale:.4g}" for name, each in self.targets.items())
-            notes.append(f"deviation: from the target over the scale ({scales}).")
+            notes.append(f"deviation: (mean - target) / scale; scales: {scales}.")
         notes.append(f"Loss {self.searched[LOSS]:.4g} in the search, {self.loss:.4g} over fresh seeds.")
         without = int(self.history[LOSS].isna().sum())
         if without:
@@ -144,6 +148,7 @@ class Calibration:
         found = [
             f"{name} was {with_limits(summary.mean)}{self._verdict(name, summary)}"
             for name, summary in self.measures.items()
+            if summary.happened or name in self.targets
         ]
         return f"With {place}, over {quantity(len(self.seeds), 'fresh seed')}: {'; '.join(found)}."
 
@@ -164,7 +169,7 @@ class Calibration:
         for name, summary in self.measures.items():
             target, mean = self.targets.get(name), summary.mean
             wanted = (None, None) if target is None else (target.value, target.scale)
-            numbers = map(known, (float(self.searched[name]), mean.estimate, mean.low, mean.high))
+            numbers = map(known, (_number(self.searched[name]), mean.estimate, mean.low, mean.high))
             searched, *limits = numbers
             rows.append([name, *wanted, searched, summary.runs, summary.happened, *limits])
         return csv_text([head, *rows])
@@ -317,6 +322,11 @@ def calibrate(
         failed=made.failed,
         loss=losses.of(rows),
     )
+
+
+def _number(mean: float | None) -> float:
+    """Return a mean of the history, NaN for one that is missing: pandas stores it as None beside texts."""
+    return math.nan if mean is None else float(mean)
 
 
 def need_optuna() -> None:

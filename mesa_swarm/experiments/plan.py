@@ -128,10 +128,10 @@ def checked_plan(
 def checked_measures(measures: object) -> tuple[str, ...]:
     """Return the names of results that are wanted; refuse a single text, and names that are repeated."""
     if isinstance(measures, str) or not isinstance(measures, Iterable):
-        raise InvalidValueError(f"measures is {shortened(measures)}; expected a list of names, such as ['fires out']")
+        raise InvalidValueError(f"measure is {shortened(measures)}; expected a list of names, such as ['fires out']")
     names = tuple(measures)
     if len(set(names)) < len(names):
-        raise InvalidValueError(f"measures is {shortened(names)}; expected different ones")
+        raise InvalidValueError(f"measure is {shortened(names)}; expected different ones")
     return names
 
 

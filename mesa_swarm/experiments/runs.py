@@ -81,6 +81,7 @@ def do_runs(
                 ledger.append(run.key, outcome)
             bar.update()
             yield run, outcome
+        bar.update(count - bar.n)  # runs that occur several times were done once
 
 
 @contextmanager

@@ -60,8 +60,10 @@ class Range:
         """Check what can be checked without the parameter."""
         if (self.low is None or self.high is None) == (not self.values):
             raise InvalidValueError(f"{self!r} is not a range; give low and high, or values")
-        if self.values and (len(self.values) < 2 or self.log):
-            raise InvalidValueError(f"{self!r} is not a range; expected at least two values, and log only with ends")
+        if self.values and self.log:
+            raise InvalidValueError(f"{self!r} is not a range; log is for one with ends")
+        if len(self.values) == 1:
+            raise InvalidValueError(f"a range has only the value {shortened(self.values[0])}; expected at least two")
 
     @property
     def is_whole(self) -> bool:
@@ -86,7 +88,8 @@ class Range:
                 raise InvalidValueError(f"{name} is {shortened(self.values)}; expected different values")
             return replace(self, values=values)
         low, high = parameter.checked(self.low), parameter.checked(self.high)
-        check_number(f"width of the {name}", high - low, above=0)
+        if not low < high:
+            raise InvalidValueError(f"{name} is {low:g} to {high:g}; expected the lower end first")
         if self.log:
             check_number(f"lower end of the logarithmic {name}", low, above=0)
         return replace(self, low=low, high=high)
@@ -136,7 +139,8 @@ def _range(parameter: Parameter, given: Any) -> Range:
     log = len(given) == 3 and isinstance(given[2], str) and given[2] == "log"
     if not log and len(given) != 2:
         raise InvalidValueError(
-            f'range of {parameter.name} is {shortened(given)}; expected [low, high] or [low, high, "log"]'
+            f'range of {parameter.name} is {shortened(given)}; expected [low, high], [low, high, "log"] or '
+            "Range(values=...)"
         )
     return Range(low=given[0], high=given[1], log=log).of(parameter)
 

@@ -1,5 +1,6 @@
 """Sensitivity of a measure to a model's parameters: Sobol' indices and Morris's screening, by SALib over a sweep."""
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -160,17 +161,28 @@ class Sensitivity:
 
     def notes(self) -> list[str]:
         """Return how the indices are to be read."""
-        notes = [NOTES[self.plan.method], f"Intervals: {RESAMPLES:,} bootstrap samples of points and of seeds."]
+        intervals = f"Intervals: +- 1.96 standard deviations of {RESAMPLES:,} bootstrap samples of points and seeds."
+        if not self._is_certain:
+            intervals = "Intervals are unknown: in some bootstrap samples the measure is the same at every point."
+        notes = [NOTES[self.plan.method], intervals]
         if np.isnan(self.chance):
             return [*notes, "One seed: what is due to chance is not known."]
         if self.chance == 0:
             return [*notes, "The differences between points are the same with every seed."]
+        if self.chance >= 1:
+            return [*notes, "Seeds account for all of the variance of the points' means; use more seeds."]
         ranking = RANKING[self.plan.method]
         return [
             *notes,
-            f"Seeds cause {100 * self.chance:.2g} % of the variance of the points' means: "
+            f"Seeds cause {round(100 * self.chance) if self.chance > 0.1 else f'{100 * self.chance:.2g}'} % of the "
+            "variance of the points' means: "
             f"{ranking} of a parameter without effect can be {in_brief(float(f'{self.floor:.2g}'))}.",
         ]
+
+    @property
+    def _is_certain(self) -> bool:
+        """Whether the index by which parameters are ranked has an interval for each of them."""
+        return all(math.isfinite(each.low) for each in self.indices[RANKING[self.plan.method]].values())
 
     @property
     def floor(self) -> float:
@@ -185,14 +197,19 @@ class Sensitivity:
         plan = self.plan
         if np.ptp(self.numbers.mean(axis=1)) == 0:
             return f"{plan.title} was {self.numbers.mean():g} at every point: it does not depend on these parameters."
+        if not self._is_certain:
+            return f"{plan.title}: no ranking, since intervals are unknown; use more points, or another measure."
         index, floor = RANKING[plan.method], np.nan_to_num(self.floor)
-        ranking, (first, *others) = self.indices[index], self.ranked()
-        without = [name for name in others if ranking[name].low <= floor]
-        level = [name for name in others if name not in without and ranking[name].meets(ranking[first])]
+        ranking, names = self.indices[index], self.ranked()
+        without = [name for name in names if ranking[name].low <= floor]
+        if len(without) == len(names):
+            return f"No effect of any parameter on {plan.title} beyond chance is shown; use more points or seeds."
+        first, *others = [name for name in names if name not in without]
+        level = [name for name in others if ranking[name].meets(ranking[first])]
         top = f"{plan.title} depends most on {first} ({index} {with_limits(ranking[first])})"
         if level:
             top = f"{plan.title} depends most on {', '.join([first, *level])}, whose {index} are not clearly different"
-        return f"{top}{'; no effect beyond chance is shown of ' if without else ''}{', '.join(without)}."
+        return f"{top}{'; no effect beyond chance is shown for ' if without else ''}{', '.join(without)}."
 
     def csv(self) -> str:
         """Return the indices as CSV, one line a parameter and index, empty where an interval is not known."""
@@ -350,7 +367,8 @@ def _checked_plan(
     rng: int,
 ) -> SensitivityPlan:
     checked = checked_ranges(model_class, ranges)
-    check_count("number of ranges", len(checked), minimum=2)
+    if len(checked) < 2:
+        raise InvalidValueError("1 range is given; expected at least two, since indices compare parameters")
     check_choice("method", method, METHODS)
     count = check_count("points", points, minimum=2, maximum=MOST_POINTS)
     if method == "sobol" and count & (count - 1):

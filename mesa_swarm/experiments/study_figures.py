@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from mesa_swarm.experiments.figures import ASIDE, TEXT, TITLE, WIDE, draw_interval
 from mesa_swarm.experiments.sampling import Range
@@ -78,11 +78,15 @@ def _draw_indices(axes: Axes, indices: Mapping[str, Mapping[str, Interval]], nam
 
 def _draw_plane(axes: Axes, indices: Mapping[str, Mapping[str, Interval]], names: list[str]) -> None:
     """Draw Morris's plane: how much the effect of a parameter depends on the others, over its mean size."""
+    places: dict[tuple[float, float], list[str]] = {}
     for name in names:
         x, y = (indices[index][name].estimate for index in ("mu*", "sigma"))
-        axes.plot(x, y, "o", color=LIGHT.series[0], markersize=9)
-        axes.annotate(literal(name), (x, y), (7, 5), textcoords="offset points", fontsize=TEXT - 2)
+        places.setdefault((x, y), []).append(name)
+    for place, there in places.items():  # several without effect are in the same place
+        axes.plot(*place, "o", color=LIGHT.series[0], markersize=9)
+        axes.annotate(literal(", ".join(there)), place, (7, 5), textcoords="offset points", fontsize=TEXT - 2)
     axes.margins(0.15)
+    axes.set_ylim(bottom=0)
     axes.set_xlabel("mu*", fontsize=TEXT)
     axes.set_ylabel("sigma: interactions and curvature", fontsize=TEXT)
     axes.tick_params(labelsize=TEXT - 2)
@@ -96,6 +100,8 @@ def _draw_over(axes: Axes, name: str, each: Range, values: Any, heights: np.ndar
         axes.set_xlim(-0.5, len(each.values) - 0.5)
     elif each.low is not None and each.high is not None:
         axes.set_xscale("log" if each.log else "linear")
+        if each.is_whole and not each.log:
+            axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
         axes.set_xlim(*Range(low=float(each.low), high=float(each.high), log=each.log).at(np.array([-0.04, 1.04])))
     if each.log and each.low is not None and each.high is not None:
         ticks = np.geomspace(each.low, each.high, 3)
@@ -125,9 +131,12 @@ def calibration_figure(
     above, below = _halves(figure, 3.6, below_height)
     above.suptitle(literal(title), fontsize=TITLE)
     axes = above.subplots()
-    axes.plot(losses, "o", color=LIGHT.faint, markersize=5, label="a point")
-    axes.plot(np.fmin.accumulate(losses), color=LIGHT.series[0], linewidth=2, drawstyle="steps-post", label="least")
+    axes.plot(losses, "o", color=LIGHT.faint, markersize=5, label="point")
+    axes.plot(
+        np.fmin.accumulate(losses), color=LIGHT.series[0], linewidth=2, drawstyle="steps-post", label="least so far"
+    )
     axes.plot(best, losses[best], "o", label="best", **_ring())
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("point", fontsize=TEXT)
     axes.set_ylabel("loss", fontsize=TEXT)
     axes.legend(fontsize=TEXT - 2, frameon=False)

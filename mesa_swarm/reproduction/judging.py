@@ -297,13 +297,26 @@ def judged_theory(
     shown, wide = mean_interval(off), mean_interval(off, AGAINST_THEORY)
     return Check(
         claim=claim,
-        reported=f"{centre:.4g}",
+        reported=as_exact_as(centre, shown),
         measured=f"{with_limits(moved(shown, centre))}, {len(off)} runs",
         criterion=f"{100 * AGAINST_THEORY:g} % interval includes the theory, within {100 * within:g} %",
         outcome=beside_zero(wide, within * abs(centre)),
         main=main,
         detectable=detectable_deviation(off, centre),
     )
+
+
+def as_exact_as(number: float, interval: Interval) -> str:
+    """Return a number with as many digits as an interval is shown with.
+
+    Examples
+    --------
+    >>> as_exact_as(140254.3, Interval(140260.0, 140180.0, 140340.0))
+    '140,254'
+    """
+    if math.isnan(interval.low):
+        return f"{number:.4g}"
+    return with_limits(moved(interval, number - interval.estimate)).split(" [")[0]
 
 
 def moved(interval: Interval, by: float) -> Interval:

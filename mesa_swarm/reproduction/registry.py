@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, check_choice
-from mesa_swarm.reproduction.judging import AGAINST_THEORY, VERDICTS, Result, header
+from mesa_swarm.reproduction.judging import AGAINST_THEORY, FAILED, UNDECIDED, VERDICTS, Result, header
 from mesa_swarm.reproduction.laboratory import Laboratory
 
 PACKAGE = "mesa_swarm.reproduction"
@@ -188,7 +188,7 @@ OF_A_SELECTION = """\
 # Selected results
 
 This page has only these of the {total} results of the thesis, of readings of it, of papers and of theories: {names}. It
-is written by `mesa-swarm reproduce {figures} --report FILE.md`.
+is written by `mesa-swarm {command} --report FILE.md`.
 
 Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
 
@@ -230,8 +230,9 @@ def introduction_of(made: Sequence[Made]) -> str:
     if not is_selection(made):
         return of_source
     names = [one.item.figure for one in made]
-    figures = " ".join(f"--figure {name}" for name in names)
-    begin = OF_A_SELECTION.format(names=", ".join(names), total=len(items()), figures=figures)
+    command, option = ("validate", "--only") if sources == {THEORY} else ("reproduce", "--figure")
+    words = " ".join([command, *(f"{option} {name}" for name in names)])
+    begin = OF_A_SELECTION.format(names=", ".join(names), total=len(items()), command=words)
     # Without the title and the paragraph about the whole page; what is settled for all results of a source follows.
     return begin + (VERDICTS_IN_WORDS if len(sources) > 1 else of_source.split("\n\n", 2)[2])
 
@@ -250,8 +251,11 @@ def surroundings(made: Sequence[Made], quick: bool, runs: tuple[int, int]) -> st
 
 
 def marked(result: Result, quick: bool) -> str:
-    """Return the verdict, marked where it is one of few seeds."""
-    return f"{result.verdict} (quick)" if quick else result.verdict
+    """Return the verdict, marked where it is one of few seeds, which may leave all that did not pass undecided."""
+    if not quick:
+        return result.verdict
+    outcomes = {check.outcome for check in result.checks}
+    return f"{UNDECIDED if UNDECIDED in outcomes and FAILED not in outcomes else result.verdict} (quick)"
 
 
 def summary(made: Sequence[Made], quick: bool) -> str:

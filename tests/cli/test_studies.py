@@ -18,7 +18,7 @@ RANGES = ["--range", "k1=0.0002:0.0008:log", "--range", "n_robots=2:4"]
 def test_sensitivity_prints_indices_paths_and_a_finding_and_continues(typed):
     words = [*STUDY, *RANGES, "--method", "morris", "--points", "2", "--seeds", "2", "--quiet"]
     status, out, err = typed([*words, "--difference", "strategy=A,B"])
-    folder = Path("results", "sensitivity_fire_fighting")
+    folder = Path("results", "sensitivity_fire_fighting_morris")
     assert (status, err) == (0, "")
     assert out.startswith("FireFighting: sensitivity of mean of robots_at_fires, strategy B minus A; 2 trajectories")
     assert "0.0002 to 0.0008, log" in out
@@ -53,7 +53,7 @@ def test_ranges_are_read_as_the_types_of_the_parameters():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (STUDY, "no range is given; give at least one, such as --range n_robots=5:20"),
+        (STUDY, "no range is given; give one for each parameter, such as --range n_robots=5:20"),
         ([*STUDY, "--range", "k1"], "range 'k1' is unclear; expected NAME=LOW:HIGH"),
         ([*STUDY, "--range", "k1=0.1:0.2:lin"], "range 'k1=0.1:0.2:lin' is unclear"),
         ([*STUDY, "--range", "k1=a:b"], "k1 is 'a'; expected a finite number"),

@@ -228,3 +228,26 @@ def test_a_missing_optuna_gives_the_command_that_installs_it(monkeypatch):
     monkeypatch.setattr(extras, "find_spec", lambda name: None)
     with pytest.raises(SwarmError, match=re.escape(f"needs Optuna; install it with: {install_command('calibration')}")):
         calibrate(Bowl, SPACE, {"y": 0})
+
+
+def test_a_function_as_target_takes_results_that_did_not_happen(tmp_path):
+    how = {"points": 2, "seeds": 1, "fresh": 1, "steps": 5, "out": tmp_path, "jobs": 1}
+    found = calibrate(
+        "fire_fighting", {"n_robots": (2, 5)}, lambda means: 1.0 + (means["fire 1 out at"] is None), **how
+    )
+    assert found.loss == 2.0
+    assert "fire 1 out at" in found.table()
+    assert "fire 1 out at" not in found.finding()
+    assert "no intervals: they need at least 6" in found.table()
+    assert ",," in found.csv()
+
+
+def test_a_single_text_is_refused_as_the_measures_of_a_design(tmp_path):
+    with pytest.raises(SwarmError, match=r"measure is 'y'; expected a list of names"):
+        design(tmp_path, measure="y")
+
+
+def test_a_design_states_how_far_it_is(tmp_path):
+    tried = design(tmp_path)
+    tried.propose([{"x1": 0.0}, {"x1": 1.0}])
+    assert repr(tried) == "<AdaptiveDesign of Linear: 2 points proposed, none with results>"

@@ -141,7 +141,10 @@ def test_a_file_of_ones_own_comes_before_the_sample_of_its_name(tmp_path, monkey
         (MODEL + "[sample]\npoint = 4", "[sample] unknown key 'point'; did you mean 'points'?"),
         (MODEL + '[sample]\nkind = "sobol"\npoints = 5\nranges = { k1 = [0, 1] }', "such as 8"),
         (MODEL + '[sample]\nkind = "sobl"\npoints = 4\nranges = { k1 = [0, 1] }', "did you mean 'sobol'?"),
-        (MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { k1 = [1, 0] }', "width of the range of k1"),
+        (
+            MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { k1 = [1, 0] }',
+            "the lower end first",
+        ),
         (
             MODEL + '[sample]\nkind = "sobol"\npoints = 4\nranges = { strategy = [1, 0] }',
             "unknown strategy 1; known: A, B",

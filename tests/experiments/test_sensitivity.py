@@ -13,7 +13,7 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import sensitivity as module
 from mesa_swarm.extras import install_command
 from mesa_swarm.viewing.pictures import png
-from support.known_functions import ISHIGAMI, WEIGHTS, GFunction, Ishigami, Linear, g_indices
+from support.known_functions import ISHIGAMI, WEIGHTS, Chance, GFunction, Ishigami, Linear, Step, g_indices
 
 PI = (-math.pi, math.pi)
 UNIT = (0.0, 1.0)
@@ -50,7 +50,21 @@ def test_indices_of_a_linear_function_are_those_of_its_variances(tmp_path):
     assert found.indices["ST"]["x1"].estimate == pytest.approx(0.9, abs=0.1)
     assert found.ranked() == ["x1", "x2", "x3"]
     assert found.finding().startswith("y depends most on x1 (ST ")
-    assert found.finding().endswith("no effect beyond chance is shown of x3.")
+    assert found.finding().endswith("no effect beyond chance is shown for x3.")
+
+
+def test_parameters_are_not_ranked_while_intervals_are_unknown(tmp_path):
+    # Few points lie beyond the step: in some bootstrap samples none does.
+    found = studied(Step, {"x1": UNIT, "x2": UNIT}, tmp_path, points=32)
+    assert math.isnan(found.indices["ST"]["x1"].low)
+    assert found.finding().startswith("y: no ranking, since intervals are unknown")
+    assert any(note.startswith("Intervals are unknown") for note in found.notes())
+
+
+def test_no_parameter_is_named_first_if_none_has_an_effect_beyond_chance(tmp_path):
+    found = studied(Chance, {"x2": UNIT, "x3": UNIT}, tmp_path, method="morris", points=3, seeds=2)
+    assert found.finding().startswith("No effect of any parameter on y beyond chance is shown")
+    assert max(each.low for each in found.indices["mu*"].values()) <= found.floor
 
 
 def test_estimates_are_those_of_salib_for_the_means_over_the_seeds(tmp_path):
@@ -140,11 +154,11 @@ def test_a_measure_that_did_not_happen_needs_a_number_in_its_place(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"ranges": {"x1": UNIT}}, "number of ranges is 1"),
+        ({"ranges": {"x1": UNIT}}, "1 range is given; expected at least two"),
         ({"ranges": {"x1": UNIT, "y2": UNIT}}, "did you mean"),
-        ({"ranges": {"x1": UNIT, "x2": (1.0, 1.0)}}, "width of the range of x2 is 0"),
+        ({"ranges": {"x1": UNIT, "x2": (1.0, 1.0)}}, "range of x2 is 1 to 1; expected the lower end first"),
         ({"ranges": {"x1": UNIT, "x2": (0.0, 1.0, "log")}}, "lower end of the logarithmic range of x2 is 0"),
-        ({"ranges": {"x1": UNIT, "x2": (0.0, 1.0, "lin")}}, r'expected \[low, high\] or \[low, high, "log"\]'),
+        ({"ranges": {"x1": UNIT, "x2": (0.0, 1.0, "lin")}}, r'expected \[low, high\], \[low, high, "log"\] or Range'),
         ({"ranges": [("x1", 1)]}, "ranges is"),
         ({"measure": "z"}, "unknown result of Linear 'z'"),
         ({"measure": ["y"]}, "expected the name of a result"),

@@ -90,7 +90,8 @@ def test_a_page_of_selected_figures_states_that_it_has_only_these(figures, labor
     assert title == "# Selected results"
     assert first.startswith(f"This page has only these of the {len(items())} results")
     assert f"theories: {', '.join(figures)}. " in first
-    assert f"mesa-swarm reproduce {' '.join(f'--figure {figure}' for figure in figures)} --report" in first
+    command, option = ("validate", "--only") if figures == ("sector_hits",) else ("reproduce", "--figure")
+    assert f"mesa-swarm {command} {' '.join(f'{option} {figure}' for figure in figures)} --report" in first
     assert "## All results" not in rest
     assert "## Selected results" in rest
     assert "A check is *passed* if" in rest

@@ -3,6 +3,8 @@
 import math
 from pathlib import Path
 
+import numpy as np
+
 from mesa_swarm.swarm_model import SwarmModel
 
 # Ishigami's function with a = 7, b = 0.1 on (-pi, pi): its variance and indices in closed form.
@@ -75,6 +77,23 @@ class Ishigami(Function):
         """Return sin x1 + a sin^2 x2 + b x3^4 sin x1."""
         x1, x2, x3 = self.x
         return math.sin(x1) + A * math.sin(x2) ** 2 + B * x3**4 * math.sin(x1)
+
+
+class Step(Function):
+    """1 where x1 is above 0.97, else 0."""
+
+    def results(self) -> dict[str, float]:
+        """Return it as y."""
+        return {"y": float(self.x[0] > 0.97)}
+
+
+class Chance(Function):
+    """A number that has nothing in common with that of another point or seed."""
+
+    def results(self) -> dict[str, float]:
+        """Return it as y."""
+        parts = [int(1e6 * abs(x)) for x in self.x]
+        return {"y": float(np.random.default_rng([*parts, int(self.seed)]).standard_normal())}
 
 
 class GFunction(Function):
