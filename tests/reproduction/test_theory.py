@@ -31,7 +31,7 @@ FAST = ("walker_coverage", "sector_hits")
 def test_a_theory_passes_where_a_narrow_interval_includes_it_and_fails_where_it_is_excluded(off, within, outcome):
     values = 2.0 + off + 0.05 * np.random.default_rng(1).permutation(np.linspace(-1, 1, 20))
     check = judged_theory("speed", 2.0, list(values), within=within)
-    assert (check.outcome, check.reported) == (outcome, "2")
+    assert (check.outcome, float(check.reported)) == (outcome, 2)
     assert check.measured.endswith("], 20 runs")
 
 
@@ -410,5 +410,8 @@ def test_the_page_has_the_equations_settings_claims_and_predictions_of_the_code(
         assert f"| {check.criterion} |" in line
         # The gas is compared with the theory of the density that each run had.
         if not name.startswith(("kinetic", "blind")):
-            assert line.startswith(f"| {check.claim} | {check.reported} |")
+            printed, exact = (text.replace(",", "") for text in (line.split(" | ")[1], check.reported))
+            if printed != exact:  # the page's numbers have as many digits as their intervals
+                half_a_digit = 0.5 * 10.0 ** -len(printed.partition(".")[2])
+                assert float(printed) == pytest.approx(float(exact), abs=1.01 * half_a_digit)
     assert (PAGE.parent / "pictures" / f"{name}.png").exists()
