@@ -9,7 +9,7 @@ import pytest
 
 from support.visits import HOST, Visit, quiet
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 # Width and height of the hall in which this number of robots drives about.
 HALLS = {50: (800, 600), 500: (1600, 1200), 5000: (4000, 3000)}

@@ -6,7 +6,7 @@ from mesa_swarm.dashboard.app import MORE_TABS
 from mesa_swarm.gallery import model_names
 from support.visits import resize
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 # What a tab shows when it is there.
 SIGHTS = {

@@ -287,7 +287,7 @@ def test_a_hundred_spoilt_jobs_are_read_or_refused_in_one_clear_line(read):
     check_mutated(read, 100, first=0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_thousand_spoilt_jobs_are_read_or_refused_in_one_clear_line(read):
     check_mutated(read, 2_000, first=100)
 

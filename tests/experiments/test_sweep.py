@@ -200,7 +200,7 @@ def test_an_error_is_kept_until_it_is_to_be_tried_again(tmp_path):
     assert seeds_run(tmp_path / "diary") == {1: 1, 2: 2, 3: 1}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_sweep_adds_less_than_20_ms_of_processor_time_to_a_run(tmp_path, jobs):
     sweep(FIRE, seeds=4, steps=30, out=tmp_path / "warm", jobs=jobs)  # starts workers, loads kernels

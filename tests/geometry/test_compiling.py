@@ -166,7 +166,7 @@ def test_what_a_model_calls_is_listed_as_needed(model):
     assert called <= set(needed_functions()[model]), "run: python tests/support/compiled_functions.py"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_listed_as_needed_is_compiled_when_nothing_is_there_and_nothing_when_it_is(tmp_path):
     assert set(compiled_by("fire_fighting", tmp_path)) == set(needed_functions()["fire_fighting"])
     assert compiled_by("fire_fighting", tmp_path) == []

@@ -47,7 +47,7 @@ class TestForm:
         assert set(solutions_of(path)) == set(EXERCISES)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("exercise", EXERCISES)
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=NAMES)
 class TestExercises:

@@ -213,7 +213,7 @@ def test_a_killed_run_keeps_all_chunks_that_were_written(tmp_path):
     assert verify(recording, FireFighting).same
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 def test_runs_killed_at_thirty_moments_keep_all_chunks_that_were_written(tmp_path):
     draw = random.Random(3)

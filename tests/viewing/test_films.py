@@ -228,7 +228,7 @@ def test_the_captions_of_an_animated_drawing_name_every_step(run, tmp_path):
     assert [text for text in texts if text.startswith("step")] == [f"step {step}" for step in (0, 100, 200, 300)]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fifty_robots_and_three_hundred_frames_are_below_two_megabytes_and_fast(tmp_path):
     model = Agglomeration(n_robots=50, rng=1)
     with model.record(tmp_path / "run.arrow"):
