@@ -18,7 +18,7 @@ POSES = """() => [...document.querySelectorAll('.robot')].map(robot => {
   return [e, f, Math.atan2(b, a)];
 })"""
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_a_browser_shows_robots_where_they_were_recorded(tmp_path, chromium):

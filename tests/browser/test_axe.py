@@ -7,7 +7,7 @@ from mesa_swarm.viewing.replay_page import replay_page
 from support.axe import axe_findings
 from support.visits import blank_page, resize
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 LINK = "?model=fire_fighting&seed=1&step=50"
 SIZES = ((390, 844), (1366, 768), (1920, 1080))

@@ -9,7 +9,7 @@ from support.browsers import recorded_run
 from support.visits import add_chart, resize, settle
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 LINK = "?model=flocking&n_robots=20&seed=1&step=600"
 TEXTS = "chart => [...chart.querySelectorAll('ul li b')].map((one) => one.textContent)"

@@ -7,7 +7,7 @@ from support.browsers import recorded_run
 from support.visits import resize
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 SIDES = ".swarm-worlds .swarm-player"
 # Of every map: its height, and what stands upon it.

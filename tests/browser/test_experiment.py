@@ -8,7 +8,7 @@ import pytest
 from support.visits import settle
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 RUNS = "Number(document.querySelector('.swarm-experiment')?.dataset.runs)"
 

@@ -11,7 +11,7 @@ from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.scene import scene_of
 from support.visits import blank_page
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 DRAW = """async ({ script, world, frame, travel, drawn }) => {
   const { Stage, unpacked } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));

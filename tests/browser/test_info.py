@@ -5,7 +5,7 @@ import pytest
 from mesa_swarm.about import model_info
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_pressing_a_preset_sets_its_parameters_and_plays(visit):

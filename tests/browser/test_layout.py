@@ -63,7 +63,7 @@ def test_a_page_is_completed_and_compressed_if_the_browser_takes_that(server, ta
     assert b'<html lang="en">' in (gzip.decompress(page) if packed else page)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_columns_fold_by_click_and_key_and_stay_folded_on_the_next_visit(opened):
     page, before = opened.page, opened.page.evaluate(STAGE)
     opened.press("Settings")
@@ -82,7 +82,7 @@ def test_columns_fold_by_click_and_key_and_stay_folded_on_the_next_visit(opened)
     page.wait_for_function("document.querySelector('.swarm-chart canvas').width > 100")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_full_screen_shows_the_world_with_its_bar_only_until_escape(opened):
     page, before = opened.page, opened.page.evaluate(STAGE)
     opened.press("Full screen")
@@ -101,7 +101,7 @@ def test_full_screen_shows_the_world_with_its_bar_only_until_escape(opened):
     assert page.locator(PANEL).is_visible()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_projector_gets_large_type_and_few_controls_until_the_button_is_pressed_again(opened, shots):
     page, before = opened.page, opened.page.evaluate(TYPE)
     opened.press("Projector")
@@ -121,7 +121,7 @@ def test_a_projector_gets_large_type_and_few_controls_until_the_button_is_presse
     assert page.evaluate(TYPE) == pytest.approx(1.25 * before)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_on_a_telephone_the_world_is_first_its_bar_below_and_the_panels_fold(visit, shots):
     visitor = visit(LINK, **PHONE)
     visitor.wait_for_step(5)
@@ -140,7 +140,7 @@ def test_on_a_telephone_the_world_is_first_its_bar_below_and_the_panels_fold(vis
     assert page.locator(SIDE).is_hidden()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_on_a_telephone_the_present_tab_is_in_sight_also_where_more_buttons_come(visit, recorded_fires):
     visitor = visit(LINK, **PHONE)
     page = visitor.page
@@ -153,7 +153,7 @@ def test_on_a_telephone_the_present_tab_is_in_sight_also_where_more_buttons_come
     page.wait_for_function(IN_SIGHT, arg="Replay")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (820, 1180), (320, 640)])
 def test_no_tab_of_a_touched_screen_scrolls_sideways_or_has_a_target_below_44_px(visit, recorded_fires, size, shots):
     width, height = size
@@ -175,7 +175,7 @@ def test_no_tab_of_a_touched_screen_scrolls_sideways_or_has_a_target_below_44_px
         assert page.evaluate(SMALL, 44) == [], tab
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_target_of_a_pointer_is_at_least_24_px(opened):
     shown = {"Models": ".swarm-card", "Compare": ".swarm-clock", "Experiment": ".swarm-experiment"}
     for tab, part in {**shown, "Replay": ".swarm-list", "Watch": SIDE}.items():
@@ -185,7 +185,7 @@ def test_every_target_of_a_pointer_is_at_least_24_px(opened):
         assert opened.page.evaluate(SMALL, 24) == [], tab
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_field_is_described_by_its_help_and_by_its_fault(opened):
     field = opened.field("initial_temperature")
     typed = field.locator("input[type=text]")
@@ -204,7 +204,7 @@ def test_a_field_is_described_by_its_help_and_by_its_fault(opened):
     assert opened.page.evaluate("document.activeElement.tagName") == "SELECT"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_in_colours_of_the_system_and_without_motion_the_page_can_be_used(visit, shots):
     visitor = visit(LINK, forced_colors="active", reduced_motion="reduce")
     visitor.wait_for_step(5)
@@ -217,7 +217,7 @@ def test_in_colours_of_the_system_and_without_motion_the_page_can_be_used(visit,
     visitor.page.wait_for_function(f"{moving}.length === 0")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_page_that_replays_cuts_nothing_off_and_its_details_fold(chromium, recorded_fires, tmp_path, shots):
     path = tmp_path / "page.html"
     path.write_text(replay_page(Recording(recorded_fires)), encoding="utf-8")

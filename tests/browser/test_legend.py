@@ -5,7 +5,7 @@ import pytest
 from support.visits import resize, settle
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 KEY = ".swarm-key"
 # The share of the canvas that the legend covers, and whether it covers any of the map.

@@ -13,7 +13,7 @@ from support.names import HOSTILE_NAMES, IMAGE
 from support.visits import HOST, LAUNCH, answers, blank_page, free_port
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 HALL = b'<svg width="800" height="600"><circle cx="400" cy="300" r="80"/></svg>'
 HARMED = "window.harmed === undefined && !document.querySelector('img[src=x], b img, svg[onload]')"

@@ -16,7 +16,7 @@ from mesa_swarm.viewing.scene import scene_of
 from support.visits import HOST, Visit, answers, blank_page, free_port
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 SCRIPT = palette.script() + text_of("viewing/canvas.js")
 # Draws a frame; returns the legend, the colour at some places of the map, and the texts that are written.

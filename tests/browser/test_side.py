@@ -11,7 +11,7 @@ from mesa_swarm.viewing.scene import scene_of
 from support.visits import add_chart, settle
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 LISTEN = """(() => {
     const send = WebSocket.prototype.send;

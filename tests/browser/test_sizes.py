@@ -4,7 +4,7 @@ import pytest
 
 from support.visits import resize
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 # The width and height of every map that is shown, as far as it is within its canvas, px.
 MAPS = """[...document.querySelectorAll(".swarm-stage canvas")].map((canvas) => {

@@ -5,7 +5,7 @@ import pytest
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 from support.visits import blank_page
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 LINK = "?model=fire_fighting&seed=1&step=50"
 # What is drawn: the world, and every chart.

@@ -4,7 +4,7 @@ import pytest
 
 from support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 ARENA = "document.querySelector('.swarm-stage canvas')?.arena?.().map(Math.round)"
 
