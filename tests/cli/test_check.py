@@ -214,9 +214,10 @@ def test_validate_prints_and_writes_a_table_of_quantities_beside_their_theory(ty
     lines = out.splitlines()
     assert lines[0].startswith("walker_coverage: independent walkers cover")
     assert lines[1].split("  ")[0] == "quantity and setting"
-    assert any(line.startswith("share of cells that 5 robots visit") and "0.1568" in line for line in lines)
+    assert any(line.startswith("share of cells that 5 robots visit") and " 0.15" in line for line in lines)
     made = tmp_path / "results" / "validation"
-    assert (made / "validation_quick.csv").read_text().startswith("item,claim,theory,measured,")
+    assert (made / "figure_walker_coverage_quick.csv").read_text().startswith("claim,theory,measured,")
+    assert not (made / "validation_quick.csv").exists(), "the table of all items is not replaced by one of a few"
     assert (made / "figure_walker_coverage_quick.png").exists()
     assert (tmp_path / "page.md").read_text().startswith("# Selected results")
     assert typed("validate --only walker_coverage --quick --quiet --jobs 1")[1].splitlines()[2:10] == lines[2:10]

@@ -74,11 +74,12 @@ def test_the_array_does_all_runs_and_the_job_after_it_makes_the_table_of_one_mac
 
 def test_an_array_that_is_killed_continues_and_makes_the_same_table(folder, environment, table):
     ledgers = folder / "results" / "grid"
-    job = run(folder, environment, "sbatch", "--parsable", "--array=1-2", "sweep.sbatch").strip()
+    job = run(folder, environment, "sbatch", "--parsable", "sweep.sbatch").strip()
     wait_until(lambda: any(path.stat().st_size for path in ledgers.glob("ledger-*.jsonl")), 300.0)
     run(folder, environment, "scancel", job)
     assert not (ledgers / "runs.parquet").exists()
-    run(folder, environment, "sbatch", "--array=1-2", "sweep.sbatch")
+    for task in "1234":  # a task by itself does the same part as in an array
+        run(folder, environment, "sbatch", f"--array={task}", "sweep.sbatch")
     wait_for_jobs(folder, environment)
     printed = run(folder, environment, sys.executable, "-m", "mesa_swarm.cli", "sweep", "grid.toml", "--jobs", "1")
     assert "12 runs, 12 of them before" in printed

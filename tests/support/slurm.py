@@ -1,6 +1,6 @@
 """A stand-in for SLURM on one machine: `sbatch`, `squeue` and `scancel`, whose jobs are processes of this machine.
 
-It knows the options that the documentation uses, in a script's #SBATCH lines and on the command line: --array=1-N,
+It knows the options that the documentation uses, in a script's #SBATCH lines and on the command line: --array=1-N or K,
 --dependency=afterany:ID, --output, --job-name, --parsable and --wrap; all others are ignored. Tasks of an array run at
 the same time, two at most. What it remembers is in the folder of the variable STANDIN, one folder a job.
 """
@@ -80,7 +80,8 @@ def carry_out(words: list[str]) -> None:
     for other in re.findall(r"\d+", options.dependency or ""):
         while is_there(jobs_folder() / other):
             time.sleep(0.05)
-    first, last = map(int, (options.array or "0-0").split("-"))
+    begin, _, end = (options.array or "0").partition("-")
+    first, last = int(begin), int(end or begin)
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         list(pool.map(lambda task: run_task(home, options, task, last - first + 1), range(first, last + 1)))
     (home / "done").touch()
