@@ -109,7 +109,7 @@ def kept_by(work):
 
 
 @with_batch_run
-@pytest.mark.slow
+@pytest.mark.long
 def test_batch_run_keeps_every_row_of_every_run_in_memory_and_sweep_none(tmp_path):
     def batch(runs):
         odd = {"odd": list(range(runs))}
@@ -149,7 +149,7 @@ if __name__ == "__main__":
 
 
 @with_batch_run
-@pytest.mark.slow
+@pytest.mark.long
 def test_batch_run_waits_for_ever_if_a_worker_dies_and_sweep_does_not(tmp_path):
     diary = tmp_path / "diary"
     script = tmp_path / "hang.py"

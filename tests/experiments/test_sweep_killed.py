@@ -109,7 +109,7 @@ def test_a_sweep_whose_driver_is_killed_ends_in_the_same_table_byte_for_byte(tmp
     check_each_run_was_done_once(folder / "ledger.jsonl", 24)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_of_100_runs_whose_driver_and_workers_are_killed_10_times_ends_in_the_same_table(tmp_path):
     table, ledger = killed_sweep(tmp_path, seeds=50, kills=10)
     assert table.read_bytes() == swept(50, tmp_path / "whole").read_bytes()

@@ -77,7 +77,7 @@ def printed_by(tmp_path, program, *words):
     return done.stdout.splitlines()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(find_spec("psutil") is None, reason="needs psutil, which comes with the extra [cluster]")
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path, jobs):
