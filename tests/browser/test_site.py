@@ -28,7 +28,7 @@ from support.visits import HOST, blank_page
 from support.waiting import wait_until
 
 pytest.importorskip("material", reason="the site needs the extra docs (pip install -e '.[docs]')")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ["mesa_swarm", *(f"mesa_swarm.{module.name}" for module in iter_modules(mesa_swarm.__path__))]
