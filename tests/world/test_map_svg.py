@@ -431,7 +431,7 @@ def repeated(n, element):
     ids=["lines", "corners", "rounded", "ellipses", "scanned", "freehand", "zigzag"],
 )
 def test_large_drawings_as_people_make_them_are_read(content, number):
-    with work_within(5):
+    with work_within(2):
         assert len(shapes(content)) == number
 
 
