@@ -88,7 +88,7 @@ def _draw_plane(axes: Axes, indices: Mapping[str, Mapping[str, Interval]], names
     axes.margins(0.15)
     axes.set_ylim(bottom=0)
     axes.set_xlabel("mu*", fontsize=TEXT)
-    axes.set_ylabel("sigma: interactions and curvature", fontsize=TEXT)
+    axes.set_ylabel("sigma: interactions, curvature", fontsize=TEXT - 2)
     axes.tick_params(labelsize=TEXT - 2)
     _plain(axes)
 
