@@ -3,16 +3,16 @@
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterable, Iterator
+import threading
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager, suppress
 from multiprocessing import resource_tracker
-from threading import Thread
 from time import sleep
 from typing import Any
 
 from joblib import Parallel, cpu_count, delayed
-from joblib.externals.loky import get_reusable_executor
 from joblib.parallel import LokyBackend, get_active_backend
 
 from mesa_swarm.errors import InvalidValueError, check_count
@@ -65,18 +65,42 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
         return
     place = {"n_jobs": -1} if is_remote() else {"n_jobs": workers, "backend": _local()}
     parallel = Parallel(**place, return_as="generator_unordered")
+    results: Iterator[Any] = iter(())
     try:
         with _interrupts_held():
             modules = imported()  # before the work, whose models may be in them
             results = parallel(delayed(worked)(modules, work, task) for task in tasks)
-        yield from results
-    except BaseException as error:
-        if not is_remote():
-            # Without this, workers would finish tasks whose results are no longer wanted.
-            get_reusable_executor().shutdown(wait=True, kill_workers=True)
-        if isinstance(error, BrokenProcessPool):
-            raise WorkerDiedError(str(error)) from error
-        raise
+        for result in results:  # noqa: UP028 - closed below, whatever ends this
+            yield result
+    except BrokenProcessPool as error:
+        raise WorkerDiedError(str(error)) from error
+    finally:
+        _give_up(results)
+
+
+def _give_up(results: Iterator[Any]) -> None:
+    """Stop tasks whose results are no longer wanted, with the workers that do them; joblib would warn of them."""
+    with warnings.catch_warnings(), _thread_of_loky_silenced():
+        warnings.filterwarnings("ignore", r"[0-9]+ tasks (which|have)", UserWarning)
+        if isinstance(results, Generator):
+            results.close()
+
+
+@contextmanager
+def _thread_of_loky_silenced() -> Iterator[None]:
+    """Ignore that loky's thread, when all tasks are given up, looks for those that it has not handed out yet."""
+    before = threading.excepthook
+
+    def hook(error: threading.ExceptHookArgs) -> None:
+        is_lokys = error.thread is not None and error.thread.name == "ExecutorManagerThread"
+        if not (is_lokys and issubclass(error.exc_type, KeyError)):
+            before(error)
+
+    threading.excepthook = hook
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
 def on_scheduler(address: str) -> AbstractContextManager[None]:
@@ -102,7 +126,7 @@ def is_remote() -> bool:
 
 def end_with(parent: int) -> None:
     """Let this process end at once when its parent, which has this id, is gone; also if it is gone already."""
-    Thread(target=_end_after, args=(parent,), name="end with the parent", daemon=True).start()
+    threading.Thread(target=_end_after, args=(parent,), name="end with the parent", daemon=True).start()
 
 
 def ending_with_us(script: str) -> str:
@@ -137,17 +161,37 @@ def _local() -> Workers:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Block Ctrl-C while workers start: they inherit this and never receive it; we stop them ourselves."""
-    hold = getattr(signal, "pthread_sigmask", None)
-    if hold is None:  # on Windows
+    """Hold Ctrl-C back while workers start: they inherit that it is blocked, since we stop them ourselves.
+
+    Any thread of this process receives it, also one that does not block it: a handler notes it until all have started.
+    """
+    resource_tracker.ensure_running()  # else workers start it, which unblocks Ctrl-C
+    received: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    is_ours = threading.current_thread() is threading.main_thread() and handler is not None  # others may not change it
+    if is_ours:
+        signal.signal(signal.SIGINT, lambda number, frame: received.append(number))
+    try:
+        with _interrupts_blocked():
+            yield
+    finally:
+        if is_ours:
+            signal.signal(signal.SIGINT, handler)
+        if received:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    mask = getattr(signal, "pthread_sigmask", None)
+    if mask is None:  # on Windows
         yield
         return
-    resource_tracker.ensure_running()  # else workers start it, which unblocks Ctrl-C
-    before = hold(signal.SIG_BLOCK, {signal.SIGINT})
+    before = mask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        hold(signal.SIG_SETMASK, before)
+        mask(signal.SIG_SETMASK, before)
 
 
 def _numbered(k: int, work: Callable, task: tuple) -> tuple[int, Any]:

@@ -1,10 +1,18 @@
 """Processes that work at the same time."""
 
+import os
+import sys
+from contextlib import closing, contextmanager
+from signal import SIGINT, default_int_handler, getsignal
+from threading import Event, Thread
+from time import sleep
+
 import pytest
 from joblib import cpu_count, parallel_config
 from joblib.externals.loky import get_reusable_executor
 
 from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.experiments import pool
 from mesa_swarm.experiments.pool import checked_jobs, ending_with_us, in_order, is_remote, on_all
 
 
@@ -25,6 +33,63 @@ def test_minus_one_is_a_job_on_each_core():
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_come_in_the_order_of_the_tasks(workers):
     assert in_order(workers, pow, [(2, 3), (3, 2)]) == [8, 9]
+
+
+@pytest.mark.usefixtures("own_workers")
+def test_an_interrupt_while_further_tasks_are_being_handed_out_is_raised(monkeypatch):
+    being_read = Event()
+
+    def tasks():
+        for k in range(12):
+            if k == 11:  # by now a thread of joblib reads them
+                being_read.set()
+                sleep(0.5)
+            yield 2, k
+
+    @contextmanager
+    def interrupted():
+        yield
+        assert being_read.wait(60)
+        raise KeyboardInterrupt
+
+    def use():
+        with pytest.raises(KeyboardInterrupt):
+            list(on_all(2, pow, tasks()))
+
+    monkeypatch.setattr(pool, "_interrupts_held", interrupted)
+    using = Thread(target=use, daemon=True)
+    using.start()
+    using.join(60)
+    assert not using.is_alive(), "workers and the thread that hands out tasks wait for each other"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process of Windows cannot be sent Ctrl-C alone")
+@pytest.mark.usefixtures("own_workers")
+def test_an_interrupt_that_another_thread_receives_waits_until_workers_have_started():
+    started, end = Event(), Event()
+
+    def tasks():
+        for k in range(3):
+            if k == 1:
+                os.kill(os.getpid(), SIGINT)
+                sleep(0.2)
+                started.set()
+            yield 2, k
+
+    Thread(target=end.wait, daemon=True).start()  # it does not block interrupts
+    with pytest.raises(KeyboardInterrupt):
+        list(on_all(2, pow, tasks()))
+    end.set()
+    assert started.is_set()
+    assert getsignal(SIGINT) is default_int_handler
+
+
+@pytest.mark.usefixtures("own_workers")
+def test_results_that_are_not_wanted_are_given_up_without_a_word(capfd):
+    for _ in range(20):
+        with closing(on_all(2, pow, ((2, k) for k in range(10_000)))) as results:
+            next(results)
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.usefixtures("own_workers")
