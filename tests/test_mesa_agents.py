@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from functools import partial
 from itertools import pairwise
 
 import mesa
@@ -113,15 +114,16 @@ def test_agents_of_this_package_are_made_by_their_model_and_mesas_ways_name_the_
     given = 3 if method == "create_agents" else pd.DataFrame({"x": [1, 2, 3]})
     with pytest.raises(InvalidValueError, match=r"use model\.add_") as error:
         getattr(kind, method)(model, given)
-    assert str(error.value).startswith(f"{kind.__name__}.{method}")
+    assert str(error.value).startswith(f"{kind.__name__}.{method} is not available")
     assert len(str(error.value)) <= 300
     assert len(model.agents) == before
 
 
-def test_what_the_message_about_robots_names_works():
+@pytest.mark.parametrize("make", [partial(Robot.create_agents, n=10), Robot, partial(Robot, x=1, y=2)])
+def test_what_the_message_about_robots_names_works(make):
     model = SwarmModel(rng=1)
     with pytest.raises(InvalidValueError) as error:
-        Robot.create_agents(model, 10)
+        make(model)
     call = str(error.value).partition("use ")[2].partition(" or ")[0]
     assert len(eval(call, {"model": model, "AGENT9": AGENT9})) == 10
 

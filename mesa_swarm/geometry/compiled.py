@@ -11,10 +11,16 @@ import numba
 from numba import njit, typeof
 from numba.core.caching import IndexDataCacheFile
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.geometry.apart import inherit_reloads, keep_apart
 
 # Numba finds its settings when it is imported, where no type checker sees them.
 settings: Any = numba.config
+if settings.DISABLE_JIT:
+    raise InvalidValueError(
+        "Numba's compiler is switched off by NUMBA_DISABLE_JIT, and mesa_swarm does not work without it; unset the "
+        "variable: to go through a compiled function line by line, call its py_func"
+    )
 PACKAGE = Path(__file__).resolve().parent.parent
 # The rooms that hold compiled functions.
 FLOORS = ("geometry", "robots", "physics", "control", "fire", "learning", "environments")

@@ -1,7 +1,7 @@
 """One robot: a handle on a row of the swarm, and a Mesa agent."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from mesa import Agent, Model
@@ -27,6 +27,12 @@ class Robot(ArenaAgent):
     __slots__ = ("model", "row", "swarm", "unique_id")  # the first and the last in the place of a dict for each robot
     _stored_apart: ClassVar[tuple[str, ...]] = ("swarm", "row")
     _made_by: ClassVar[str] = "model.add_robots(AGENT9, 10) or model.add_robots(AGENT9, poses=[(x, y, heading), ...])"
+
+    def __new__(cls, *given: Any, **named: Any) -> Self:
+        """Refuse `Robot(model)`, as agents of Mesa are made; copies and pickles give nothing."""
+        if given and isinstance(given[0], Model):
+            cls._refuse("(model)")
+        return super().__new__(cls)
 
     def __init__(self, space: Arena, model: Model, swarm: Swarm, row: int) -> None:
         self.swarm = swarm

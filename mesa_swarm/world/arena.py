@@ -414,17 +414,17 @@ class ArenaAgent(ContinuousSpaceAgent):
         InvalidValueError
             Always; it names the method of the model that makes such agents.
         """
-        cls._refuse("create_agents")
+        cls._refuse(".create_agents")
 
     @classmethod
     def from_dataframe(cls, model: Model, df: Any, **named: Any) -> NoReturn:
         """Refuse to make agents that are rows of their model's arrays, see `create_agents`."""
-        cls._refuse("from_dataframe")
+        cls._refuse(".from_dataframe")
 
     @classmethod
     def _refuse(cls, method: str) -> NoReturn:
         raise InvalidValueError(
-            f"{cls.__name__}.{method} is not available: a model makes its robots and bodies itself; use {cls._made_by}"
+            f"{cls.__name__}{method} is not available: a model makes its robots and bodies itself; use {cls._made_by}"
         )
 
     def get_neighbors_in_radius(self, radius: float = 1) -> Neighbours:

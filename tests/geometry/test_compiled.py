@@ -2,6 +2,8 @@
 
 import math
 import os
+import subprocess
+import sys
 
 import numba
 import pytest
@@ -56,3 +58,12 @@ def test_the_stamp_is_that_of_every_source_that_may_hold_a_compiled_function():
     holding = {path.parent.name for path in sources if "geometry.compiled import" in path.read_text(encoding="utf-8")}
     assert holding <= set(module.FLOORS)
     assert (module.PACKAGE / "geometry" / "compiled.py").samefile(module.__file__)
+
+
+def test_a_compiler_that_is_switched_off_is_named_in_one_line():
+    command = [sys.executable, "-m", "mesa_swarm.cli", "run", "boids", "--steps", "1"]
+    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    ended = subprocess.run(command, env=env, check=False, capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith("mesa-swarm: Numba's compiler is switched off by NUMBA_DISABLE_JIT")
