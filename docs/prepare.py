@@ -14,12 +14,12 @@ import shutil
 from pathlib import Path
 
 import nbformat
-from equations import with_mathml
 from gallery_page import gallery_page, write_pictures
 from model_pages import model_page
 from notebook_pages import executed, is_executed, write_page
 from recorded_runs import RecordedRun, recorded_runs
 from slide_show import slide_show
+from typesetting import typeset
 
 from mesa_swarm.gallery import gallery_names
 
@@ -45,7 +45,7 @@ def prepare(target: Path = TARGET) -> None:
     _write_models(target / "models")
     _write_notebooks(target / "notebooks", runs)
     for page in sorted(target.rglob("*.md")):
-        text = with_mathml(page.read_text(encoding="utf-8"))
+        text = typeset(page.read_text(encoding="utf-8"))
         if page.parent == target:  # in the repository notebooks lie beside docs/, on the site among the pages
             text = text.replace("](../notebooks/", "](notebooks/")
         if page.name == SLIDES:

@@ -40,6 +40,12 @@ def count_steps(axes: Axes) -> None:
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
 
 
+def name_places(axes: Axes, places: Sequence[float]) -> None:
+    """Label the places where something was measured on a logarithmic axis, instead of powers of ten."""
+    axes.set_xticks(places, [f"{place:g}" for place in places])
+    axes.minorticks_off()
+
+
 def draw_bundle(axes: Axes, x: ArrayLike, curves: np.ndarray, colour: str, label: str) -> None:
     """Draw curves, a row each, faintly, and their mean over them."""
     thin = slice(None, None, max(1, curves.shape[1] // MOST_POINTS))

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from mesa_swarm.analysis import polarization
 from mesa_swarm.reproduction.courses import Course, torus
-from mesa_swarm.reproduction.drawing import column, draw_means, plain_axes
+from mesa_swarm.reproduction.drawing import column, draw_means, name_places, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_difference, judged_mean, judged_theory
 from mesa_swarm.reproduction.laboratory import Laboratory, Numbers
 from mesa_swarm.reproduction.registry import items_of_theory
@@ -264,7 +264,8 @@ def density_figure(by_density: dict[float, list[dict]]) -> Figure:
     """Return a figure of order over density."""
     figure, axes = plain_axes("robots on the square of the range", f"order, noise {USUAL_NOISE:g}")
     draw_means(axes, DENSITIES, [column(rows, "order") for rows in by_density.values()], f"{LARGE} robots", 0)
-    axes.set(xscale="log", ylim=(0.0, 1.0))
+    axes.set(xscale="log", ylim=(0.0, 1.03))
+    name_places(axes, DENSITIES)
     axes.legend(frameon=False)
     return figure
 

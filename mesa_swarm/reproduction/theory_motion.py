@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.analysis import coverage
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.reproduction.courses import Course, apart, torus
-from mesa_swarm.reproduction.drawing import column, count_steps, draw_means, plain_axes
+from mesa_swarm.reproduction.drawing import column, count_steps, draw_means, name_places, plain_axes
 from mesa_swarm.reproduction.judging import Check, Result, judged_theory
 from mesa_swarm.reproduction.laboratory import Laboratory, Numbers
 from mesa_swarm.reproduction.registry import items_of_theory
@@ -361,7 +361,8 @@ def coverage_figure(made: dict[tuple, list[dict]]) -> Figure:
         measured = [[row["covered"][i] for row in made[straight, n]] for n in SWARMS]
         draw_means(axes, SWARMS, measured, label, place, joined=False)
     axes.plot([], [], color=LIGHT.soft, linewidth=1.2, label="theory")
-    axes.set(xscale="log", ylim=(0.0, 1.0))
+    axes.set(xscale="log", ylim=(0.0, 1.03))
+    name_places(axes, SWARMS)
     axes.legend(frameon=False)
     return figure
 

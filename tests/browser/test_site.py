@@ -19,9 +19,9 @@ from urllib.parse import unquote, urlsplit
 
 import nbformat
 import pytest
-from equations import with_mathml
 from notebook_pages import executed, write_page
 from recorded_runs import LARGEST
+from typesetting import typeset
 
 import mesa_swarm
 from support.visits import HOST, blank_page
@@ -115,7 +115,7 @@ def written(folder: Path, texts: list[str], code: str) -> Path:
         notebook = nbformat.v4.new_notebook(cells=[title, *more], metadata=kernel)
         nbformat.write(notebook, folder / f"{name}.ipynb")
         page = write_page(executed(folder / f"{name}.ipynb"), name, pages / "notebooks")
-        page.write_text(with_mathml(page.read_text()))
+        page.write_text(typeset(page.read_text()))
     return pages
 
 

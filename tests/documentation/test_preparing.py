@@ -4,10 +4,10 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from equations import with_mathml
 from gallery_page import gallery_page
 from notebook_pages import write_page
 from recorded_runs import LARGEST, RecordedRun, recorded_runs, steps_a_row
+from typesetting import typeset
 
 from mesa_swarm.dashboard.gallery_pictures import SHOTS
 from mesa_swarm.errors import InvalidValueError
@@ -29,27 +29,34 @@ class TestEquations:
             "from $ 5 $ on",
             "<code>$v$</code>",
             "``a ` $v$``",
+            "`[1, 2]`",
+            "```\n0.5 [0.1, 0.9]\n```",
+            "[1, 2](a.md) and [a, 2] and [1, 2, 3]",
         ],
     )
-    def test_code_and_money_stay_as_they_are(self, text):
-        assert with_mathml(text) == text
+    def test_code_money_and_what_is_no_interval_stay_as_they_are(self, text):
+        assert typeset(text) == text
 
     def test_an_equation_within_a_line_stays_within_it(self):
-        text = with_mathml("a speed $v_L + 1$, then")
+        text = typeset("a speed $v_L + 1$, then")
         assert text.startswith("a speed <math ")
         assert text.endswith("</math>, then")
         assert "\n" not in text
 
     def test_a_block_is_an_element_of_its_own(self):
-        before, block, after = with_mathml("this:\n$$\na < b\n$$\nthat").split("\n\n")
+        before, block, after = typeset("this:\n$$\na < b\n$$\nthat").split("\n\n")
         assert (before.strip(), after.strip()) == ("this:", "that")
         assert block.strip().startswith('<div class="equation"><math ')
         assert 'display="block"' in block
 
     def test_no_mark_of_markdown_is_left_in_an_equation(self):
-        text = with_mathml(r"$a^* \le |b|_1$")
+        text = typeset(r"$a^* \le |b|_1$")
         inside = text[text.index("<math") :]
         assert not set("*|_`") & set(inside)
+
+    @pytest.mark.parametrize("interval", ["[0.1, 0.9]", "[-1,234, +5]", "[.5, 12.0]"])
+    def test_an_interval_is_not_broken(self, interval):
+        assert typeset(f"| 0.5 {interval} |") == f"| 0.5 {interval.replace(', ', ',&nbsp;')} |"
 
 
 def page_of(folder: Path, *cells) -> str:

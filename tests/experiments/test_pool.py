@@ -86,7 +86,7 @@ def test_an_interrupt_that_another_thread_receives_waits_until_workers_have_star
 
 @pytest.mark.usefixtures("own_workers")
 def test_results_that_are_not_wanted_are_given_up_without_a_word(capfd):
-    for _ in range(20):
+    for _ in range(4):
         with closing(on_all(2, pow, ((2, k) for k in range(10_000)))) as results:
             next(results)
     assert capfd.readouterr() == ("", "")

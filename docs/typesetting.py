@@ -1,4 +1,4 @@
-"""Equations of a page as MathML, which browsers draw without a script."""
+"""Equations of a page as MathML, which browsers draw without a script, and intervals that no line breaks."""
 
 import re
 
@@ -8,6 +8,7 @@ from latex2mathml.converter import convert
 PARTS = re.compile(
     r"(?P<code>^(?P<fence>`{3,}|~{3,})[^\n]*\n.*?^(?P=fence)[ \t]*$|(?P<ticks>`+)(?!`).+?(?<!`)(?P=ticks)(?!`)"
     r"|<(?P<tag>pre|code|script|style)\b.*?</(?P=tag)>)"
+    r"|\[(?P<low>[-+]?[\d,.]*\d), (?P<high>[-+]?\d[\d,.]*)\](?!\()"
     r"|\$\$(?P<block>.+?)\$\$|(?<![\\$])\$(?P<inline>[^\s$](?:[^$]*?[^\s$\\])?)\$(?![\d$])",
     re.DOTALL | re.MULTILINE,
 )
@@ -15,16 +16,22 @@ PARTS = re.compile(
 MARKS = str.maketrans({mark: f"&#{ord(mark)};" for mark in "*_`|\\[]{}~^"})
 
 
-def with_mathml(markdown: str) -> str:
+def typeset(markdown: str) -> str:
     """Return a page with its equations, ``$...$`` within a line and ``$$...$$`` as a block, as MathML.
 
-    >>> with_mathml("`$v$` is code, $5 and $6 are money, $v$ is a speed")
+    Intervals are kept in one line: ``[0.1, 0.2]`` with a space that does not break.
+
+    >>> typeset("`$v$` is code, $5 and $6 are money, $v$ is a speed")
     '`$v$` is code, $5 and $6 are money, <math xmlns="http://www.w3.org/1998/Math/MathML" display="inline"><mrow><mi>v</mi></mrow></math> is a speed'
+    >>> typeset("`[1, 2]` is code, 0.15 [0.1, 0.2] has an interval")
+    '`[1, 2]` is code, 0.15 [0.1,&nbsp;0.2] has an interval'
     """  # noqa: E501 - MathML is long
     return PARTS.sub(_replaced, markdown)
 
 
 def _replaced(found: re.Match) -> str:
+    if found["low"]:
+        return f"[{found['low']},&nbsp;{found['high']}]"
     if found["inline"]:
         return _mathml(found["inline"], "inline")
     return f'\n\n<div class="equation">{_mathml(found["block"], "block")}</div>\n\n' if found["block"] else found[0]
