@@ -165,7 +165,6 @@ def _interrupts_held() -> Iterator[None]:
 
     Any thread of this process receives it, also one that does not block it: a handler notes it until all have started.
     """
-    resource_tracker.ensure_running()  # else workers start it, which unblocks Ctrl-C
     received: list[int] = []
     handler = signal.getsignal(signal.SIGINT)
     is_ours = threading.current_thread() is threading.main_thread() and handler is not None  # others may not change it
@@ -187,6 +186,7 @@ def _interrupts_blocked() -> Iterator[None]:
     if mask is None:  # on Windows
         yield
         return
+    resource_tracker.ensure_running()  # else workers start it, which unblocks Ctrl-C
     before = mask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
