@@ -117,9 +117,12 @@ class PanelView {
     const part = (label) => make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${field.label}, ${label}`, change: send });
     const parts = [part("from"), part("to"), part("number")];
     const words = ["from", "to", "number"].map((word, k) => make("label", {}, word, parts[k]));
-    const list = this.#text(field.name, field.label), box = make("div", { class: "swarm-span" }, make("div", { class: "swarm-row" }, ...words), list);
-    const frame = this.#frame(field, box, list);
-    this.#fields.get(field.name).more = ({ span }) => parts.forEach((one, k) => { if (document.activeElement !== one) one.value = span[k]; });
+    const row = make("div", { class: "swarm-row" }, ...words), list = this.#text(field.name, field.label);
+    const frame = this.#frame(field, make("div", { class: "swarm-span" }, row, list), list);
+    // As with boxes: while one of the three is in use, an answer to an earlier one replaces none of them.
+    this.#fields.get(field.name).more = ({ span }) => {
+      if (!row.contains(document.activeElement)) parts.forEach((one, k) => { one.value = span[k]; });
+    };
     return frame;
   }
 

@@ -147,3 +147,25 @@ def test_a_late_answer_to_a_tick_does_not_undo_a_later_one(experiment):
     page.wait_for_selector(".swarm-field[data-name=values].swarm-wrong")
     assert True not in page.evaluate("window.ticked")
     assert [box.is_checked() for box in page.locator(".swarm-ticks input").all()] == [False, False]
+
+
+def test_a_late_answer_to_one_end_of_a_range_does_not_undo_the_other(experiment):
+    page = experiment.page
+    texts = page.evaluate(
+        """() => {
+          const [from, to, number] = document.querySelectorAll(".swarm-field[data-name=values] .swarm-span .swarm-row input");
+          const { get, set } = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value");
+          window.written = [];
+          const enter = (one, text) => { one.focus(); one.value = text; one.dispatchEvent(new Event("change")); };
+          enter(from, "2");
+          enter(to, "8");
+          Object.defineProperty(to, "value", { get, set(value) { window.written.push(value); set.call(to, value); } });
+          number.focus();
+          return to.value;
+        }"""
+    )
+    values = experiment.field("values")
+    wait_until(lambda: values.locator("input").last.input_value().startswith("2, "))
+    wait_until(lambda: values.locator("input").last.input_value().endswith(", 8"))
+    assert texts == "8"
+    assert set(page.evaluate("window.written")) <= {"8"}
