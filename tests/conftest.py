@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -21,6 +22,15 @@ def pytest_addoption(parser):
     parser.addoption(
         "--at-length", action="store_true", help="thousands of hostile inputs, the longest runs on all seeds"
     )
+
+
+def pytest_sessionstart(session):
+    """Compile before all tests what most need: processes of pytest-xdist would compile the same at the same time."""
+    running = session.config
+    is_whole = running.args_source is pytest.Config.ArgsSource.TESTPATHS and not running.option.collectonly
+    if is_whole and not hasattr(running, "workerinput"):
+        # Tests report what is wrong if it fails.
+        subprocess.run([sys.executable, "-m", "mesa_swarm.cli", "warm-up"], check=False)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -191,6 +191,7 @@ def test_an_installed_model_is_run_and_compared_by_processes_of_their_own(instal
     assert "spoilt" not in done.stdout
 
 
+@pytest.mark.slow
 def test_workers_import_the_files_of_models_even_if_they_were_started_before(folder):
     compare("agglomeration", "n_robots", [4, 5], seeds=1, steps=2, jobs=2)
     write_model(folder)

@@ -96,6 +96,7 @@ def test_what_a_program_has_exempted_stays_exempt():
     assert done.stdout == "True\n"
 
 
+@pytest.mark.slow
 def test_garbage_made_meanwhile_is_collected_later_unless_it_is_for_good():
     for for_good, found in ((False, 1), (True, 0)):
         gc.collect()

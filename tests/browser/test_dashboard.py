@@ -215,11 +215,13 @@ def test_a_map_is_uploaded_and_another_file_is_refused_in_one_line(visit):
     wait_until(lambda: "expected at most 1,000,000" in visitor.field("map").locator(".swarm-fault").inner_text())
 
 
+@pytest.mark.slow
 def test_only_maps_on_which_the_model_can_be_built_are_offered(visitor):
     offered = visitor.field("map").locator("option").all_inner_texts()
     assert offered == ["openspace_fire"]
 
 
+@pytest.mark.slow
 def test_a_model_that_cannot_be_built_shows_a_card_with_a_way_back(visitor):
     hand_over(visitor, "hall.svg", HALL)
     card = visitor.page.locator(".swarm-trouble")
@@ -241,6 +243,7 @@ def test_a_robot_is_selected_by_a_click_and_followed(visit):
     assert follow.get_attribute("aria-pressed") == "false"
 
 
+@pytest.mark.slow
 def test_everything_is_in_sight_on_a_small_laptop_and_has_a_name(visitor):
     page = visitor.page
     for selector in (".swarm-stage canvas", ".swarm-buttons", ".swarm-readings", ".swarm-past", ".swarm-theme"):
@@ -277,6 +280,7 @@ def hear_all(visitor) -> None:
     wait_until(lambda: speed.locator("output").inner_text() != before)
 
 
+@pytest.mark.slow
 def test_play_and_pause_pressed_quickly_leave_it_as_the_last_one_requests(visitor):
     for _ in range(15):
         visitor.page.keyboard.press(" ")

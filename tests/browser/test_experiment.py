@@ -153,7 +153,7 @@ def test_a_late_answer_to_one_end_of_a_range_does_not_undo_the_other(experiment)
     page = experiment.page
     texts = page.evaluate(
         """() => {
-          const [from, to, number] = document.querySelectorAll(".swarm-field[data-name=values] .swarm-span .swarm-row input");
+          const [from, to, number] = document.querySelectorAll("[data-name=values] .swarm-span .swarm-row input");
           const { get, set } = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value");
           window.written = [];
           const enter = (one, text) => { one.focus(); one.value = text; one.dispatchEvent(new Event("change")); };

@@ -42,6 +42,7 @@ def opened(visit):
     return visitor
 
 
+@pytest.mark.slow
 def test_the_page_names_its_language_and_its_model_and_can_be_enlarged(opened):
     page = opened.page
     assert page.evaluate("document.documentElement.lang") == "en"

@@ -59,6 +59,7 @@ def spiked(spikes, inner, outer):
     return shapely.Polygon(50 + np.column_stack([np.cos(azimuth), np.sin(azimuth)]) * far[:, None])
 
 
+@pytest.mark.slow
 def test_a_star_of_thousands_of_spikes_is_grown_within_seconds_and_nothing_is_called_free_that_is_not():
     star = spiked(2500, 10, 30)
     with work_within(5):
