@@ -2,13 +2,11 @@
 
 import gc
 import math
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import count, islice
 from random import Random
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NoReturn, Protocol, TypeVar, overload
-from weakref import WeakKeyDictionary, ref
+from weakref import ref
 
 import numpy as np
 from mesa import Model
@@ -26,33 +24,51 @@ Neighbours = tuple[list[ContinuousSpaceAgent], np.ndarray]
 ONE_AT_A_TIME = "positions are written one agent at a time; set agent.position"
 
 
-class ModelCounters(WeakKeyDictionary):
-    """A counter of agents for every model, forgotten together with the model."""
+class _Counter:
+    """The unique_ids of a model's agents, counted in an attribute of the model, as Mesa does from 3.5 on."""
 
-    def __getitem__(self, model: Model) -> Iterator[int]:
-        """Return the model's counter, a new one from 1 on if it has none yet."""
-        return self.setdefault(model, count(1))
+    def __init__(self, model: Model) -> None:
+        self._model = model
+
+    def __iter__(self) -> Iterator[int]:
+        return self
+
+    def __next__(self) -> int:
+        """Return the unique_id of the next agent, and count it."""
+        unique_id = next_id(self._model)
+        set_next_id(self._model, unique_id + 1)
+        return unique_id
 
 
-# Mesa 3.3 counts agents in a plain dict on the class, which holds every model in memory for good.
-# From Mesa 3.5 on the model counts, and there is no such dict.
-if hasattr(Agent, "_ids"):
-    Agent._ids = ModelCounters(Agent._ids)
+class ModelCounters:
+    """The counters of all models, in the place of the table in which Mesa 3.3 looks them up.
+
+    Each model has its own count, so that a copy or an unpickled model goes on counting where the original was.
+    """
+
+    def __getitem__(self, model: Model) -> _Counter:
+        return _Counter(model)
 
 
 def next_id(model: Model) -> int:
-    """Return the unique_id of the next agent of a model."""
-    if hasattr(model, "agent_id_counter"):
-        return model.agent_id_counter
-    return int(repr(Agent._ids[model]).removeprefix("count(").removesuffix(")"))
+    """Return the unique_id of the next agent of a model: 1 for the first one."""
+    if "agent_id_counter" not in model.__dict__:  # a new model; or one that an older version has pickled
+        present = (agent.unique_id for agent in getattr(model, "_agents", ()))
+        set_next_id(model, max(present, default=0) + 1)
+    return model.agent_id_counter
 
 
 def set_next_id(model: Model, unique_id: int) -> None:
     """Set the unique_id of the next agent of a model."""
-    if hasattr(model, "agent_id_counter"):
-        model.agent_id_counter = unique_id
-    else:
-        Agent._ids[model] = count(unique_id)
+    model.agent_id_counter = unique_id
+
+
+# Mesa 3.3 counts agents in a plain dict on the class, which holds every model in memory for good, and in which a
+# copied model has no entry. From Mesa 3.5 on the model counts, and there is no such dict.
+if hasattr(Agent, "_ids"):
+    for _model, _counter in Agent._ids.items():
+        set_next_id(_model, int(repr(_counter).removeprefix("count(").removesuffix(")")))
+    Agent._ids = ModelCounters()
 
 
 class Positioned(Protocol):
@@ -341,9 +357,8 @@ def register_together(model: Model, space: Arena, agents: Sequence["ArenaAgent"]
 
     The model is one that `registers_together`.
     """
-    first, counter = space._n_agents, Agent._ids[model]
-    unique_id = next(counter)
-    deque(islice(counter, len(agents) - 1), maxlen=0)
+    first, unique_id = space._n_agents, next_id(model)
+    set_next_id(model, unique_id + len(agents))
     numbers = _numbers((unique_id, first, rows.start), len(agents))
     for agent, own_id, index, row in zip(agents, *numbers, strict=True):
         agent.model, agent.space = model, space
