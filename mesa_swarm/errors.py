@@ -79,6 +79,10 @@ class UnstoredStateWarning(UserWarning):
     """A model is recorded without checkpoints; the message names what cannot be stored."""
 
 
+class StepWarning(UserWarning):
+    """A step of a custom class omits the model's own step, or collects what is collected already."""
+
+
 class ExportWarning(UserWarning):
     """An export shows less than the run."""
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.errors import InvalidValueError, check_name, check_number
+from mesa_swarm.world.read_only import read_only
 
 # Stands for the robot of an event that no robot is part of.
 WITHOUT_ROBOT = -1
@@ -47,7 +48,7 @@ class EventLog:
     @property
     def name(self) -> NDArray[np.str_]:
         """The name of each, shape (k,)."""
-        return np.array(self.names or [""])[self._series["code"]]
+        return read_only(np.array(self.names or [""])[self._series["code"]])
 
     @property
     def unique_id(self) -> NDArray[np.int64]:
@@ -60,7 +61,7 @@ class EventLog:
         return self._column("value")
 
     def _column(self, name: str) -> np.ndarray:
-        return np.array(self._series[name], np.float64 if SERIES[name] == "d" else np.int64)
+        return read_only(np.array(self._series[name], np.float64 if SERIES[name] == "d" else np.int64))
 
     @property
     def counts(self) -> dict[str, int]:

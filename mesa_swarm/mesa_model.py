@@ -1,6 +1,7 @@
 """MesaModel: Mesa's model with all that depends on its version: steps, clock, seed, scenario, removal of agents."""
 
 import inspect
+import warnings
 from collections import defaultdict
 from collections.abc import Callable, Container, Mapping
 from random import Random
@@ -9,7 +10,7 @@ from typing import Any, ClassVar, cast
 import mesa
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, UnobservedStepError, shortened
+from mesa_swarm.errors import InvalidValueError, StepWarning, UnobservedStepError, shortened
 from mesa_swarm.observers import Observers
 from mesa_swarm.parameters import check_names
 from mesa_swarm.streams import Seed
@@ -81,6 +82,7 @@ class MesaModel(mesa.Model):
                 observer.before_step(self)
             self._begin_step()
             type(self).step(self, *given, **named)
+            self._end_step()
             for observer in observers.complete:
                 observer.between_steps(self)
         except BaseException:
@@ -102,6 +104,9 @@ class MesaModel(mesa.Model):
 
     def _begin_step(self) -> None:
         """Prepare for a step, before the model's own class does anything of it."""
+
+    def _end_step(self) -> None:
+        """Complete a step, after the model's own class has done all of it."""
 
     def deregister_agent(self, agent: mesa.Agent) -> None:
         """Take an agent out of the model; of robots, obstacles, loads, fires and other bodies as their `remove` does.
@@ -208,6 +213,48 @@ def _schedule_again(model: MesaModel) -> None:
     if schedule is not None:
         schedule.pause()
         schedule.resume()
+
+
+class Collector(mesa.DataCollector):
+    """The data collector that a model makes for itself: one row a step, also if the model's class collects as well."""
+
+    _collected: tuple[int, int] | None = None
+    _warned = False
+
+    def collect(self, model: Any) -> None:
+        """Add a row of the present state, in the place of one that was collected after the same step."""
+        now = (model.steps, model.completed)
+        if self._collected == now:
+            self._warn(model)
+            for values in self.model_vars.values():
+                values.pop()
+        super().collect(model)
+        self._collected = now
+
+    def _warn(self, model: Any) -> None:
+        if self._warned:
+            return
+        self._warned = True
+        warnings.warn(
+            f"{type(model).__name__} collected step {model.completed} twice, of which the later row counts: a model "
+            "collects by itself; leave out datacollector.collect(...), or collect by it alone with collect_every=0",
+            StepWarning,
+            stacklevel=3,
+        )
+
+
+def add_reporters(collector: mesa.DataCollector, reporters: Mapping[str, Any]) -> None:
+    """Let a data collector collect these of the model as well; they are missing in rows that it has already."""
+    rows = max(map(len, collector.model_vars.values()), default=0)
+    for name in [name for name in reporters if name not in collector.model_reporters]:
+        collector.model_reporters[name] = reporters[name]
+        collector.model_vars[name] = [None] * rows
+
+
+def rows_in(collector: mesa.DataCollector) -> tuple[int, ...]:
+    """Return how many rows a data collector has of the model, of agents, and of agents of a type."""
+    of_agents = (collector._agent_records, collector._agenttype_records)
+    return (*map(len, collector.model_vars.values()), *map(len, of_agents))
 
 
 def collected_of_agents(collector: mesa.DataCollector, steps: int, time: float) -> list[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """EngineModel: the world, its step, written once, its observers and its fingerprint."""
 
 import os
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import blake2b
@@ -16,6 +17,7 @@ from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
+    StepWarning,
     asked,
     check_choice,
     check_count,
@@ -23,6 +25,7 @@ from mesa_swarm.errors import (
     shortened,
 )
 from mesa_swarm.imperfect_model import ImperfectModel
+from mesa_swarm.mesa_model import Collector, add_reporters, rows_in
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
 from mesa_swarm.parameters import Dial, Noise, Slip
@@ -46,6 +49,9 @@ from mesa_swarm.world.map import Map
 from mesa_swarm.world.statics import SOURCE
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
+REPORTERS = {name: name for name in ("collisions", "total_collisions")}
+# What is known of the present step, or of the last one.
+OF_STEP = ("_begun", "_omitted", "_rows_begun", "_row_due")
 # Indices that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
@@ -55,14 +61,18 @@ class EngineModel(ImperfectModel):
 
     _control: Arbiter | None = None
     _completed: int = 0
+    _begun: int = 0  # the steps that were completed when the present one began
+    _omitted: bool = False  # whether a warning was given of a step without the model's own
+    _rows_begun: tuple[int, ...] | None = None  # during a step with a data collector of the user's own
+    _row_due: bool = False
     _snapshots: Snapshots | None = None
     _stored_apart: ClassVar[tuple[str, ...]] = (
         *("_engine", "_own_parts", "_channel", "_control", "_senses", "_senses_version", "_sensed"),
-        *("_noise", "_snapshots", "observers", "datacollector", "_collect_every"),
+        *("_noise", "_snapshots", "observers", "datacollector", "_collect_every", *OF_STEP),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (
         *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector"),
-        "_collect_every",
+        *("_collect_every", *OF_STEP),
     )
     _numbers: ClassVar[dict[str, tuple[type, ...]]] = {
         "running": (bool, np.bool_),
@@ -104,10 +114,7 @@ class EngineModel(ImperfectModel):
         for name, given in (("model_reporters", model_reporters), ("agent_reporters", agent_reporters)):
             if given is not None and not isinstance(given, Mapping):
                 raise InvalidValueError(f"{name} is {shortened(given)}; expected a dict of reporters by name")
-        reporters = {"collisions": "collisions", "total_collisions": "total_collisions"}
-        self.datacollector = mesa.DataCollector(
-            model_reporters={**reporters, **(model_reporters or {})}, agent_reporters=agent_reporters
-        )
+        self.datacollector = Collector({**REPORTERS, **(model_reporters or {})}, agent_reporters)
 
     @property
     def observers(self) -> Observers:
@@ -117,6 +124,42 @@ class EngineModel(ImperfectModel):
     @observers.setter
     def observers(self, observers: Iterable[Any]) -> None:
         self.__dict__["observers"] = Observers(observers)
+
+    @property
+    def datacollector(self) -> mesa.DataCollector:
+        """What is collected in each step, see `collect_every`; it may be replaced by another data collector.
+
+        Such a collector gets `collisions` and `total_collisions` as well. It is collected by the model's class, as is
+        usual in Mesa, or else, in steps in which that does not collect, by the model at the end of the step.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is replaced by something else than a data collector.
+
+        Examples
+        --------
+        >>> import mesa
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> class Usual(SwarmModel):
+        ...     def __init__(self, *, rng=None):
+        ...         super().__init__(rng=rng)
+        ...         self.datacollector = mesa.DataCollector(model_reporters={"robots": lambda model: len(model.robots)})
+        ...
+        ...     def step(self):
+        ...         super().step()
+        ...         self.datacollector.collect(self)
+        >>> Usual(rng=1).run(5).datacollector.get_model_vars_dataframe().shape
+        (5, 3)
+        """
+        return self.__dict__["datacollector"]
+
+    @datacollector.setter
+    def datacollector(self, collector: mesa.DataCollector) -> None:
+        if not isinstance(collector, mesa.DataCollector):
+            raise InvalidValueError(f"datacollector is {shortened(collector)}; expected a mesa.DataCollector(...)")
+        add_reporters(collector, REPORTERS)
+        self.__dict__["datacollector"] = collector
 
     @property
     def threads(self) -> int:
@@ -376,7 +419,11 @@ class EngineModel(ImperfectModel):
         if self._snapshots is not None and self._snapshots.trigger.is_due(self._completed):
             self._snapshots.append(self._completed)
         if self._collect_every.is_due(self._completed):
-            self.datacollector.collect(self)
+            collector = self.__dict__["datacollector"]
+            if self._rows_begun is None:
+                collector.collect(self)
+            else:
+                self._row_due = True
         for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
 
@@ -391,8 +438,32 @@ class EngineModel(ImperfectModel):
         return self._completed
 
     def _begin_step(self) -> None:
+        self._begun = self._completed
+        collector = self.__dict__["datacollector"]
+        if type(collector) is not Collector:
+            self._rows_begun, self._row_due = rows_in(collector), False
         if self._movers is not None:
             self._movers.begin_step()
+
+    def _end_step(self) -> None:
+        if self._rows_begun is not None:
+            self._collect_once(self._rows_begun)
+        if self._completed == self._begun and not self._omitted:
+            self._omitted = True
+            name = type(self).__name__
+            warnings.warn(
+                f"{name}.step took no step of the model, so that nothing in it has moved; call super().step() in "
+                "it, once",
+                StepWarning,
+                stacklevel=3,
+            )
+
+    def _collect_once(self, rows_begun: tuple[int, ...]) -> None:
+        """Collect by a collector of the user's own, unless the step of the model's class has."""
+        collector, due = self.__dict__["datacollector"], self._row_due
+        self._rows_begun, self._row_due = None, False
+        if due and rows_in(collector) == rows_begun:
+            collector.collect(self)
 
     @property
     def contacts(self) -> "Contacts":

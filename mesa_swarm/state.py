@@ -10,6 +10,7 @@ import numpy as np
 from mesa import Agent
 
 from mesa_swarm.errors import InvalidValueError, check_name, shortened
+from mesa_swarm.world.read_only import ReadOnlyArray
 
 # Values that are restored with their types and bits: these, NumPy's numbers and arrays, and what holds them.
 ATOMS = (bool, int, str, float, type(None))
@@ -102,7 +103,9 @@ def _odd_in(value: Any, depth: int) -> tuple[Any] | None:
     if kind in ATOMS or kind in (bytes, complex):
         return None
     if isinstance(value, (np.ndarray, np.generic)):
-        exact = kind in (np.ndarray, value.dtype.type) and value.dtype.kind in KINDS and value.dtype.itemsize
+        exact = (
+            kind in (np.ndarray, ReadOnlyArray, value.dtype.type) and value.dtype.kind in KINDS and value.dtype.itemsize
+        )
         return None if exact else (value,)
     if depth > DEEPEST or (kind is not dict and SEQUENCES.get(kind.__name__) is not kind):
         return (value,)

@@ -167,11 +167,6 @@ def test_a_class_name_is_used_once_in_the_package():
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
 
 
-def test_a_file_is_at_most_600_lines_long():
-    lengths = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in MODULES.items()}
-    assert {name: length for name, length in lengths.items() if length > 600} == {}
-
-
 @pytest.mark.parametrize("path", sorted((ROOT / "models").glob("*.py")), ids=lambda p: p.name)
 def test_a_model_file_is_short_enough_to_be_read_at_one_go(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 150

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import mesa
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -121,9 +120,13 @@ class TaskWorld(SwarmModel):
         self, *, task: Task, commanded: int | None = None, control: Control | None = None, rng: Seed = None
     ) -> None:
         super().__init__(
-            map=task.map, rng=rng, history_every=0, fire_constants=task.constants, communication=task.radio
+            map=task.map,
+            rng=rng,
+            history_every=0,
+            collect_every=0,
+            fire_constants=task.constants,
+            communication=task.radio,
         )
-        self.datacollector = mesa.DataCollector()
         self.task = task
         self.commanded = _checked_commanded(task, commanded, control)
         self.rewarded = self.commanded or task.n_robots

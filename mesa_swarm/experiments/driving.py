@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import mesa
 import numpy as np
 
 from mesa_swarm.analysis.coverage import coverage
@@ -19,8 +18,7 @@ MEASURES = ("collisions", "worst robot", "speed ahead", "coverage")
 
 def driven_world(control: Arbiter, design: RobotDesign, robots: int, world: Map | str, rng: int) -> SwarmModel:
     """Return a model whose robots are driven by a control, without history."""
-    model = SwarmModel(map=world, rng=rng, history_every=0)
-    model.datacollector = mesa.DataCollector()
+    model = SwarmModel(map=world, rng=rng, history_every=0, collect_every=0)
     model.add_robots(design, robots)
     model.control = control
     return model

@@ -10,6 +10,7 @@ from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Arena, ArenaAgent, Model
 from mesa_swarm.world.bodies import Body
+from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, disc
 from mesa_swarm.world.statics import FIRE, KINDS
 
@@ -85,7 +86,7 @@ class Fires:
     @property
     def discs(self) -> np.ndarray:
         """x, y and radius, shape (f, 3)."""
-        return np.column_stack([self.columns["position"], self.columns["radius"]])
+        return read_only(np.column_stack([self.columns["position"], self.columns["radius"]]))
 
     def times_out(self, first: int | None = None) -> dict[str, int | None]:
         """Return the step at which each of the first fires, or of all, went out, or None, by a name for tables.
@@ -156,7 +157,7 @@ class Fire(Body):
     @property
     def position(self) -> NDArray[np.float64]:
         """Centre, shape (2,)."""
-        return self._read("position").copy()
+        return read_only(self._read("position").copy())
 
     @position.setter
     def position(self, value: Coordinates) -> None:

@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES
+from mesa_swarm.world.read_only import ReadOnlyArray
 
 MAGIC = b"swarm checkpoint 1\n"
 LENGTH = 8
@@ -63,6 +64,7 @@ class Packed:
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON, in which numbers stand for arrays."""
+        value = value.copy() if isinstance(value, ReadOnlyArray) else value
         kind = type(value)
         if depth > DEEPEST:
             raise RecordingError(f"{what} is nested more than {DEEPEST} deep, or contains itself")

@@ -13,6 +13,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.parts import reserve
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LASTING, WHEELS, Swarm
 from mesa_swarm.world.arena import Arena, ArenaAgent, leave_together, register_together, registers_together, uncollected
+from mesa_swarm.world.read_only import read_only
 
 SIDES = {"left": 1.0, "right": -1.0}
 
@@ -21,7 +22,8 @@ class Robot(ArenaAgent):
     """A robot. It knows its swarm and its row; all else is read from the swarm's columns.
 
     Created by `SwarmModel.add_robots`; taken out with `remove()` or `SwarmModel.remove_robots`. Reading
-    gives copies; setting is checked first. A robot that was removed raises `RemovedRobotError`.
+    gives copies, which refuse to be written to; setting is checked first. A robot that was removed raises
+    `RemovedRobotError`.
     """
 
     __slots__ = ("model", "row", "swarm", "unique_id")  # the first and the last in the place of a dict for each robot
@@ -51,12 +53,12 @@ class Robot(ArenaAgent):
         if name.startswith("__") or name == "swarm" or name not in self.swarm.table.readings:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
         width = sum(int(sensor.width) for sensor in self.design.own if sensor.name == name)
-        return self._read(name)[:width].copy()
+        return self._copied(name, width)
 
     @property
     def position(self) -> NDArray[np.float64]:
         """Centre of the body, shape (2,), map units."""
-        return self._read("position").copy()
+        return self._copied("position")
 
     @position.setter
     def position(self, value: Sequence[float] | np.ndarray) -> None:
@@ -126,7 +128,7 @@ class Robot(ArenaAgent):
     @property
     def command(self) -> NDArray[np.float64]:
         """Commanded rim speeds, left and right, or as many numbers as its drive has."""
-        return self._read("command")[: self.design.numbers].copy()
+        return self._copied("command", self.design.numbers)
 
     @property
     def layer(self) -> int:
@@ -141,17 +143,17 @@ class Robot(ArenaAgent):
     @property
     def goal(self) -> NDArray[np.float64]:
         """The position at which it works, in its own frame when it decided, NaN for none."""
-        return self._read("goal").copy()
+        return self._copied("goal")
 
     @property
     def distance(self) -> NDArray[np.float64]:
         """Readings of its proximity sensors, -1 where nothing is seen."""
-        return self._read("distance")[: len(self.design.proximity)].copy()
+        return self._copied("distance", len(self.design.proximity))
 
     @property
     def kind(self) -> NDArray[np.int8]:
         """What its proximity sensors see: 0 obstacle, 1 robot, 2 fire, 3 load, -1 nothing."""
-        return self._read("kind")[: len(self.design.proximity)].copy()
+        return self._copied("kind", len(self.design.proximity))
 
     @property
     def fire(self) -> int:
@@ -166,17 +168,17 @@ class Robot(ArenaAgent):
     @property
     def radiation(self) -> NDArray[np.float64]:
         """Readings of its radiation sensors: temperatures, 0 for no fire."""
-        return self._read("radiation")[: len(self.design.radiation)].copy()
+        return self._copied("radiation", len(self.design.radiation))
 
     @property
     def line(self) -> NDArray[np.bool]:
         """Readings of its line sensors: whether each is over a mark."""
-        return self._read("line")[: len(self.design.line)].copy()
+        return self._copied("line", len(self.design.line))
 
     @property
     def slip(self) -> NDArray[np.float64]:
         """The truth about its wheels, left and right: 0 rolled as commanded, 1 not at all (A.5)."""
-        return self._read("slip")[: self.design.numbers].copy()
+        return self._copied("slip", self.design.numbers)
 
     @property
     def heat(self) -> float:
@@ -319,6 +321,10 @@ class Robot(ArenaAgent):
 
     def _read(self, name: str) -> Any:
         return self.swarm.columns[name][self.alive()]
+
+    def _copied(self, name: str, width: int | None = None) -> Any:
+        """Return the first numbers of its row of a column, which cannot be written to: that would change nothing."""
+        return read_only(self._read(name)[:width].copy())
 
     def _write(self, name: str, value: Any) -> None:
         row = self.alive()

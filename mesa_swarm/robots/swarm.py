@@ -15,6 +15,7 @@ from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, names_taken, own_function, reserve
 from mesa_swarm.world.arena import Agents
+from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
@@ -217,7 +218,8 @@ class Swarm:
         life = self.table.battery[self.columns["design"]]
         life = np.where(life > 0.0, life, self.battery_life)
         used = self.columns.get(f"{LASTING}used", np.zeros(len(life)))
-        return np.clip(1.0 - np.divide(used, life, out=np.zeros(len(life)), where=life > 0.0), 0.0, 1.0)
+        share = np.divide(used, life, out=np.zeros(len(life)), where=life > 0.0)
+        return read_only(np.clip(1.0 - share, 0.0, 1.0))
 
     def add_failures(self) -> None:
         """Make the columns of sensors and wheels that failed."""

@@ -14,6 +14,7 @@ from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import as_numbers
 
 # Mesa grows its store by a fifth, which is 0 below three rows.
@@ -87,8 +88,8 @@ class PositionTable(np.ndarray):
     arena: "Arena | None" = None
 
     def __getitem__(self, key: Any) -> Any:
-        """Return a copy of the selected rows."""
-        return np.array(super().__getitem__(key))
+        """Return a copy of the selected rows, which cannot be written to."""
+        return read_only(np.array(super().__getitem__(key)))
 
     def __setitem__(self, key: Any, value: Any) -> None:
         """Move one agent."""

@@ -15,6 +15,7 @@ from shapely.geometry.polygon import orient
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena, ArenaAgent
+from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
 from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
@@ -284,7 +285,7 @@ class Load(Obstacle):
     @property
     def position(self) -> np.ndarray:
         """Its centre (of a polygon the centroid), shape (2,)."""
-        return np.array(self.pose[:2])
+        return read_only(self.pose[:2])
 
     @position.setter
     def position(self, value: Coordinates) -> None:

@@ -13,6 +13,7 @@ from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.bodies import Body, Form, Pose
+from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers
 
 LARGEST_HEADING = 1e9
@@ -152,7 +153,7 @@ class Driven(Body):
     @property
     def position(self) -> np.ndarray:
         """Where its centre is, shape (2,); when set, where it is to go."""
-        return self.movers.position[self.alive()].copy()
+        return read_only(self.movers.position[self.alive()].copy())
 
     @position.setter
     def position(self, value: Coordinates) -> None:

@@ -9,6 +9,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.world.read_only import read_only
 
 LARGEST_COORDINATE = 1e9
 MOST_VERTICES = 200_000
@@ -59,7 +60,8 @@ class Shape:
     @property
     def position(self) -> np.ndarray:
         """The centre of a disc, or a polygon's centroid."""
-        return shapely.get_coordinates(self.geometry if self.is_disc else shapely.centroid(self.geometry))[0]
+        centre = self.geometry if self.is_disc else shapely.centroid(self.geometry)
+        return read_only(shapely.get_coordinates(centre)[0])
 
     def __eq__(self, other: object) -> bool:
         """Compare coordinates, radius and contact exactly."""

@@ -93,12 +93,12 @@ def test_columns_cannot_be_written_to(name):
         column[...] = 0
 
 
-def test_what_a_handle_returns_is_a_copy():
+def test_writing_to_what_a_handle_returns_is_refused():
     model, robots = marked()
     before = model.state_hash()
-    for name in ("position", "command", "distance", "kind", "pos"):
-        value = getattr(robots[0], name)
-        value[...] = 7
+    for name in ("position", "command", "distance", "kind", "pos", "goal", "radiation", "line", "slip"):
+        with pytest.raises(ValueError, match="set the property as a whole"):
+            getattr(robots[0], name)[...] = 7
     assert model.state_hash() == before
 
 

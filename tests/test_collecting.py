@@ -1,0 +1,159 @@
+"""One row a step, also where the class of a model collects; and a step that is not taken is noticed."""
+
+import copy
+import pickle
+import warnings
+
+import mesa
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mesa_swarm import AGENT9, SwarmModel, batch_run
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import InvalidValueError, StepWarning
+
+
+class Counting(SwarmModel):
+    """A model whose class collects where it is asked to: before the step, after it, at the beginning or not at all."""
+
+    def __init__(self, *, own: bool = True, where: str = "after", every: int = 1, rng=None):
+        reporters = {"robots": lambda model: len(model.robots)}
+        super().__init__(rng=rng, collect_every=every, model_reporters=None if own else reporters)
+        self.add_robots(AGENT9, 3)
+        self.control = Subsumption(Avoid(), Explore())
+        self.where = where
+        if own:
+            self.datacollector = mesa.DataCollector(model_reporters=reporters, agent_reporters={"x": "layer"})
+        if "begin" in where:
+            self.datacollector.collect(self)
+
+    def step(self):
+        if "before" in self.where:
+            self.datacollector.collect(self)
+        super().step()
+        self.robots[0].remove()
+        if "after" in self.where:
+            self.datacollector.collect(self)
+
+
+def rows_of(model):
+    return model.datacollector.get_model_vars_dataframe()
+
+
+@given(st.integers(0, 3), st.sampled_from(["after", "before", "none"]))
+def test_a_collector_of_ones_own_has_one_row_a_step_and_the_collisions(steps, where):
+    frame = rows_of(Counting(where=where, rng=1).run(steps))
+    assert len(frame) == steps
+    assert set(frame) == {"robots", "collisions", "total_collisions"}
+
+
+def test_rows_are_as_they_are_when_the_class_collects_or_at_the_end_of_its_step():
+    values = {where: rows_of(Counting(where=where, rng=1).run(3))["robots"].tolist() for where in ("before", "after")}
+    assert values == {"before": [3, 2, 1], "after": [2, 1, 0]}
+    assert rows_of(Counting(where="none", rng=1).run(3))["robots"].tolist() == [2, 1, 0]
+
+
+def test_a_row_of_the_beginning_is_kept_as_in_mesa():
+    assert rows_of(Counting(where="begin after", rng=1).run(3))["robots"].tolist() == [3, 2, 1, 0]
+
+
+def test_a_collector_of_ones_own_that_the_class_collects_has_rows_of_all_steps_whatever_collect_every_is():
+    assert len(rows_of(Counting(every=4, rng=1).run(3))) == 3
+    assert len(rows_of(Counting(every=2, where="none", rng=1).run(3))) == 1
+    assert len(rows_of(Counting(every=0, where="none", rng=1).run(3))) == 0
+
+
+def test_agents_are_collected_once_too():
+    frame = Counting(rng=1).run(3).datacollector.get_agent_vars_dataframe()
+    assert frame.groupby("Step").size().tolist() == [frame.loc[step].shape[0] for step in (1, 2, 3)]
+    assert frame.index.is_unique
+
+
+def test_the_models_own_collector_has_one_row_a_step_and_warns_once_if_the_class_collects_as_well():
+    with pytest.warns(StepWarning, match="Counting collected step 1 twice, of which the later row counts") as caught:
+        model = Counting(own=False, rng=1).run(3)
+    assert len(caught) == 1
+    assert rows_of(model)["robots"].tolist() == [2, 1, 0]
+
+
+def test_collect_every_0_leaves_collecting_to_the_class():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert rows_of(Counting(own=False, every=0, rng=1).run(3))["robots"].tolist() == [2, 1, 0]
+
+
+def test_two_of_the_models_steps_in_one_are_two_rows():
+    class Twice(SwarmModel):
+        def step(self):
+            super().step()
+            super().step()
+
+    assert len(rows_of(Twice(rng=1).run(3))) == 6
+
+
+def test_a_batch_has_the_last_row_of_a_collector_of_ones_own():
+    (row,) = batch_run(Counting, {}, rng=1, max_steps=2, display_progress=False, number_processes=1)[:1]
+    assert (row["Step"], row["robots"], row["collisions"]) == (2, 1, 0)
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
+def test_a_copy_goes_on_collecting(duplicate):
+    class_collects = CollectedByClass(rng=1).run(2)
+    assert len(rows_of(duplicate(class_collects).run(3))) == 5
+
+
+class CollectedByClass(SwarmModel):
+    """A model of Mesa's usual form, of which a copy can be pickled."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+        self.datacollector = mesa.DataCollector(model_reporters={"step": "steps"})
+
+    def step(self):
+        super().step()
+        self.datacollector.collect(self)
+
+
+@pytest.mark.parametrize("odd", [None, 5, mesa.DataCollector])
+def test_anything_else_than_a_data_collector_is_refused(odd):
+    with pytest.raises(InvalidValueError, match=r"expected a mesa.DataCollector\(...\)"):
+        SwarmModel(rng=1).datacollector = odd
+
+
+def test_a_collector_that_has_rows_already_has_no_collisions_in_these():
+    model, collector = SwarmModel(rng=1), mesa.DataCollector(model_reporters={"step": "steps"})
+    collector.collect(model)
+    model.datacollector = collector
+    frame = rows_of(model.run(2))
+    assert frame["step"].tolist() == [0, 1, 2]
+    assert frame["collisions"].isna().tolist() == [True, False, False]
+
+
+class Forgetful(SwarmModel):
+    """A model whose step leaves out that of its base."""
+
+    def __init__(self, *, n: int = 2, rng=None):
+        super().__init__(rng=rng)
+        self.add_robots(AGENT9, n)
+
+    def step(self):
+        self.swarm.position.sum()
+
+
+def test_a_step_without_the_models_own_is_named_once():
+    with pytest.warns(StepWarning, match=r"Forgetful.step took no step of the model, .* call super\(\)") as caught:
+        model = Forgetful(rng=1).run(3)
+    assert len(caught) == 1
+    assert (model.steps, model.completed) == (3, 0)
+
+
+def test_a_model_that_rests_now_and_then_is_named_once_only():
+    class Resting(SwarmModel):
+        def step(self):
+            if self.steps % 2:
+                super().step()
+
+    with pytest.warns(StepWarning, match="took no step of the model") as caught:
+        assert Resting(rng=1).run(6).completed == 3
+    assert len(caught) == 1
