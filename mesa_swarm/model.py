@@ -4,7 +4,6 @@ import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import mesa
@@ -42,7 +41,8 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
-from mesa_swarm.state import add_to, attributes_of
+from mesa_swarm.state import attributes_of
+from mesa_swarm.state_hash import described_bodies, described_designs, described_movers, state_hash_of
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
@@ -52,8 +52,6 @@ ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": Shape
 REPORTERS = {name: name for name in ("collisions", "total_collisions")}
 # What is known of the present step, or of the last one.
 OF_STEP = ("_begun", "_omitted", "_rows_begun", "_row_due")
-# Indices that depend on the order in which things were created are not part of the state.
-NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
 
 
 class EngineModel(ImperfectModel):
@@ -544,40 +542,42 @@ class EngineModel(ImperfectModel):
         return explanation(self._control, self.swarm, snapshots, row, wanted, self._kinds)
 
     def state_hash(self) -> str:
-        """Return a fingerprint of the published state: equal for equal runs, in any number of threads and processes.
+        """Return a fingerprint of all numbers that steps read or write: equal for equal runs, in any number of threads.
 
-        All sensors are read first, so that the fingerprint is independent of earlier readings.
+        Hashed are all columns, bodies of every kind with their shapes and poses, fields, the bounds of the map,
+        designs, parameters of layers, of the radio, of imperfections and of what burns, rules by their source,
+        processes, learners and the declared state. Not hashed are threads, the engine, `collect_every`, reporters,
+        observers, looks, parameters that nothing reads, states of random streams, and Mesa agents of other classes. All
+        sensors are read first, so that the fingerprint is independent of earlier readings.
 
         Examples
         --------
-        >>> from mesa_swarm import SwarmModel
-        >>> SwarmModel(rng=1).state_hash() == SwarmModel(rng=1).state_hash()
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> one, other = SwarmModel(rng=1), SwarmModel(rng=1)
+        >>> one.state_hash() == other.state_hash()
         True
+        >>> mark = other.add_obstacle(disc((100, 100), 5))
+        >>> one.state_hash() == other.state_hash()
+        False
         """
         self.sense()
-        digest = blake2b(digest_size=16)
-        digest.update(f"{self._completed}".encode())
-        for load in self._loads:
-            digest.update(np.array([*load.pose, load.resistance]).tobytes())
+        return state_hash_of(self)
+
+    def _hashed_parameters(self) -> Iterator[tuple[str, Any]]:
+        """Iterate over what steps read besides what they write, by name."""
+        yield "map", self.map.bounds
+        yield "bodies", described_bodies(self._obstacles)
         if self._movers is not None:
-            for column in self._movers.poses:
-                digest.update((column + 0).tobytes())
-            digest.update(self._movers.carried.tobytes())
-        for name, field in self.fields.items():
-            digest.update(f"fields.{name} {field.values.shape}".encode())
-            digest.update((field.values + 0).tobytes())
-        for prefix, columns in self._hashed_columns():
-            for name, column in sorted(columns.items()):
-                if name not in NOT_HASHED:
-                    digest.update(f"{prefix}.{name} {column.shape}".encode())
-                    digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
-        if self.swarm.groups:
-            digest.update(f"groups {self.swarm.groups}".encode())
-            digest.update(self.swarm.columns["group"].tobytes())
-        for name, value in self._declared_state():
-            digest.update(f"{name};".encode())
-            add_to(digest, value)
-        return digest.hexdigest()
+            yield "driven bodies", described_movers(self._movers)
+        yield "fields", [field.declared for field in self.fields.values()]
+        yield "designs", described_designs(self.swarm.designs, self.swarm.columns["design"])
+        yield "turn angle", self._turn_angle
+        yield "radio", self.communication
+        if self._imperfect is not None:
+            yield "imperfections", [self._imperfect.imperfections, self._imperfect.key]
+        yield "processes", [type(process).__qualname__ for process in self.processes]
+        if self._control is not None:
+            yield "control", self._control
 
     def _declared_state(self) -> Iterator[tuple[str, Any]]:
         yield from super()._declared_state()

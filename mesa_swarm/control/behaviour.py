@@ -1,11 +1,9 @@
-"""Custom rules: the decorator, and what a rule's code uses, found without running it."""
+"""Custom rules: the decorator, and the layer that it makes."""
 
-import dis
 import inspect
-import random
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
-from types import CodeType, FunctionType, ModuleType
+from types import FunctionType
 from typing import Any, overload
 
 import numpy as np
@@ -13,6 +11,7 @@ import numpy as np
 from mesa_swarm.control.custom_fields import RuleFields, checked_memory
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
+from mesa_swarm.control.source import own_randomness, uses_attribute
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -26,64 +25,6 @@ from mesa_swarm.robots.swarm import Swarm
 
 # Of which senses a rule has views, the views, and the fields that the model adds.
 NOT_KNOWN = (None, (), RuleFields())
-GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator, random.Random)
-
-
-def uses_attribute(function: FunctionType, name: str) -> bool:
-    """Return whether a function, or one that it calls by name, reads an attribute of this name."""
-    return any(name in _operands(part, "LOAD_ATTR", "LOAD_METHOD") for part in _functions(function))
-
-
-def own_randomness(function: FunctionType) -> str | None:
-    """Return the name of a source of random numbers that the function uses, or None."""
-    for part in _functions(function):
-        attributes = _operands(part, "LOAD_ATTR", "LOAD_METHOD", "IMPORT_FROM")
-        for name, value in _values(part):
-            if value is np and "random" in attributes:
-                return f"{name}.random"
-            if _is_random(value):
-                return name
-        for name in _operands(part, "IMPORT_NAME"):
-            if name in ("random", "numpy.random") or (name == "numpy" and "random" in attributes):
-                return name
-    return None
-
-
-def _is_random(value: Any) -> bool:
-    if isinstance(value, ModuleType):
-        return value.__name__ in ("random", "numpy.random")
-    home = str(getattr(value, "__module__", ""))
-    made = isinstance(value, GENERATORS) or isinstance(getattr(value, "__self__", None), GENERATORS)
-    return made or home == "random" or home.startswith("numpy.random")
-
-
-def _functions(function: FunctionType) -> list[FunctionType]:
-    """Return a function and the functions in reach by the names that it uses, compiled ones as they were written."""
-    found = [function]
-    for part in found:
-        called = (getattr(value, "py_func", value) for _, value in _values(part))
-        found += [value for value in called if isinstance(value, FunctionType) and value not in found]
-    return found
-
-
-def _values(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """Yield the global and enclosing names that a function uses, with what they stand for now."""
-    names = _operands(function, "LOAD_GLOBAL", "LOAD_NAME")
-    yield from ((name, function.__globals__[name]) for name in sorted(names) if name in function.__globals__)
-    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
-        try:
-            yield name, cell.cell_contents
-        except ValueError:  # not yet assigned
-            continue
-
-
-def _operands(function: FunctionType, *operations: str) -> set[str]:
-    """Return the names on which the function's code, and code nested in it, does one of these operations."""
-    codes = [function.__code__]
-    for code in codes:
-        codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
-    steps = (step for code in codes for step in dis.get_instructions(code))
-    return {step.argval for step in steps if step.opname in operations}
 
 
 __all__ = ["PASS", "Behaviour", "behaviour"]

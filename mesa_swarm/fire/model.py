@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -149,6 +149,11 @@ class FireModel(EngineModel):
 
     def _heat_sources(self) -> tuple[np.ndarray, np.ndarray]:
         return self.fires.discs, self.fires.columns["temperature"]
+
+    def _hashed_parameters(self) -> Iterator[tuple[str, Any]]:
+        yield from super()._hashed_parameters()
+        if BURNING in self._processes:
+            yield "fires", [self.fire_constants, self.extinguish_range]
 
     def _hashed_columns(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         yield from super()._hashed_columns()

@@ -45,6 +45,7 @@ from mesa_swarm.recording.parts import (
     part_to_json,
     restore_objects,
 )
+from mesa_swarm.recording.provenance import FORMAT, hash_in_format
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.robots.robot import Robot
@@ -104,16 +105,18 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
     return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=packed.arrays)
 
 
-def restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = ()) -> FireModel:
+def restore(
+    model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint] = (), *, written_in: int = FORMAT
+) -> FireModel:
     """Restore the state of a checkpoint in a model that was just constructed, and return the model.
 
-    It builds on the collected data of `earlier`, the checkpoints before it in the same recording. A result that is not
-    the state that was stored is refused.
+    It builds on the collected data of `earlier`, the checkpoints before it in the same recording, which is of the
+    format `written_in`. A result that is not the state that was stored is refused.
     """
     where = f"the checkpoint of step {checkpoint.step}"
     try:
         _restore(model, checkpoint, earlier)
-        state_hash = model.state_hash()
+        state_hash = hash_in_format(model, written_in)
     except (SwarmError, ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError,
             ValueError) as error:  # fmt: skip
         raise RecordingError(f"{where} cannot be restored: {in_words(error)}") from None

@@ -7,12 +7,12 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.model import NOT_HASHED
 from mesa_swarm.recording.attributes import own_attributes
 from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
 from mesa_swarm.recording.resume import OF_PARAMETERS, take_over
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.state import fingerprint
+from mesa_swarm.state_hash import NOT_HASHED
 
 # What a run changes of its fires: the other columns follow from the parameters.
 OF_FIRES = ("temperature", "out", "out_step")

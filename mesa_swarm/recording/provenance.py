@@ -20,14 +20,17 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import mount_of
+from mesa_swarm.state_hash import written_state_hash
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import outline_to_json, shape_to_json
 from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
-# Since format 2 readings are those of the row's own poses, and interventions and changes of scenery are stored.
-FORMAT = 2
-READABLE = (1, FORMAT)
+# Since format 2 readings are those of the row's own poses, and interventions and changes of scenery are stored; since
+# format 3 state hashes include bodies at rest and what steps only read.
+FORMAT = 3
+READABLE = (1, 2, FORMAT)
+LAST_OF_EARLIER_HASHES = 2
 # Modules of classes that older versions had elsewhere.
 MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
@@ -208,6 +211,11 @@ def is_of(provenance: dict, model_class: type) -> bool:
     return is_class(model_class, provenance["model"]["module"], provenance["model"]["name"])
 
 
+def hash_in_format(model: FireModel, number: int) -> str:
+    """Return the state hash of a model as recordings of a format have it."""
+    return written_state_hash(model) if number <= LAST_OF_EARLIER_HASHES else model.state_hash()
+
+
 def as_metadata(facts: dict) -> dict[str, str]:
     """Return facts as the metadata of an Arrow schema: names and JSON texts."""
     return {name: json.dumps(value) for name, value in facts.items()}
@@ -225,8 +233,8 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
             raise RecordingError(f"{source}: {shortened(name)} cannot be decoded, or is too long") from None
         facts = {}
     if facts.get("format") not in READABLE:
-        shown, known = shortened(facts.get("format")), " or ".join(map(str, READABLE))
-        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected {known}")
+        shown, known = shortened(facts.get("format")), ", ".join(map(str, READABLE))
+        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected one of {known}")
     facts = checked_provenance(facts, source)
     model = facts["model"]
     model["module"] = MOVED.get((model["module"], model["name"]), model["module"])

@@ -18,7 +18,7 @@ from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout, is_table
 from mesa_swarm.recording.parts import summary
-from mesa_swarm.recording.provenance import rebuilt
+from mesa_swarm.recording.provenance import hash_in_format, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
 from mesa_swarm.wording import quantity
@@ -49,6 +49,7 @@ class Rerun:
         self.begin = "" if checkpoint < 0 else f", from the stored state of step {model.completed}"
         self._states: list[Checkpoint] = []
         self._layout = _layout_of(recording, model)
+        self._format = recording.provenance["format"]
         first, has = model.completed, checkpoint
         # Where a step failed and was taken again there are several: the last one includes all changes.
         last = {one.step: one for one in recording.interventions}.values()
@@ -78,9 +79,9 @@ class Rerun:
     def frame(self, frame: Frame) -> Frame:
         """Run to the step of a frame and return the frame of the model then."""
         self.to(frame.step)
-        if self.recording.provenance["format"] > LATE_READINGS:
+        if self._format > LATE_READINGS:
             self._layout.prepare(self.model)
-        state_hash = self.model.state_hash() if frame.state_hash is not None else None
+        state_hash = hash_in_format(self.model, self._format) if frame.state_hash is not None else None
         chunk = Chunk(self._layout, self.model, 1)
         chunk.put(0, self.model.completed, state_hash, self.recording.events_before(frame.step))
         return Rows(chunk.batch(1))[0]
@@ -138,11 +139,11 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
     model, is_near = rebuilt(facts, model_class), start["step"] <= MOST_UNSEEN
     if is_near:
         run_on(model, start["step"], watch)
-        if model.completed == start["step"] and model.state_hash() == start["state_hash"]:
+        if model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]:
             return Rerun(recording, model, watch=watch)
     if recording.checkpoints[:1] == (start["step"],):
         model = restored(recording, model_class, states_to(recording, 0))
-        if model.state_hash() == start["state_hash"]:
+        if hash_in_format(model, facts["format"]) == start["state_hash"]:
             return Rerun(recording, model, 0, watch)
     if not is_near:
         raise RecordingError(
@@ -176,7 +177,8 @@ def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint]
 
 def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> FireModel:
     """Return a new model with the last of these states."""
-    return restore(rebuilt(recording.provenance, model_class), states[-1], states[:-1])
+    facts = recording.provenance
+    return restore(rebuilt(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

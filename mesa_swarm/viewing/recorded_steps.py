@@ -12,7 +12,7 @@ from mesa_swarm.errors import ExportError, ExportWarning, RecordingError, SwarmE
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout
-from mesa_swarm.recording.provenance import rebuilt, scenery_of
+from mesa_swarm.recording.provenance import hash_in_format, rebuilt, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import shipped_class_of
 from mesa_swarm.viewing.scene import UNKNOWN, Scene, scene_of_recording, usual_scenery
@@ -121,8 +121,8 @@ def _first_state(recording: Recording) -> FireModel | None:
         model = rebuilt(recording.provenance, shipped_class_of(recording))
     except SwarmError:
         return None
-    start = recording.provenance["start"]
-    same = model.completed == start["step"] and model.state_hash() == start["state_hash"]
+    facts, start = recording.provenance, recording.provenance["start"]
+    same = model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]
     return cast(FireModel, model) if same else None
 
 

@@ -1,0 +1,289 @@
+"""The fingerprint of a model: of all numbers that its steps read or write, whatever they are stored in.
+
+Hashed are the state (columns, poses, fields, declared state, memory of layers, processes, learners), the bodies with
+their shapes, the bounds of the map, designs, and the parameters of layers, radio, imperfections and fires; of a rule
+its source in normal form. Not hashed are what does not change a step: threads, the engine, intervals of collecting,
+reporters, observers, looks and the arguments of the constructor as such. Numbers count as float64 or int64 bytes, so
+that the fingerprint is the same for every version of Python.
+"""
+
+import math
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache, lru_cache
+from hashlib import blake2b
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+import shapely
+from mesa import Agent
+from shapely.geometry.base import BaseGeometry
+
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.behaviour import Behaviour
+from mesa_swarm.control.source import functions_used, normal_source, values_used
+from mesa_swarm.control.state_machine import StateMachine
+from mesa_swarm.control.team import Team, label_of
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of
+from mesa_swarm.world.bodies import Body
+from mesa_swarm.world.movers import Movers
+from mesa_swarm.world.shapes import Shape
+
+# Columns that depend on the order in which things were created are not part of the state.
+NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
+OURS = "mesa_swarm."
+GALLERY = "mesa_swarm.models."
+# Attributes of arbiters that are described apart, or follow from what is.
+OF_ARBITERS = ("layers", "others", "state_names", "transitions")
+# Beyond this, floats do not represent all whole numbers.
+LARGEST_WHOLE = 2**53
+AS_BYTES = struct.Struct("<cd").pack
+
+
+def state_hash_of(model: Any) -> str:
+    """Return the fingerprint of a model whose sensors were read, see `EngineModel.state_hash`."""
+    digest = _digest_of_state(model)
+    for name, value in model._hashed_parameters():
+        digest.update(f"{name};".encode())
+        add_part(digest, value)
+    return digest.hexdigest()
+
+
+def written_state_hash(model: Any) -> str:
+    """Return the fingerprint of what steps write, without bodies at rest and what steps only read.
+
+    It is that of version 0.2, which older recordings have. All sensors are read first.
+    """
+    model.sense()
+    return _digest_of_state(model).hexdigest()
+
+
+def _digest_of_state(model: Any) -> Any:
+    """Return the digest of what the steps of a model write."""
+    digest = blake2b(digest_size=16)
+    digest.update(f"{model.completed}".encode())
+    for load in model._loads:
+        digest.update(np.array([*load.pose, load.resistance]).tobytes())
+    if model._movers is not None:
+        for column in model._movers.poses:
+            digest.update((column + 0).tobytes())
+        digest.update(model._movers.carried.tobytes())
+    for name, field in model.fields.items():
+        digest.update(f"fields.{name} {field.values.shape}".encode())
+        digest.update((field.values + 0).tobytes())
+    for prefix, columns in model._hashed_columns():
+        for name, column in sorted(columns.items()):
+            if name not in NOT_HASHED:
+                digest.update(f"{prefix}.{name} {column.shape}".encode())
+                digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
+    if model.swarm.groups:
+        digest.update(f"groups {model.swarm.groups}".encode())
+        digest.update(model.swarm.columns["group"].tobytes())
+    for name, value in model._declared_state():
+        digest.update(f"{name};".encode())
+        add_to(digest, value)
+    return digest
+
+
+def described_bodies(bodies: Sequence[Body]) -> list:
+    """Return what bodies, those at rest too, are: mode, kind, and outlines, of bodies that move about their centres."""
+    geometries = [body.shape.geometry if body.mode == "fixed" else body.form.outline for body in bodies]  # type: ignore[attr-defined]
+    return [
+        ";".join(f"{body.mode} {body.kind} {body.contact}" for body in bodies),
+        shapely.get_type_id(geometries),
+        shapely.get_num_coordinates(geometries),
+        shapely.get_num_interior_rings(geometries),
+        shapely.get_coordinates(geometries),
+        np.array([_radius_of(body) for body in bodies], float),
+    ]
+
+
+def _radius_of(body: Body) -> float:
+    return body.shape.radius if body.mode == "fixed" else body.form.radius  # type: ignore[attr-defined]
+
+
+def described_movers(movers: Movers) -> dict[str, Any]:
+    """Return what driven bodies are besides their poses: new, stopped, carried by which robot."""
+    carriers = [-1 if body.carrier is None else body.carrier.row for body in movers.agents]
+    return {"fresh": movers.fresh, "blocked": movers.blocked, "carriers": np.array(carriers, np.int64)}
+
+
+def described_designs(designs: Sequence[RobotDesign], rows: np.ndarray) -> dict[bytes, np.ndarray]:
+    """Return the robots of each design, by its digest: independent of the order in which designs came.
+
+    Designs that no robot has are left out. `rows` are the indices of the robots' designs (n,).
+    """
+    return {_digest_of_design(designs[place]): rows == place for place in np.unique(rows).tolist()}
+
+
+def _digest_of_design(design: RobotDesign) -> bytes:
+    try:
+        return _known_digest(design)
+    except TypeError:  # a custom drive may have no hash
+        return digest_of_part(design)
+
+
+@lru_cache(maxsize=256)
+def _known_digest(design: RobotDesign) -> bytes:
+    return digest_of_part(design)
+
+
+def digest_of_part(value: Any) -> bytes:
+    """Return the digest of the parameters of a part."""
+    digest = blake2b(digest_size=16)
+    add_part(digest, value)
+    return digest.digest()
+
+
+def add_part(digest: Any, value: Any, depth: int = 0) -> None:
+    """Add what is read of a part to a digest: numbers, texts, arrays, and what holds them; fields of dataclasses.
+
+    Of functions the source counts, of learners what `checkpoint` returns, of other objects only the type.
+    """
+    kind = type(value)
+    if kind is float or kind is int or kind is bool:
+        digest.update(_number(value))
+    elif kind in ATOMS or kind in (bytes, complex):
+        digest.update(f"{kind.__name__} {value!r};".encode())
+    elif isinstance(value, np.generic) and value.dtype.kind in "biuf":
+        digest.update(_number(value.item()))
+    elif isinstance(value, (np.ndarray, np.generic)):
+        _add_array(digest, np.asarray(value))
+    elif depth > DEEPEST:
+        digest.update(f"{kind.__name__};".encode())
+    elif isinstance(value, (dict, State, *SEQUENCES.values())):
+        _add_items(digest, value, depth)
+    else:
+        _add_object(digest, value, depth)
+
+
+def _number(value: float) -> bytes:
+    """Return a number as bytes: as float64 where that is exact, so that 15 and 15.0 are the same."""
+    if type(value) is int and not -LARGEST_WHOLE <= value <= LARGEST_WHOLE:
+        return f"integer {value:x};".encode()
+    return AS_BYTES(b"f", math.nan if value != value else value + 0.0)  # noqa: PLR0124 - NaN differs from itself
+
+
+def _add_array(digest: Any, array: np.ndarray) -> None:
+    digest.update(f"array {array.shape};".encode())
+    if array.dtype.kind == "f":
+        digest.update((np.asarray(array, np.float64) + 0.0).tobytes())
+    elif array.dtype.kind in "biu":
+        digest.update(np.asarray(array, np.int64 if array.dtype.kind != "u" else np.uint64).tobytes())
+    elif array.dtype.kind in KINDS:
+        digest.update(f"{array.dtype.str}".encode() + array.tobytes())
+
+
+def _add_items(digest: Any, values: Any, depth: int) -> None:
+    if isinstance(values, (dict, State)):
+        items: list = sorted(((digest_of_part(key), value) for key, value in values.items()), key=lambda item: item[0])
+    elif isinstance(values, (set, frozenset)):
+        items = sorted(map(digest_of_part, values))
+    else:
+        items = list(values)
+    digest.update(f"items {len(items)};".encode())
+    for item in items:
+        add_part(digest, item, depth + 1)
+
+
+def _add_object(digest: Any, value: Any, depth: int) -> None:
+    kind = type(value)
+    digest.update(f"{kind.__qualname__};".encode())
+    describe, names, has_checkpoint = _parts_of(kind)  # type: ignore[arg-type]
+    if describe is not None:
+        add_part(digest, describe(value), depth + 1)
+    for name in names:
+        digest.update(f"{name};".encode())
+        add_part(digest, getattr(value, name), depth + 1)
+    if has_checkpoint:
+        add_part(digest, value.checkpoint(), depth + 1)
+
+
+@cache
+def _parts_of(kind: type) -> tuple[Callable[[Any], Any] | None, tuple[str, ...], bool]:
+    """Return how objects of a class are described, which fields count, and whether they have a state of their own."""
+    describe = next((describe for base, describe in DESCRIBED if issubclass(kind, base)), None)
+    if describe is None and _has(kind, "arrays", "settings"):
+        describe = described_policy
+    has_fields = describe is None and is_dataclass(kind)
+    names = tuple(field.name for field in fields(kind)) if has_fields else ()  # type: ignore[arg-type]
+    return describe, names, kind is not type and _has(kind, "checkpoint", "restore")
+
+
+def _has(kind: type, *methods: str) -> bool:
+    """Return whether a class has all of these methods."""
+    return all(callable(getattr(kind, name, None)) for name in methods)
+
+
+def described_policy(policy: Any) -> list:
+    """Return the numbers of a trained policy, but not how it was trained."""
+    return [policy.arrays(), policy.settings()]
+
+
+def described_control(control: Arbiter) -> list:
+    """Return the arbiters of a control, each with its layers, and what else it is made of."""
+    if isinstance(control, Team):
+        return [[label_of(key), described_control(one) if one is not None else None] for key, one in control.items()]
+    layers = [described_layer(layer) for layer in control.layers]
+    if isinstance(control, StateMachine):
+        return [
+            type(control).__qualname__,
+            layers,
+            [[name, len(of_state)] for name, of_state in control.states.items()],
+            [[one.source, one.target, one.condition] for one in control.transitions],
+        ]
+    own = {name: value for name, value in attributes_of(control).items() if name not in OF_ARBITERS}
+    return [type(control).__qualname__, layers, own]
+
+
+def described_layer(layer: Any) -> Any:
+    """Return what a layer reads: the fields of a dataclass, all attributes of another."""
+    if isinstance(layer, Behaviour) or is_dataclass(layer) or _has(type(layer), "checkpoint", "restore"):
+        return layer
+    return [type(layer).__qualname__, attributes_of(layer)]
+
+
+def described_rule(behaviour: Behaviour) -> list:
+    """Return the code of a rule, its parameters, and with what its memory begins."""
+    return [_digest_of_code(behaviour.rule.function), behaviour.parameters, behaviour.memory]
+
+
+@cache
+def _digest_of_code(function: FunctionType) -> bytes:
+    """Return the digest of the sources of a function and of those that it calls, and of plain values around them.
+
+    As they are now: what is compiled does not change any more.
+    """
+    parts = [part for part in functions_used(function) if part is function or not _is_ours(part)]
+    sources = [normal_source(part) or part.__qualname__ for part in parts]
+    return digest_of_part([sources, [[*used] for part in parts for used in values_used(part) if _is_plain(used[1])]])
+
+
+def _is_ours(function: FunctionType) -> bool:
+    home = function.__module__ or ""
+    return home.startswith(OURS) and not home.startswith(GALLERY)
+
+
+def _is_plain(value: Any) -> bool:
+    """Return whether a value is one that compiled code takes as a constant."""
+    if isinstance(value, tuple):
+        return all(map(_is_plain, value))
+    return type(value) in ATOMS or isinstance(value, (np.ndarray, np.number, np.bool_))
+
+
+def _described_geometry(geometry: BaseGeometry) -> list:
+    return [geometry.geom_type, shapely.get_coordinates(geometry)]
+
+
+# How objects are described that are not dataclasses, or not by their fields.
+DESCRIBED: tuple[tuple[type, Callable[[Any], Any]], ...] = (
+    (Agent, lambda agent: agent.unique_id),
+    (Behaviour, described_rule),
+    (Arbiter, described_control),
+    (FunctionType, lambda function: normal_source(function) or function.__qualname__),
+    (Shape, lambda shape: [shape.geometry, shape.radius, shape.contact]),
+    (BaseGeometry, _described_geometry),
+)
