@@ -377,7 +377,7 @@ class BodyWorld(MesaModel):
     def _add_pushed(self, shape: Shape, resistance: float, kind: str) -> Load:
         if not shape.contact:
             raise InvalidValueError("load is a mark on the ground, which cannot be pushed; leave out contact=False")
-        self._check_room_for_load(shape)
+        self._check_room_for_load(Form.of(shape), (*shape.position.tolist(), 0.0))
         load = Load(self.space, self, shape, resistance, kind)
         self._loads.append(load)
         self._take(load)
@@ -456,8 +456,9 @@ class BodyWorld(MesaModel):
                 del self._obstacles[index]
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self._kinds))):
                     self.swarm.forget_contact(kind, index)
-        if self._loads:
-            self._loads = [obstacle for obstacle in self._obstacles if isinstance(obstacle, Load)]
+        loads = [obstacle for obstacle in self._obstacles if isinstance(obstacle, Load)] if self._loads else []
+        if len(loads) != len(self._loads):
+            self._loads = loads
         self._scene_changed()
 
     def _scene_changed(self) -> None:
@@ -506,13 +507,12 @@ class BodyWorld(MesaModel):
                 f"{least:g}: bring everything nearer to the origin or enlarge the robots"
             )
 
-    def _check_room_for_load(self, shape: Shape) -> None:
-        """Refuse a load that is not within the map or overlaps anything but robots."""
-        form, pose = Form.of(shape), (*shape.position.tolist(), 0.0)
+    def _check_room_for_load(self, form: Form, pose: Pose, load: Load | None = None) -> None:
+        """Refuse a load that is to be where it is not within the map or overlaps anything but robots and itself."""
         if not form.is_within(pose, self.map.bounds):
             raise InvalidValueError(f"load is not within map {self.map.name}, {list(self.map.bounds)}; move it inside")
-        solid = [body.shape for body in self._obstacles if body.contact and not self._is_carried(body)]
-        others = [("an obstacle or load", shape) for shape in solid]
+        solid = [body for body in self._obstacles if body.contact and body is not load and not self._is_carried(body)]
+        others = [("an obstacle or load", body.shape) for body in solid]
         others += [(f"a {body.kind}", body.shape) for body in self._heat_bodies()]
         for name, other in others:
             if form.overlaps(pose, other):

@@ -173,7 +173,6 @@ def move(model: SwarmModel, number: float, x: float, y: float, heading: float) -
     elif isinstance(moved, Load):
         check_place(model, moved.form.shape_at((x, y, heading)), moved)
         moved.move_to((x, y, heading))
-        model.obstacles_changed()
     elif isinstance(moved, Driven):
         moved.move_to((x, y, heading))
     elif isinstance(moved, Fire):

@@ -202,7 +202,7 @@ def go(load: Load, way: Pose, room: Room) -> float:
             free += step
         step /= 2.0
     if free > 0.0:
-        load.move_to(pose(free))
+        load.put(pose(free))
     return free
 
 
@@ -220,7 +220,7 @@ def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], s
     """Return loads to where they were, and those that then overlap them; drop them from `before`."""
     while stuck:
         for k in stuck:
-            surroundings.loads[k].move_to(before.pop(k))
+            surroundings.loads[k].put(before.pop(k))
             surroundings.loads[k].moved = False
             surroundings.follow(k)
         stuck = [k for k in before if not room.has_room_for(surroundings.loads[k], surroundings.loads[k].pose)]

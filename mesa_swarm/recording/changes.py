@@ -5,9 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
 from operator import is_not, itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from mesa import Agent
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.model import FireModel
@@ -15,6 +17,7 @@ from mesa_swarm.recording.layout import population_of
 from mesa_swarm.recording.schema import checked_content
 from mesa_swarm.recording.sealed_stream import INTERVENTION
 from mesa_swarm.state import declared, fingerprint
+from mesa_swarm.world.arena import ArenaAgent
 
 MOST_NAMED = 5
 
@@ -72,6 +75,7 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
 OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
 OF_FIRES = ("temperature", "out")
 POSES = "pose of driven bodies"
+AGENTS, OF_AGENTS = "set of other agents", "place or attributes of other agents"
 CHANGES = (
     "set of robots, obstacles or fires",
     "an attribute set to the value that it had",
@@ -87,21 +91,23 @@ ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray
 class ChangeDetector:
     """Change detection between steps, in a few microseconds.
 
-    Detected are robots, obstacles, loads and fires that were added or removed; whatever their handles set, columns of
-    `OF_ROBOTS` and `OF_FIRES` that were written directly, loads that were moved, values of fields; every attribute of
-    the model that was replaced: `control`, `fire_constants`, `imperfections`, `communication`, a number, a text; and
-    whatever changed in `model.state`, processes and other declared state.
+    Detected are robots, obstacles, loads, fires and other agents that were added or removed; whatever their handles
+    set, columns of `OF_ROBOTS` and `OF_FIRES` that were written directly, loads and other agents that were moved,
+    values of fields; every attribute of the model and of other agents that was replaced: `control`, `fire_constants`,
+    `imperfections`, `communication`, a number, a text; and whatever changed in `model.state`, processes and other
+    declared state.
 
     Not detected are attributes that change when a model is read (`World._fleeting`), such as its data collector; draws
     from the model's random streams; changes within an attribute, such as a list, an array, a learner or the memory of a
-    layer; other columns that were written directly; attributes of agents. What a failed step has left behind is
-    reported like a change by hand.
+    layer; other columns that were written directly; attributes that robots and bodies were given. What a failed step
+    has left behind is reported like a change by hand.
     """
 
-    __slots__ = ("_attributes", "_declared", "_fleeting", "_objects")
+    __slots__ = ("_agents", "_attributes", "_declared", "_fleeting", "_objects")
 
     def __init__(self, model: FireModel) -> None:
         self._objects = _objects(model)
+        self._agents = [_Seen.of(agent) for agent in _other_agents(model)]
         self._attributes = model.__dict__.copy()
         self._fleeting = declared(model, "_fleeting")
         self._declared = _declared(model)
@@ -112,14 +118,28 @@ class ChangeDetector:
         stated = _declared(model)
         # Nothing was replaced, as a rule: seen at once where names stand in the same order.
         replaced = compress(now, map(is_not, was.values(), now.values()))
-        unchanged = objects == self._objects and stated == self._declared
+        others = self._of_agents(model)
+        unchanged = objects == self._objects and stated == self._declared and not others
         if unchanged and len(was) == len(now) and self._fleeting.issuperset(replaced):
             return []
         names = [name for name in {**was, **now} if name not in self._fleeting and not _same(name, was, now)]
-        changes = [name.lstrip("_") for name in names] + self._of_objects(objects)
+        changes = [name.lstrip("_") for name in names] + self._of_objects(objects) + others
         different = [name for name in {**self._declared, **stated} if self._declared.get(name) != stated.get(name)]
         changes += [name for name in different if name not in changes]
         return changes or ([CHANGES[1]] if objects != self._objects else [])
+
+    def _of_agents(self, model: FireModel) -> list[str]:
+        """Return what has changed in agents other than robots and bodies."""
+        agents = _other_agents(model)
+        if len(agents) != len(self._agents):
+            return [AGENTS]
+        if all(seen.is_same(agent) for seen, agent in zip(self._agents, agents, strict=True)):
+            return []
+        return [
+            AGENTS
+            if any(seen.agent is not agent for seen, agent in zip(self._agents, agents, strict=True))
+            else OF_AGENTS
+        ]
 
     def moved(self, model: FireModel) -> np.ndarray | None:
         """Return the rows of the driven bodies that were sent elsewhere, None if any has been put elsewhere already."""
@@ -135,6 +155,36 @@ class ChangeDetector:
         if CHANGES[0] in different:  # all columns have other rows then
             return [CHANGES[0]]
         return [name for name in different if name != CHANGES[1]]
+
+
+class _Seen(NamedTuple):
+    """An agent as it was: its attributes, and its place in the model's space."""
+
+    agent: Agent
+    attributes: dict[str, Any]
+    place: list[float] | None
+
+    @classmethod
+    def of(cls, agent: Agent) -> "_Seen":
+        return cls(agent, vars(agent).copy(), _place_of(agent))
+
+    def is_same(self, agent: Agent) -> bool:
+        was, now = self.attributes, vars(agent)
+        if agent is not self.agent or len(was) != len(now) or _place_of(agent) != self.place:
+            return False
+        return all(name in was and was[name] is value for name, value in now.items())
+
+
+def _other_agents(model: FireModel) -> list[Agent]:
+    """Return the agents that are neither robots nor bodies, of most models none."""
+    kinds = [kind for kind in model.agents_by_type if not issubclass(kind, ArenaAgent)]
+    return [agent for kind in kinds for agent in model.agents_by_type[kind]] if kinds else []
+
+
+def _place_of(agent: Agent) -> list[float] | None:
+    if not isinstance(agent, ContinuousSpaceAgent) or agent.space is None:
+        return None
+    return agent.position.tolist()
 
 
 def _declared(model: FireModel) -> dict[str, bytes]:

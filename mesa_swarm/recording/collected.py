@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
@@ -9,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.errors import RecordingError, UnstoredStateWarning, check_name, shortened
 from mesa_swarm.fire.model import FireModel
-from mesa_swarm.mesa_model import set_steps
+from mesa_swarm.mesa_model import add_reporters, set_steps
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed, memory_of
 
 MOST_STEPS = 100_000_000
@@ -111,7 +112,12 @@ def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
 
 
 def restore_collected(model: FireModel, series: dict[Path, list]) -> None:
-    """Replace the series of a model by these, if it collects the same ones."""
+    """Replace the series of a model by these, if it collects the same ones.
+
+    Of a reporter that was added by hand the values are kept, and later ones are missing: it cannot be stored. One that
+    the model did not have then has no values in the rows before.
+    """
+    _match_reporters(model, series)
     mine = series_of(model)
     events = [path for path in mine if path[0] == "events"]
     series = {**{path: [] for path in events}, **series}  # absent from older checkpoints
@@ -128,6 +134,26 @@ def restore_collected(model: FireModel, series: dict[Path, list]) -> None:
         isinstance(row, np.ndarray) and row.ndim == 2 and len(row) == 2 for row in history._rows
     ):
         raise RecordingError("invalid history of fires")
+
+
+def _match_reporters(model: FireModel, series: dict[Path, list]) -> None:
+    """Let a model and the series that are stored of it have the same reporters of the model."""
+    mine, others = ({path for path in paths if path[0] == "model"} for paths in (series_of(model), series))
+    by_hand = sorted(check_name("reporter", path[1]) for path in others - mine)
+    if by_hand:
+        add_reporters(model.datacollector, dict.fromkeys(by_hand, missing))
+        warnings.warn(
+            f"{type(model).__name__} was recorded with a reporter that its constructor does not make "
+            f"({shortened(by_hand[0])}); its values are missing from here on: add it again",
+            UnstoredStateWarning,
+            stacklevel=2,
+        )
+    rows = max((len(series[path]) for path in others), default=0)
+    series.update({path: [None] * rows for path in mine - others})
+
+
+def missing(model: FireModel) -> None:
+    """Report nothing: in the place of a reporter that could not be stored."""
 
 
 def _pack(values: list, packed: Packed, what: str) -> object:

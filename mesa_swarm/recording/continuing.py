@@ -9,7 +9,7 @@ from mesa_swarm.errors import InvalidValueError, UnknownNameError, shortened, un
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.attributes import own_attributes
 from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
-from mesa_swarm.recording.resume import OF_PARAMETERS, take_over
+from mesa_swarm.recording.transfer import OF_PARAMETERS, changed_settings, take_over
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.state import fingerprint
 from mesa_swarm.state_hash import NOT_HASHED
@@ -130,10 +130,12 @@ def _of_start(model: FireModel) -> Iterator[tuple[tuple, bytes]]:
 
 
 def _hidden_by_run(new: FireModel, old: FireModel, fresh: FireModel) -> list[str]:
-    """Return the attributes that the parameters would change, but that the run has changed itself."""
+    """Return the attributes and settings that the parameters would change, but that the run has changed itself."""
     mine, now, first = map(own_attributes, (new, old, fresh))
     both = mine.keys() & now.keys() & first.keys()
-    return [name for name in both if _differ(mine[name], first[name]) and _differ(now[name], first[name])]
+    hidden = [name for name in both if _differ(mine[name], first[name]) and _differ(now[name], first[name])]
+    by_hand = changed_settings(old, fresh)
+    return [*hidden, *(name for name in changed_settings(new, fresh) if name in by_hand)]
 
 
 def _differ(one: Any, other: Any) -> bool:

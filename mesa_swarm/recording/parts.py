@@ -298,10 +298,22 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     agents = {agent.unique_id: agent for agent in model.agents}
     for body in model.movers.agents:
         one = obstacles[body.unique_id]
-        body.agent = agents[one["agent"]] if "agent" in one else None
+        body.agent = _agent_of(model, _id(one["agent"]), agents) if "agent" in one else None
         _restore_driven(body, one, model.map.bounds)
     model.movers.list_followers()
     model.obstacles_changed()
+
+
+def _agent_of(model: FireModel, unique_id: int, agents: dict[int, Agent]) -> Agent:
+    """Return the agent that a body follows; in the place of one that was removed since the last step a removed one.
+
+    With the latter the body is removed when the next step begins.
+    """
+    if unique_id in agents:
+        return agents[unique_id]
+    gone = object.__new__(Agent)
+    gone.model, gone.unique_id, gone.pos = model, unique_id, None
+    return gone
 
 
 def _runs_of_alike(ids: Sequence[int], designs: dict[int, int]) -> Iterator[list[int]]:
@@ -517,7 +529,7 @@ def checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, floa
 
 def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = stored["resistance"]
-    load.move_to(checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
+    load.put(checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
     load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
 
 

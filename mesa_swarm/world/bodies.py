@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -12,11 +13,11 @@ from shapely import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
-from mesa_swarm.world.shapes import Coordinates, Shape
+from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers
 from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
 # Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
@@ -277,7 +278,7 @@ class Load(Obstacle):
         super().__init__(space, model, shape, kind)
         self.form = Form.of(shape)
         x, y = shape.position.tolist()
-        self.move_to((x, y, 0.0))
+        self.put((x, y, 0.0))
         self.resistance = resistance
         self.moved = False
         self.pushers = 0
@@ -289,7 +290,9 @@ class Load(Obstacle):
 
     @position.setter
     def position(self, value: Coordinates) -> None:
-        raise InvalidValueError("loads move only when robots push them; remove this one and add another")
+        raise InvalidValueError(
+            "loads move only when robots push them; use move_to((x, y, heading)) to move one by hand"
+        )
 
     @property
     def heading(self) -> float:
@@ -305,8 +308,34 @@ class Load(Obstacle):
     def resistance(self, value: float) -> None:
         self._resistance = checked_resistance(value)
 
-    def move_to(self, pose: Pose) -> None:
-        """Move it to (x, y, heading)."""
+    def move_to(self, pose: Sequence[float]) -> None:
+        """Move it by hand to (x, y, heading), between two steps; robots there give way in the next step.
+
+        Raises
+        ------
+        InvalidValueError
+            If the pose is not three finite numbers, or the load would not be within the map, or would overlap an
+            obstacle, a fire or another load.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> load = SwarmModel(rng=1).add_load(disc((100, 100), 10), resistance=1.0)
+        >>> load.move_to((120, 100, 0.0))
+        >>> load.position
+        array([120., 100.])
+        """
+        numbers = as_numbers(pose)
+        if numbers.shape != (3,):
+            raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
+        heading = wrapped(check_number("heading", float(numbers[2]), minimum=-1e9, maximum=1e9))
+        place = self.space.checked_point(numbers[:2]).tolist()
+        self.model._check_room_for_load(self.form, (*place, heading), self)
+        self.put((*place, heading))
+        self.model.obstacles_changed()  # sensors that were read already are read again
+
+    def put(self, pose: Pose) -> None:
+        """Put it where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
         x, y, heading = pose
         self.pose: Pose = (x, y, float(wrapped(heading)))
         self.shape = self.form.shape_at(self.pose)

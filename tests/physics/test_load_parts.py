@@ -256,7 +256,7 @@ def test_tables_are_worn_when_a_load_has_moved_by_their_slack_less_one_step():
     assert around.slack == (SLACK - STEP) * touch
     assert around.listed == ((200.0, 150.0, 0.0),)
     for moved, worn in ((0.0, False), (around.slack - 0.01, False), (around.slack + 0.01, True)):
-        load.move_to((200.0, 150.0 + moved, 0.0))
+        load.put((200.0, 150.0 + moved, 0.0))
         assert around.is_worn == worn
 
 
@@ -270,7 +270,7 @@ def test_without_loads_there_is_no_room_to_look_after_and_nothing_wears():
 def test_a_load_that_followed_is_in_the_tables_where_it_is_now():
     (load,) = load_at(disc((200, 150), 10))
     around = surroundings([load], [rectangle((20, 20), (40, 40))])
-    load.move_to((210.0, 160.0, 0.0))
+    load.put((210.0, 160.0, 0.0))
     around.follow(0)
     assert around.statics.discs.tolist() == [[210.0, 160.0, 10.0]]
     assert around.shapes[1] == load.shape
@@ -280,9 +280,9 @@ def test_loads_that_are_taken_back_take_those_with_them_that_then_have_no_room()
     first, second, third = load_at(*(disc((100 + 21 * k, 100), 10) for k in range(3)))
     around = surroundings([first, second, third])
     before = {k: load.pose for k, load in enumerate((first, second, third))}
-    first.move_to((104.0, 100.0, 0.0))
-    second.move_to((125.0, 100.0, 0.0))
-    third.move_to((150.0, 100.0, 0.0))
+    first.put((104.0, 100.0, 0.0))
+    second.put((125.0, 100.0, 0.0))
+    third.put((150.0, 100.0, 0.0))
     for load in (first, second, third):
         load.moved = True
     # The second returns to 121: the first, at 104, is then 17 from it; the third, at 150, is 29.

@@ -1,11 +1,17 @@
 """Runs that continue with other parameters: the same place, and the parameters of the new ones from there on."""
 
+import copy
+from dataclasses import replace
+
+import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import SwarmModel
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm import AGENT9, Radio, Scale, SwarmModel
+from mesa_swarm.control import Avoid, Chance, Explore, Halt, StateMachine, Subsumption, Transition
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, UnstoredStateWarning
 from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.mesa_model import add_reporters
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -14,6 +20,7 @@ from mesa_swarm.observers import Observer
 from mesa_swarm.parameters import Choice, Slider, parameters_of
 from mesa_swarm.recording import Recording, continued
 from mesa_swarm.recording.continuing import continue_with, match_robots
+from mesa_swarm.robots.imperfections import ROBOTARIUM
 
 # Parameters that matter only when a model is made.
 OF_BEGINNING = {
@@ -173,3 +180,157 @@ def test_robots_are_added_at_free_places_or_the_last_ones_are_removed(wanted):
     np.fill_diagonal(gaps, np.inf)
     assert (gaps > 2 * model.swarm.radius[0] - 1e-6).all()
     model.run(5)
+
+
+# ---- changes by hand go on
+
+
+class Watchmen(SwarmModel):
+    """Robots of two states, with a parameter that nothing reads and one that a layer reads."""
+
+    def __init__(self, *, gain: float = 1.0, distance: float = 15.0, more: bool = False, rng=None):
+        super().__init__(map="openspace", rng=rng, model_reporters={"x": "completed"})
+        self.add_robots(AGENT9, 6)
+        moves = [
+            Transition(source="go", target="wait", condition=Chance(probability=0.3)),
+            Transition(source="wait", target="go", condition=Chance(probability=0.05)),
+        ]
+        states = {"go": (Avoid(distance=distance), Explore()), "wait": Halt()}
+        if more:
+            states = {"first": Explore(), "wait": Halt(), "go": (Avoid(distance=distance), Explore())}
+        self.control = StateMachine(states, moves)
+
+
+def test_robots_stay_in_their_states_by_name_when_the_change_numbers_states_in_another_way():
+    model = Watchmen(rng=1).run(10)
+    names = [model.control.state_names[number] for number in model.control.now]
+    assert set(names) == {"go", "wait"}
+    changed = model.continued(more=True)
+    assert [changed.control.state_names[number] for number in changed.control.now] == names
+
+
+def test_a_change_that_takes_away_a_state_in_which_robots_are_is_refused():
+    model = Watchmen(more=True, rng=1)
+    model.swarm.columns[model.control.noted[0]][:] = 0
+    with pytest.raises(InvalidValueError, match="a machine without the state 'first', in which there are robots"):
+        model.run(0).continued(more=False)
+
+
+BY_HAND = {
+    "control": lambda model: setattr(model, "control", Subsumption(Avoid(distance=9), Explore())),
+    "no control": lambda model: setattr(model, "control", None),
+    "communication": lambda model: setattr(model, "communication", Radio(range=80)),
+    "imperfections": lambda model: setattr(model, "imperfections", ROBOTARIUM),
+    "fire_constants": lambda model: setattr(model, "fire_constants", replace(model.fire_constants, k1=0.001)),
+    "collect_every": lambda model: setattr(model, "collect_every", 3),
+    "threads": lambda model: setattr(model, "threads", 2),
+    "scale": lambda model: setattr(model, "scale", Scale(units_per_metre=100, seconds_per_step=0.1)),
+    "failure": lambda model: model.robots[0].fail("stop"),
+    "wheel": lambda model: model.robots[1].fail("wheel", index=1, how="free"),
+    "speed": lambda model: setattr(model.robots[0], "max_speed", 0.4),
+    "attribute of a robot": lambda model: setattr(model.robots[0], "leader", True),
+    "column": lambda model: model.swarm.remember("mine", (2,), np.float64, 1.5).fill(2.5),
+    "object": lambda model: setattr(model, "counter", Counted(model.robots[0])),
+}
+
+
+class Counted:
+    """An object of the user's that cannot be stored, and refers to the model and a robot."""
+
+    def __init__(self, robot):
+        self.robot, self.model, self.seen = robot, robot.model, {frozenset({1}): object()}
+
+
+def settings_of(model):
+    names = ("communication", "imperfections", "fire_constants", "collect_every", "threads", "scale")
+    return {name: getattr(model, name) for name in names} | {"layers": getattr(model.control, "names", None)}
+
+
+@pytest.mark.parametrize("change", BY_HAND.values(), ids=BY_HAND)
+@pytest.mark.parametrize("named", [{}, {"gain": 3.0}])
+def test_what_was_changed_by_hand_goes_on_with_the_run(change, named):
+    model = Watchmen(rng=1).run(8)
+    change(model)
+    twin = copy.deepcopy(model)
+    changed = model.continued(**named)
+    assert settings_of(changed) == settings_of(twin)
+    assert changed.run(12).state_hash() == twin.run(12).state_hash()
+    assert [robot.failures for robot in changed.robots] == [robot.failures for robot in twin.robots]
+    assert changed.swarm.max_speed.tolist() == twin.swarm.max_speed.tolist()
+    assert getattr(changed.robots[0], "leader", None) == getattr(twin.robots[0], "leader", None)
+
+
+def test_an_object_that_cannot_be_stored_is_copied_with_the_new_models_parts_in_the_place_of_the_old_ones():
+    model = Watchmen(rng=1).run(3)
+    model.counter = Counted(model.robots[2])
+    changed = model.continued()
+    assert changed.counter is not model.counter
+    assert changed.counter.model is changed
+    assert changed.counter.robot is changed.robots[2]
+    assert list(changed.counter.seen) == [frozenset({1})]
+
+
+def test_a_robot_slowed_by_hand_is_no_faster_than_the_new_design_permits():
+    class Fast(SwarmModel):
+        def __init__(self, *, speed: float = 2.0, rng=None):
+            super().__init__(rng=rng)
+            self.add_robots(replace(AGENT9, max_speed=speed), 3)
+
+    model = Fast(rng=1).run(2)
+    model.robots[0].max_speed = 1.5
+    assert model.continued(speed=1.0).swarm.max_speed.tolist() == [1.0, 1.0, 1.0]
+    again = Fast(rng=1).run(2)
+    again.robots[0].max_speed = 1.5
+    assert again.continued(speed=3.0).swarm.max_speed.tolist() == [1.5, 3.0, 3.0]
+
+
+def test_a_setting_that_was_changed_by_hand_and_that_the_parameter_would_change_is_refused():
+    model = FireFighting(rng=1).run(3)
+    model.fire_constants = replace(model.fire_constants, k3=9.0)
+    with pytest.raises(InvalidValueError, match="belongs to the beginning of a run"):
+        model.continued(k1=0.001)
+    assert model.continued(strategy="A").fire_constants.k3 == 9.0
+
+
+def test_an_object_that_cannot_be_copied_is_named_in_one_line():
+    model = Watchmen(rng=1).run(3)
+    model.file = open(__file__, encoding="utf-8")  # noqa: SIM115
+    try:
+        with pytest.raises(InvalidValueError, match="file cannot be copied to the model that goes on"):
+            model.continued()
+    finally:
+        model.file.close()
+
+
+def test_rows_go_on_with_a_reporter_added_by_hand_and_one_that_the_change_adds_has_no_values_before():
+    class Reporting(SwarmModel):
+        def __init__(self, *, more: bool = False, rng=None):
+            names = ("completed", "collisions") if more else ("completed",)
+            super().__init__(rng=rng, model_reporters={f"my {name}": name for name in names})
+
+    model = Reporting(rng=1).run(2)
+    add_reporters(model.datacollector, {"late": "total_collisions"})
+    frame = model.run(1).continued(more=True).run(2).datacollector.get_model_vars_dataframe()
+    assert frame["my completed"].tolist() == [1, 2, 3, 4, 5]
+    assert frame["late"].isna().tolist() == [True, True, False, False, False]
+    assert frame["my collisions"].isna().tolist() == [True, True, True, False, False]
+
+
+def test_a_data_collector_that_replaced_the_models_own_goes_on():
+    model = Watchmen(rng=1)
+    model.datacollector = mesa.DataCollector(model_reporters={"n": "completed"})
+    frame = model.run(3).continued().run(2).datacollector.get_model_vars_dataframe()
+    assert frame["n"].tolist() == [1, 2, 3, 4, 5]
+
+
+def test_a_reporter_added_by_hand_keeps_its_values_when_a_recording_is_resumed_and_is_named(tmp_path):
+    model = Watchmen(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=4):
+        model.run(2)
+        add_reporters(model.datacollector, {"late": "completed"})
+        model.run(6)
+    with pytest.warns(UnstoredStateWarning, match="with a reporter that its constructor does not make .'late'."):
+        again = Watchmen.resume(tmp_path / "run.arrow")
+    frame = again.run(2).datacollector.get_model_vars_dataframe()
+    assert frame["late"].isna().tolist() == [True, True, *[False] * 6, True, True]
+    assert frame["x"].tolist() == list(range(1, 11))

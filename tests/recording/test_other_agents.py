@@ -6,7 +6,8 @@ from mesa import Agent
 from mesa.agent import AgentSet
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
-from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm import AGENT9, Recording, SwarmModel, disc
+from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from support.scenes import blind
@@ -158,3 +159,91 @@ def test_bodies_that_agents_move_follow_them_from_a_checkpoint_on():
         one.agent.unique_id for one in model.movers.agents
     ]
     assert (again.movers.position == model.movers.position).all()
+
+
+# ---- agents that are changed by hand between two steps
+
+
+class Den(SwarmModel):
+    """A wolf, whose body robots see, and sheep that have none."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.wolf = Wolf(self, (120.0, 150.0))
+        self.add_body(disc((120, 150), 6), kind="wolf", agent=self.wolf)
+        self.lamb = Sheep(self, (10, 10))
+        self.add_robots(AGENT9, 3)
+        self.control = Subsumption(Avoid(), Explore())
+
+
+def moved(model):
+    model.wolf.position += (40.0, -20.0)
+
+
+def turned(model):
+    model.wolf.heading = 1.0
+
+
+def removed(model):
+    model.wolf.remove()
+
+
+def born(model):
+    cub = Wolf(model, (300.0, 300.0))
+    model.add_body(disc((300, 300), 4), kind="cub", agent=cub)
+
+
+def aged(model):
+    model.lamb.age = 9
+
+
+def left(model):
+    model.lamb.remove()
+
+
+def came(model):
+    Sheep(model, (5, 5))
+
+
+NOTED = {
+    **dict.fromkeys((moved, turned, aged), "place or attributes of other agents"),
+    **dict.fromkeys((removed, left, came), "set of other agents"),
+    born: "set of robots, obstacles or fires",
+}
+
+
+@pytest.mark.parametrize("change", NOTED, ids=lambda change: change.__name__)
+def test_a_change_of_an_agent_by_hand_is_noted_and_the_recording_is_verified_and_resumed(change, tmp_path):
+    model = Den(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=20):
+        model.run(4)
+        change(model)
+        model.run(8)
+    (intervention,) = Recording(tmp_path / "run.arrow").interventions
+    assert intervention.step == 4
+    assert NOTED[change] in intervention.what
+    verdict = Den.verify(tmp_path / "run.arrow")
+    assert verdict.same, verdict
+    for step in (2, 4, 7, 12):
+        again = Den.resume(tmp_path / "run.arrow", step=step)
+        assert again.completed == step
+        if step >= 4:
+            assert again.run(12 - step).state_hash() == model.state_hash()
+
+
+def test_agents_that_change_in_the_step_or_are_only_read_are_not_noted(tmp_path):
+    model = Flock(rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        for _ in range(14):
+            model.run(1)
+            model.wolf.position, [sheep.age for sheep in model.sheep], model.space.agent_positions
+    assert Recording(tmp_path / "run.arrow").interventions == ()
+
+
+def test_a_body_whose_agent_was_removed_is_removed_in_the_next_step_after_a_restore_too():
+    model, other = Den(rng=1).run(3), Den(rng=1)
+    model.wolf.remove()
+    restore(other, checkpoint_of(model))
+    assert [body.kind for body in other.bodies].count("wolf") == 1
+    assert [body.kind for body in other.run(1).bodies].count("wolf") == 0
+    assert model.run(1).state_hash() == other.state_hash()

@@ -100,7 +100,7 @@ def test_no_point_of_a_load_is_farther_from_where_it_was_than_the_bound(x, y, p,
 def test_the_bound_is_met_by_a_load_that_turns_on_the_spot_or_moves_without_turning():
     load = empty().add_load(L_SHAPE, resistance=1)
     x, y, _ = load.pose
-    load.move_to((x, y, 1.0))
+    load.put((x, y, 1.0))
     assert load.farthest_from((x, y, -0.5)) == pytest.approx(2 * math.sin(0.75) * load.form.reach)
     assert load.farthest_from((x + 3, y - 4, 1.0)) == pytest.approx(5.0)
 

@@ -4,12 +4,14 @@ import copy
 import math
 import pickle
 
+import numpy as np
 import pytest
 from shapely import Point
 
 from mesa_swarm import AGENT9, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.world.bodies import Load
 from support.scenes import ahead, blind, empty
 
@@ -199,3 +201,64 @@ def test_robots_that_do_not_avoid_loads_avoid_walls_and_each_other():
     model.control = Subsumption(Avoid(loads="never"), Explore())
     model.step()
     assert model.swarm.layer.tolist() == [0, 0, 0]
+
+
+# ---- moved by hand
+
+
+def test_a_load_that_is_moved_by_hand_is_seen_where_it_is_and_robots_there_give_way():
+    model = empty(400, 300)
+    load = model.add_load(disc((300, 200), 10), resistance=1.0)
+    (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+    model.sense()
+    load.move_to((125, 100, 0.0))
+    model.sense()
+    assert robot.distance[0] == pytest.approx(10.0)
+    load.move_to((110, 100, 0.0))
+    model.step()
+    assert np.hypot(*(robot.position - load.position)) >= 15.0 - 1e-6
+
+
+@pytest.mark.parametrize(
+    ("pose", "reason"),
+    [
+        ((500, 100, 0.0), "is outside the arena"),
+        ((395, 100, 0.0), "is not within map"),
+        ((math.nan, 100, 0.0), "is outside the arena"),
+        ((100, 100, math.inf), "heading is inf"),
+        ((100, 100), "expected three numbers"),
+        ("here", "expected three numbers"),
+        ((200, 100, 0.0), "overlaps an obstacle or load"),
+        ((250, 100, 0.0), "overlaps a fire"),
+        ((300, 100, 0.0), "overlaps an obstacle or load"),
+    ],
+)
+def test_a_load_is_moved_to_free_places_on_the_map_only(pose, reason):
+    model = empty(400, 300)
+    model.add_obstacle(disc((200, 100), 10))
+    model.add_fire((250, 100), radius=10)
+    model.add_load(disc((300, 100), 10), resistance=1.0)
+    load = model.add_load(disc((100, 200), 10), resistance=1.0)
+    with pytest.raises(InvalidValueError, match=reason):
+        load.move_to(pose)
+    assert load.pose == (100.0, 200.0, 0.0)
+
+
+def test_a_load_may_be_moved_onto_its_own_former_place():
+    load = empty(400, 300).add_load(disc((100, 200), 10), resistance=1.0)
+    load.move_to((104, 200, 1.0))
+    assert load.pose == (104.0, 200.0, 1.0)
+
+
+def test_a_recording_of_a_load_that_was_moved_by_hand_is_resumed(tmp_path):
+    model = CooperativeTransport(rng=2)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=3):
+        model.run(5)
+        x, y, _ = model.loads[0].pose
+        model.loads[0].move_to((x, y + 30, 0.5))
+        model.run(7)
+    assert CooperativeTransport.verify(tmp_path / "run.arrow").same
+    for step in (4, 5, 9):
+        again = CooperativeTransport.resume(tmp_path / "run.arrow", step=step)
+        if step == 9:
+            assert again.run(3).state_hash() == model.state_hash()

@@ -1,0 +1,542 @@
+"""The state of a run, carried over to a model that was made with other parameters."""
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping
+from copy import copy, deepcopy
+from dataclasses import fields, is_dataclass
+from hashlib import blake2b
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from mesa import Agent, Model
+from mesa.experimental.continuous_space import ContinuousSpaceAgent
+
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.behaviour import Behaviour
+from mesa_swarm.control.state_machine import StateMachine
+from mesa_swarm.control.team import Team
+from mesa_swarm.errors import InvalidValueError, RecordingError, in_words, shortened
+from mesa_swarm.fire.model import FireModel
+from mesa_swarm.mesa_model import add_reporters
+from mesa_swarm.recording.attributes import (
+    ModelPacked,
+    attribute_from_json,
+    attribute_to_json,
+    own_attributes,
+    own_attributes_of_agent,
+)
+from mesa_swarm.recording.collected import reporters_of, set_clock
+from mesa_swarm.recording.parts import control_to_json, objects_to_json, other_agents, restore_objects
+from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
+from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING, Swarm
+from mesa_swarm.state import ATOMS, Checkpointed, add_to, attributes_of
+from mesa_swarm.world.arena import next_id, set_next_id
+
+# Columns that follow from parameters; all others are the state of the run.
+OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
+# Those of them that are the run's where it has added or removed robots.
+MADE = frozenset({"number", "design"})
+# Settings that may be changed by hand between steps: such a change is kept, unless the parameters change it as well.
+SETTINGS = ("communication", "imperfections", "fire_constants", "scale", "collect_every", "threads")
+# Parts of a model to which its attributes may refer.
+PARTS = ("swarm", "space", "fires", "map", "rng", "random", "streams", "datacollector")
+OURS = "mesa_swarm."
+
+
+def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Copy the state of a model to a `new` one that has taken no step yet.
+
+    Values of `old` that differ from those in `fresh`, which is `old` before its first step, are state; the others
+    follow from parameters. So do its robots and other objects, and what drives them: what was added, removed or
+    replaced during the run is.
+    """
+    remade = _take_objects(new, old, fresh)
+    set_clock(new, old.steps)
+    _take_kinds(new, old)
+    _take_bodies(new, old, fresh)
+    _take_settings(new, old, fresh)
+    _take_columns(new, old, OF_PARAMETERS - MADE if remade else OF_PARAMETERS)
+    _take_fires(new, old, fresh)
+    _take_fields(new, old, fresh)
+    _take_randomness(new, old)
+    _take_values(new, old, fresh)
+    _take_collected(new, old, fresh)
+    new.obstacles_changed()
+    new.swarm.disturbed = old.swarm.disturbed
+
+
+# ---- objects
+
+
+def _take_objects(new: FireModel, old: FireModel, fresh: FireModel) -> bool:
+    """Add and remove what was added and removed during the run; return whether anything was.
+
+    The change itself has to make the same objects as without it.
+    """
+    remade = _objects_of(new) != _objects_of(old)
+    if remade:
+        for name, ids in _objects_of(new).items():
+            was = _objects_of(fresh)[name]
+            if ids != was:
+                raise InvalidValueError(
+                    f"the change makes a world with {len(ids)} {name} instead of the {len(was)} recorded; "
+                    "change only parameters that leave them as they are"
+                )
+        restore_objects(new, _changed_objects(*map(objects_to_json, (new, old, fresh))))
+    set_next_id(new, max(next_id(new), next_id(old)))
+    new.swarm._created = max(new.swarm._created, old.swarm._created)
+    return remade
+
+
+def _objects_of(model: FireModel) -> dict[str, list[int]]:
+    """Return the unique_ids of all agents by kind."""
+    kinds = {name: getattr(model, name) for name in ("robots", "fires", "obstacles", "loads", "bodies")}
+    kinds["agents"] = other_agents(model)
+    return {name: [agent.unique_id for agent in agents] for name, agents in kinds.items()}
+
+
+def _changed_objects(new: dict, old: dict, fresh: dict) -> dict:
+    """Return the stored objects of `old`, but with those designs and shapes of `new` that the run did not change."""
+    designs = [_unless_changed(*three) for three in zip_longest(new["designs"], old["designs"], fresh["designs"])]
+    mine, first = ({body["id"]: body for body in model["obstacles"]} for model in (new, fresh))
+    bodies = [_merged(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
+    return {**old, "designs": designs[: len(old["designs"])], "obstacles": bodies}
+
+
+def _merged(new: dict, old: dict, fresh: dict) -> dict:
+    return {name: _unless_changed(new.get(name), value, fresh.get(name)) for name, value in old.items()}
+
+
+def _unless_changed(new: Any, old: Any, fresh: Any) -> Any:
+    """Return the value that follows from the new parameters, unless the run has changed it since its beginning."""
+    return new if old == fresh and new is not None else old
+
+
+def _take_kinds(new: FireModel, old: FireModel) -> None:
+    """Let readings and contacts have the codes of the run's kinds, to which the new model may add."""
+    new._kinds = (*old.kinds, *(name for name in new.kinds if name not in old.kinds))
+
+
+def _take_bodies(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Put bodies where they are, and agents of other classes as well."""
+    first = {load.unique_id: load.resistance for load in fresh.loads}
+    for load, was in zip(new.loads, old.loads, strict=True):
+        load.put(was.pose)
+        load.moved, load.pushers = was.moved, was.pushers
+        if was.resistance != first.get(load.unique_id, was.resistance):
+            load.resistance = was.resistance
+    for column, source in zip(new.movers.poses, old.movers.poses, strict=True):
+        column[:] = source
+    for flags in ("blocked", "fresh", "carried"):
+        getattr(new.movers, flags)[:] = getattr(old.movers, flags)
+    for body, was in zip(new.movers.agents, old.movers.agents, strict=True):
+        body.carrier = None if was.carrier is None else new.swarm.agents[was.carrier.row]
+    for agent, was in zip(other_agents(new), other_agents(old), strict=True):
+        if isinstance(agent, ContinuousSpaceAgent):
+            agent.position = was.position
+    new.obstacles_changed()
+
+
+# ---- settings and control
+
+
+def changed_settings(model: FireModel, other: FireModel) -> list[str]:
+    """Return the settings in which two models of the same class differ, `control` among them."""
+    names = [name for name in SETTINGS if getattr(model, name) != getattr(other, name)]
+    return names if _same_control(model.control, other.control) else [*names, "control"]
+
+
+def _take_settings(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    by_parameters = changed_settings(new, fresh)
+    by_hand = [name for name in changed_settings(old, fresh) if name not in by_parameters]
+    for name in by_hand:
+        if name != "control":
+            setattr(new, name, getattr(old, name))
+    if FAILED_SENSORS in old.swarm.columns:
+        new.prepare_failures()
+    if new._imperfect is not None and old._imperfect is not None:
+        new._imperfect.key = old._imperfect.key
+    if "control" in by_hand:
+        new.control = old.control
+        _keep_fields(new.control, old.control)
+
+
+def _same_control(one: Arbiter | None, other: Arbiter | None) -> bool:
+    """Return whether two controls are made of the same arbiters, layers and rules."""
+    if type(one) is not type(other) or control_to_json(one) != control_to_json(other):
+        return False
+    pairs = zip(getattr(one, "layers", ()), getattr(other, "layers", ()), strict=True)
+    return all(type(layer) is type(same) and _same_rule(layer, same) for layer, same in pairs)
+
+
+def _same_rule(layer: Any, other: Any) -> bool:
+    return not isinstance(layer, Behaviour) or layer.rule.function.__code__ == other.rule.function.__code__
+
+
+def _keep_fields(control: Any, old: Any) -> None:
+    """Let learners, which begin anew where they are bound, have their former fields; their columns follow."""
+    for layer, was in zip(getattr(control, "layers", ()), getattr(old, "layers", ()), strict=True):
+        if is_dataclass(layer) and type(layer).__module__.startswith(OURS):
+            for field in fields(layer):
+                if getattr(layer, field.name) is not getattr(was, field.name):
+                    object.__setattr__(layer, field.name, getattr(was, field.name))
+
+
+# ---- columns
+
+
+def _take_columns(new: FireModel, old: FireModel, of_parameters: frozenset[str]) -> None:
+    renamed = _renamed_columns(new, old)
+    for name, declared in old.swarm._memory.items():
+        if not name[:1].isdigit() and not name.startswith(LASTING):  # of no layer, arbiter or imperfection
+            new.swarm.remember(name, *declared)
+    for name, column in new.swarm.columns.items():
+        source = old.swarm.columns.get(renamed(name))
+        if name not in of_parameters and source is not None and source.shape == column.shape:
+            column[...] = source
+    _take_speeds(new, old)
+    _take_states(new, old)
+    new.swarm.groups = (*old.swarm.groups, *(name for name in new.swarm.groups if name not in old.swarm.groups))
+    new.swarm.regrouped += 1
+
+
+def _take_speeds(new: FireModel, old: FireModel) -> None:
+    """Keep limits of speed that the run has set, as far as the designs permit them."""
+    limit, was = new.swarm.columns["max_speed"], old.swarm.columns["max_speed"]
+    mine, others = (np.array([robot.design.max_speed for robot in model.swarm.agents]) for model in (new, old))
+    limit[:] = np.where(was != others, np.minimum(was, mine), limit)
+
+
+def _take_states(new: FireModel, old: FireModel) -> None:
+    """Give states of machines, which were copied as numbers, the numbers that they have by name in the new machines."""
+    others = dict(_machines(old, _by_label(new, old)))
+    for key, machine in _machines(new, _by_label(new, old)):
+        if key in others:
+            now, fired = (new.swarm.columns[name] for name in machine.noted)
+            now[:] = _numbered(now, others[key].state_names, machine.state_names)
+            if machine.transitions != others[key].transitions:
+                fired.fill(-1)
+
+
+def _numbered(now: np.ndarray, before: tuple[str, ...], after: tuple[str, ...]) -> np.ndarray:
+    """Return the states, given as indices of names, as indices of other names."""
+    gone = [before[number] for number in np.unique(now).tolist() if before[number] not in after]
+    if gone:
+        raise InvalidValueError(
+            f"the change makes a machine without the state {shortened(gone[0])}, in which there are robots; change "
+            "only parameters that leave it"
+        )
+    return np.array([after.index(name) if name in after else -1 for name in before], np.int64)[now]
+
+
+def _machines(model: FireModel, by_label: bool) -> Iterator[tuple[tuple[str, int], StateMachine]]:
+    """Iterate over the state machines of a control, by their label and their place among those of the label."""
+    count = Counter[str]()
+    for label, arbiter in _labelled_arbiters(model):
+        key = label if by_label else ""
+        if isinstance(arbiter, StateMachine):
+            yield (key, count[key]), arbiter
+        count[key] += 1
+
+
+def _renamed_columns(new: FireModel, old: FireModel) -> Callable[[str], str]:
+    """Return a function of a column's name in one model that returns its name in the other, "" if it has none."""
+    mine, others = (_prefixes(model, _by_label(new, old)) for model in (new, old))
+    own = {prefix: key for key, prefix in mine.items()}
+    longest_first = sorted(own, key=len, reverse=True)
+
+    def renamed(name: str) -> str:
+        if not name[:1].isdigit():
+            return name
+        prefix = next((prefix for prefix in longest_first if name.startswith(f"{prefix}.")), "")
+        return others[own[prefix]] + name.removeprefix(prefix) if own.get(prefix) in others else ""
+
+    return renamed
+
+
+def _by_label(new: FireModel, old: FireModel) -> bool:
+    """Return whether arbiters are the same if their labels are; else all layers are of one."""
+    return isinstance(new.control, Team) and isinstance(old.control, Team)
+
+
+def _prefixes(model: FireModel, by_label: bool) -> dict[tuple[str, str, int], str]:
+    """Return with what the names of the columns of each layer begin, and of each arbiter itself, whose name is "".
+
+    By the label of the arbiter, the name, and its place among those of this name. What an arbiter has itself, such as
+    the states of a machine, begins with the index of its first layer.
+    """
+    count, prefixes, first = Counter[tuple[str, str]](), {}, 0
+    for label, arbiter in _labelled_arbiters(model):
+        key, begin = (label if by_label else ""), (f".{label}" if label else "")
+        names = [("", f"{first}{begin}")]
+        names += [(layer.name, f"{index}{begin}.{layer.name}") for index, layer in enumerate(arbiter.layers, first)]
+        for name, prefix in names:
+            prefixes[key, name, count[key, name]] = prefix
+            count[key, name] += 1
+        first += len(arbiter.layers)
+    return prefixes
+
+
+def _labelled_arbiters(model: FireModel) -> Iterator[tuple[str, Any]]:
+    """Iterate over the arbiters of a control, each with its label."""
+    control: Any = model.control
+    if control is not None:
+        yield from zip(getattr(control, "labels", ("",)), getattr(control, "parts", (control,)), strict=True)
+
+
+def _matching_layers(new: FireModel, old: FireModel) -> Iterator[tuple[Any, Any]]:
+    """Iterate over the layers of one model with those of another that are the same: of the same prefix's key."""
+    mine, others = (_prefixes(model, _by_label(new, old)) for model in (new, old))
+    for key, prefix in mine.items():
+        if key in others and key[1]:
+            places = (int(name.partition(".")[0]) for name in (prefix, others[key]))
+            index, other = places
+            yield new.control.layers[index], old.control.layers[other]  # type: ignore[union-attr]
+
+
+# ---- fires, fields, random streams
+
+
+def _take_fires(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    first = {fire.unique_id for fire in fresh.fires}
+    added = [row for row, fire in enumerate(old.fires.agents) if fire.unique_id not in first]
+    for name, column in old.fires.columns.items():
+        rows = slice(None) if name in ("temperature", "out", "out_step", "robots") else added
+        new.fires.columns[name][rows] = column[rows]
+    every = old if old.fires.history.every != fresh.fires.history.every else new
+    interval = every.fires.history.every
+    new.fires.history = deepcopy(old.fires.history)
+    new.fires.history.every = interval
+
+
+def _take_fields(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Remove and add the fields that the run did, and copy the values of those of the same name and grid."""
+    for name in [name for name in fresh.fields if name in new.fields and name not in old.fields]:
+        new.remove_field(name)
+    for name, field in old.fields.items():
+        if name not in fresh.fields and name not in new.fields:
+            new.add_field(field.declared)
+    for name, field in new.fields.items():
+        if name in old.fields and old.fields[name].values.shape == field.values.shape:
+            field.restore(old.fields[name].checkpoint())
+    if new._fields:
+        order = [*(name for name in old.fields if name in new._fields), *new._fields]
+        new._fields = {name: new._fields[name] for name in order}
+
+
+def _take_randomness(new: FireModel, old: FireModel) -> None:
+    for name, state in old.streams.state().items():
+        new.streams[name].bit_generator.state = state
+    new.rng.bit_generator.state = old.rng.bit_generator.state
+    new.random.setstate(old.random.getstate())
+    new.__dict__["_noise"] = old.__dict__["_noise"]  # this step's sensor errors, which may have been drawn already
+
+
+# ---- attributes, declared state, processes, layers, agents
+
+
+def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Copy what the run has changed in attributes, the declared state, processes, custom layers and other agents."""
+    _take_processes(new, old, fresh)
+    carrier = _Carrier(new, old)
+    for mine, values, first in _owners_of_values(new, old, fresh):
+        for name in first.keys() - values.keys():
+            mine.pop(name, None)
+        for name, value in values.items():
+            if name not in first or _differ(value, first[name]):
+                mine[name] = carrier.carried(name, value, mine.get(name))
+    carrier.finish()
+    for owner, was in _checkpointed(new, old):
+        owner.restore(deepcopy(was.checkpoint()))
+    new.events.replace({name: list(series) for name, series in old.events.series().items()})
+
+
+def _take_processes(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Add and remove the processes that the run did; the attributes of those that are added follow."""
+    for number in old._processes.keys() - fresh._processes.keys() - new._processes.keys():
+        kind: Any = type(old._processes[number])
+        new._processes[number] = kind.__new__(kind)
+    if new._processes.keys() < old._processes.keys():
+        raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
+    for number in new._processes.keys() - old._processes.keys():
+        new.remove_process(new._processes[number])
+    new._processes = {number: new._processes[number] for number in old._processes}
+
+
+class _Carrier:
+    """Values of one model as values of another: with its agents, columns, streams and parts in their places."""
+
+    def __init__(self, new: FireModel, old: FireModel) -> None:
+        self._new, self._old = new, old
+        self._there = ModelPacked(old)
+        self._here, self._there.removed = ModelPacked(new, self._there.arrays), {}
+        renamed = _renamed_columns(old, new)
+        self._columns = {name: renamed(name) for name in old.swarm.columns}
+        self._memo: dict[int, Any] | None = None
+
+    def carried(self, name: str, value: Any, now: Any) -> Any:
+        """Return a value of the old model as one of the new one; of what cannot be stored a copy."""
+        try:
+            content = attribute_to_json(value, name, self._there)
+        except RecordingError:
+            return self._copied(name, value)
+        if "column" in content:  # type: ignore[operator]
+            return self._column(content["column"])  # type: ignore[index]
+        make_removed(self._here, removed_to_json(self._there))
+        return attribute_from_json(now, name, content, self._here)  # type: ignore[arg-type]
+
+    def finish(self) -> None:
+        """Restore the attributes of agents that were removed."""
+        restore_removed(self._here, removed_to_json(self._there))
+
+    def _column(self, name: str) -> np.ndarray:
+        if self._columns.get(name) not in self._new.swarm.columns:
+            raise InvalidValueError(f"the change makes a model without the column {shortened(name)}, which is in use")
+        return self._new.swarm.columns[self._columns[name]]
+
+    def _copied(self, name: str, value: Any) -> Any:
+        if self._memo is None:
+            self._memo = self._counterparts()
+        try:
+            return deepcopy(value, self._memo)
+        except Exception as error:  # an object of a user's may raise anything
+            raise InvalidValueError(
+                f"{name} cannot be copied to the model that goes on: {in_words(error)}; give its class "
+                "checkpoint() and restore(state)"
+            ) from None
+
+    def _counterparts(self) -> dict[int, Any]:
+        """Return what stands in the new model for the parts of the old one, by their identity, as `deepcopy` asks."""
+        new, old = self._new, self._old
+        pairs: list[tuple[Any, Any]] = [(old, new)]
+        pairs += [(getattr(old, name), getattr(new, name)) for name in PARTS]
+        pairs += [(stream, new.streams[name]) for name, stream in old.streams._streams.items()]
+        pairs += [(old.swarm.columns[name], column) for name, column in self._same_columns()]
+        mine = {agent.unique_id: agent for agent in new.agents}
+        pairs += [(agent, mine[agent.unique_id]) for agent in old.agents if agent.unique_id in mine]
+        pairs += [(process, new._processes[number]) for number, process in old._processes.items()]
+        pairs += [(was, layer) for layer, was in _matching_layers(new, old)]
+        pairs += [(field, new.fields[name]) for name, field in old.fields.items() if name in new.fields]
+        return {id(there): here for there, here in pairs}
+
+    def _same_columns(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Iterate over the names of columns of the old model, each with the column that it is in the new one."""
+        columns = self._new.swarm.columns
+        yield from ((name, columns[other]) for name, other in self._columns.items() if other in columns)
+
+
+def _owners_of_values(new: FireModel, old: FireModel, fresh: FireModel) -> Iterator[tuple[Any, dict, dict]]:
+    """Iterate over what has values: where those of the new model are, those of the old one, and the first ones."""
+    yield new.__dict__, own_attributes(old), own_attributes(fresh)
+    yield new.state, dict(old.state), dict(fresh.state)
+    for number, process in new._processes.items():
+        if not isinstance(process, Checkpointed):
+            before = attributes_of(fresh._processes[number]) if number in fresh._processes else {}
+            yield _Attributes(process), attributes_of(old._processes[number]), before
+    firsts = {id(layer): first for layer, first in _matching_layers(new, fresh)}
+    for layer, was in _matching_layers(new, old):
+        if not type(layer).__module__.startswith(OURS) and not isinstance(layer, Checkpointed):
+            first = _without_swarm(attributes_of(firsts[id(layer)])) if id(layer) in firsts else {}
+            yield _Attributes(layer), _without_swarm(attributes_of(was)), first
+    yield from _owners_of_agents(new, old, fresh)
+
+
+def _owners_of_agents(new: FireModel, old: FireModel, fresh: FireModel) -> Iterator[tuple[Any, dict, dict]]:
+    firsts = {agent.unique_id: agent for agent in fresh.agents}
+    others = {agent.unique_id: agent for agent in old.agents}
+    for agent in new.agents:
+        was, first = others[agent.unique_id], firsts.get(agent.unique_id)
+        before = {} if first is None else own_attributes_of_agent(first)
+        values = own_attributes_of_agent(was)
+        if values or before:
+            yield _Attributes(agent), values, before
+
+
+def _checkpointed(new: FireModel, old: FireModel) -> Iterator[tuple[Any, Any]]:
+    """Iterate over processes and layers that store and restore themselves, with those of the old model."""
+    pairs: list[tuple[Any, Any]] = [(process, old._processes[number]) for number, process in new._processes.items()]
+    for owner, was in (*pairs, *_matching_layers(new, old)):
+        if isinstance(owner, Checkpointed) and type(owner) is type(was):
+            yield owner, was
+
+
+def _without_swarm(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if not isinstance(value, Swarm)}
+
+
+class _Attributes:
+    """The attributes of an object, written like the values of a dict."""
+
+    def __init__(self, owner: object) -> None:
+        self.owner = owner
+
+    def get(self, name: str) -> Any:
+        return getattr(self.owner, name, None)
+
+    def pop(self, name: str, default: None) -> None:
+        self.owner.__dict__.pop(name, default)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        object.__setattr__(self.owner, name, value)
+
+
+def _differ(one: Any, other: Any) -> bool:
+    """Return whether two values differ, objects of any class by all their attributes."""
+    return one is not other and _deep_digest(one) != _deep_digest(other)
+
+
+def _deep_digest(value: Any) -> bytes:
+    digest = blake2b(digest_size=16)
+    _add_deeply(digest, value, set())
+    return digest.digest()
+
+
+def _add_deeply(digest: Any, value: Any, seen: set[int]) -> None:
+    """Add a value to a digest, and the attributes of objects of any class, each once; of agents the unique_id."""
+    kind = type(value)
+    if kind in ATOMS or isinstance(value, (np.ndarray, np.generic, Agent, np.random.Generator)):
+        add_to(digest, value)
+        return
+    if id(value) in seen or isinstance(value, (Model, Swarm, type)):
+        digest.update(f"{kind.__name__};".encode())
+        return
+    seen.add(id(value))
+    if isinstance(value, Mapping):
+        parts: list[Any] = [part for pair in value.items() for part in pair]
+    elif isinstance(value, (list, tuple, deque)):
+        parts = list(value)
+    elif isinstance(value, (set, frozenset)):
+        parts = sorted(value, key=repr)
+    else:
+        parts = [part for pair in sorted(attributes_of(value).items()) for part in pair]
+    digest.update(f"{kind.__qualname__} {len(parts)};".encode())
+    for part in parts:
+        _add_deeply(digest, part, seen)
+
+
+# ---- collected data
+
+
+def _take_collected(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+    """Copy collected data; a reporter that is new with the parameters has no values in the rows before."""
+    mine, others = new.datacollector, old.datacollector
+    if type(others) is not type(fresh.datacollector) or others.tables.keys() != mine.tables.keys():
+        new.datacollector = mine = copy(others)  # replaced by hand
+        mine.model_vars = {name: list(values) for name, values in others.model_vars.items()}
+        mine._agent_records = dict(others._agent_records)
+        return
+    by_hand = others.model_reporters.keys() - fresh.datacollector.model_reporters.keys()
+    add_reporters(mine, {name: reporter for name, reporter in others.model_reporters.items() if name in by_hand})
+    rows = max(map(len, others.model_vars.values()), default=0)
+    for name, values in mine.model_vars.items():
+        values[:] = others.model_vars.get(name, [None] * rows)
+    for name, columns in mine.tables.items():
+        for column, values in columns.items():
+            values[:] = others.tables[name].get(column, values)
+    mine._agent_records = dict(others._agent_records)
+    mine._agenttype_records = dict(others._agenttype_records)
+    reporters = reporters_of(old)
+    for name, reporter in reporters_of(new).items():
+        if name in reporters:
+            reporter.restore(reporters[name].checkpoint())
