@@ -56,6 +56,8 @@ LARGEST_NUMBER = 1e15
 # Of the state of Python's generator.
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
+# Parts of a stored state that follow how a run is observed.
+OBSERVING = ("collect_every", "reporters", "history")
 OF_BURNING = f"{Burning.__module__}.{Burning.__qualname__}"
 
 
@@ -103,6 +105,41 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
     if packed.removed:
         facts["removed"] = removed_to_json(packed)
     return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=packed.arrays)
+
+
+def differing_part(one: FireModel, other: FireModel) -> str:
+    """Return the name of a part of the state in which two models differ, an empty text if there is none.
+
+    What only observes a run, such as reporters and how often they are collected, is not compared, and collected rows
+    are where both models collect the same.
+    """
+    mine, others = checkpoint_of(one), checkpoint_of(other)
+    for name, what, content, same in _paired_parts(mine.facts, others.facts):
+        if name == "collected" and mine.facts["collect_every"] != others.facts["collect_every"]:
+            continue
+        if name not in OBSERVING and _with_arrays(content, mine) != _with_arrays(same, others):
+            return what
+    return "" if mine.state_hash == others.state_hash else "its state hash"
+
+
+def _paired_parts(mine: dict, others: dict) -> Iterator[tuple[str, str, Any, Any]]:
+    """Iterate over the parts of two states: the name, that of an inner part with it, and the two contents."""
+    for name in sorted({*mine, *others}):
+        content, same = mine.get(name), others.get(name)
+        if name == "collected":
+            series, known = ({tuple(path): values for path, _, values in facts[name]} for facts in (mine, others))
+            yield from ((name, f"{name} {' '.join(p)}", series[p], known[p]) for p in series if p in known)
+        elif isinstance(content, dict) and isinstance(same, dict):
+            yield from ((name, f"{name} {one}", content.get(one), same.get(one)) for one in sorted({*content, *same}))
+        else:
+            yield name, name, content, same
+
+
+def _with_arrays(content: Any, checkpoint: Checkpoint) -> tuple[str, list[tuple[str, tuple, bytes]]]:
+    """Return a part of a state as a text without the numbers of arrays, and these arrays."""
+    text = json.dumps(content, separators=(",", ":"))
+    arrays = [checkpoint.arrays[int(place)] for place in PLACES.findall(text)]
+    return PLACES.sub("", text), [(array.dtype.str, array.shape, array.tobytes()) for array in arrays]
 
 
 def restore(

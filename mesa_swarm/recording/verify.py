@@ -12,7 +12,7 @@ from mesa_swarm.errors import RecordingError, SwarmError, in_words
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.changes import Intervention, as_remark
-from mesa_swarm.recording.checkpoint import restore
+from mesa_swarm.recording.checkpoint import differing_part, restore
 from mesa_swarm.recording.collected import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
@@ -37,17 +37,24 @@ class Rerun:
 
     `model` is another one after each intervention; `taken` are those after which it continued from a stored state.
     `checkpoint` is the index of the stored state from which it began, -1 if it was started again, and `begin` names
-    that state as text to follow a verdict. `moved` are the steps after which bodies were moved by hand. `watch` is
-    called with the model after each step.
+    that state as text to follow a verdict. `unseen` are the stored states, by index and step, to be compared with the
+    model: all but those after changes by hand, and that from which it began. `moved` are the steps after which bodies
+    were moved by hand. `states` are those that were read, of which the last one is whole. `watch` is called with the
+    model after each step.
     """
 
     def __init__(
-        self, recording: Recording, model: FireModel, checkpoint: int = -1, watch: Watch = lambda _: None
+        self,
+        recording: Recording,
+        model: FireModel,
+        checkpoint: int = -1,
+        watch: Watch = lambda _: None,
+        states: Sequence[Checkpoint] = (),
     ) -> None:
         self.recording, self.model, self._watch = recording, model, watch
         self.taken: tuple[Intervention, ...] = ()
         self.begin = "" if checkpoint < 0 else f", from the stored state of step {model.completed}"
-        self._states: list[Checkpoint] = []
+        self.states = list(states)
         self._layout = _layout_of(recording, model)
         self._format = recording.provenance["format"]
         first, has = model.completed, checkpoint
@@ -56,6 +63,9 @@ class Rerun:
         self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
         self._moves = deque(one for one in recording.hand_moves if one.step >= first and one.after > has)
         self.moved: set[int] = set()
+        by_hand = {one.checkpoint for one in recording.interventions}
+        steps = enumerate(recording.checkpoints)
+        self.unseen = deque((k, step) for k, step in steps if k > has and step >= first and k not in by_hand)
 
     def to(self, step: int) -> None:
         """Run to a later step, unless the model was changed by hand in between and the state after it is not stored."""
@@ -97,13 +107,31 @@ class Rerun:
                 "added or removed"
             )
 
+    def check_states(self, step: int) -> str:
+        """Run to a step, compare the stored states up to there with the model, and return what differs first."""
+        while self.unseen and self.unseen[0][1] <= step:
+            place, at = self.unseen.popleft()
+            self.to(at)
+            try:
+                name = differing_part(self._restored(place), self.model)
+            except RecordingError as error:
+                return f"its stored state cannot be read: {error}"
+            if name:
+                return f"its stored state differs in {name}"
+        return ""
+
+    def _restored(self, place: int) -> FireModel:
+        """Return a new model with a stored state, by its index; each is read once, in their order."""
+        if len(self.states) <= place:
+            self.states = states_to(self.recording, place, self.states)
+        return restored(self.recording, type(self.model), self.states)
+
     def _take(self, intervention: Intervention) -> None:
         """Continue from the state that was stored after an intervention."""
         if intervention.checkpoint is None:
             why = f"{intervention.why_not:.{2 * LONGEST_DESCRIPTION}}"
             raise RecordingError(f"{intervention!s:.{LONGEST_DESCRIPTION}}; the state then was not stored ({why})")
-        self._states = states_to(self.recording, intervention.checkpoint, self._states)
-        self.model = restored(self.recording, type(self.model), self._states)
+        self.model = self._restored(intervention.checkpoint)
         self.taken += (self._ahead.pop(0),)
         while self._moves and self._moves[0].after <= intervention.checkpoint:
             self._moves.popleft()  # the state includes them
@@ -133,6 +161,8 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
     """Return the model at the start of a recording: from its parameters, else from the state stored then.
 
     A recording that began late is not run again from step 0: its rows do not prove that there were that many steps.
+    Where the state at the start is what the parameters make but for something that is not in the state hash, such as an
+    attribute set by hand, the model is that state, which `Rerun.begin` names.
     """
     facts = recording.provenance
     start = facts["start"]
@@ -140,11 +170,12 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
     if is_near:
         run_on(model, start["step"], watch)
         if model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]:
-            return Rerun(recording, model, watch=watch)
+            return _unless_stored_differs(Rerun(recording, model, watch=watch), watch)
     if recording.checkpoints[:1] == (start["step"],):
-        model = restored(recording, model_class, states_to(recording, 0))
+        states = states_to(recording, 0)
+        model = restored(recording, model_class, states)
         if hash_in_format(model, facts["format"]) == start["state_hash"]:
-            return Rerun(recording, model, 0, watch)
+            return Rerun(recording, model, 0, watch, states)
     if not is_near:
         raise RecordingError(
             f"{recording.path} begins at step {start['step']} without a stored state; expected at most "
@@ -154,6 +185,28 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
         f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
         "it was changed by hand, or made by other versions; build it in a constructor to run it again"
     )
+
+
+def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
+    """Return a model with the state at the start if that is another one than the parameters make, of the same hash."""
+    recording, start = rerun.recording, rerun.recording.provenance["start"]
+    if recording.checkpoints[:1] != (start["step"],):
+        return rerun
+    try:
+        states = states_to(recording, 0)
+        model = restored(recording, type(rerun.model), states)
+        name = differing_part(model, rerun.model)
+    except RecordingError:  # which `Rerun.check_states` reports
+        return rerun
+    if name and hash_in_format(model, recording.provenance["format"]) != start["state_hash"]:
+        return rerun
+    if not name:  # it has been compared
+        rerun.unseen.popleft()
+        rerun.states = states
+        return rerun
+    stored = Rerun(recording, model, 0, watch, states)
+    stored.begin += f" (its {name} is not what the parameters make)"
+    return stored
 
 
 def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
@@ -218,7 +271,7 @@ class Verification:
 
 
 def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
-    """Run the model of a recording again from its parameters and compare every row.
+    """Run the model of a recording again from its parameters, and compare every row and every stored state.
 
     A model that its parameters alone do not make, such as one to which robots were added from outside, is run from the
     state that was stored when the recording began; the verdict names that state, which is not verified.
@@ -288,6 +341,17 @@ def run_to(rerun: Rerun, step: int) -> None:
     rerun.to(step)
 
 
+def check_row(rerun: Rerun) -> None:
+    """Refuse a stored state, from which a model was just made, that is not that of the row of its step."""
+    recording, step = rerun.recording, rerun.model.completed
+    row = recording.row_after(step) - 1
+    if row < 0 or recording[row].step != step or recording.provenance["format"] <= LATE_READINGS:
+        return
+    difference = _difference(row, recording[row], rerun.frame(recording[row]))
+    if difference is not None:
+        raise RecordingError(f"the stored state of step {step} does not match the row of this step: {difference}")
+
+
 def last_same(rerun: Rerun, step: int) -> int:
     """Run beside a recording, and return the last step, at most the given one, before the first difference."""
     recording, same = rerun.recording, rerun.model.completed
@@ -307,7 +371,11 @@ def last_same(rerun: Rerun, step: int) -> int:
 def _all_compared(rerun: Rerun, rows: int) -> Verification:
     for row, frame in enumerate(islice(rerun.recording, rows)):
         try:
-            difference = _difference(row, frame, rerun.frame(frame))
+            wrong = rerun.check_states(frame.step - 1)
+            difference = _difference(row, frame, rerun.frame(frame)) if not wrong else None
+            wrong = wrong or (rerun.check_states(frame.step) if difference is None else "")
+            if wrong:
+                difference = _verdict(row, rerun.model.completed, None, wrong)
         except RecordingError as error:
             text = f"step {frame.step} is the first that cannot be compared: {error}"
             difference = Verification(same=False, rows=row, step=frame.step, text=text)
@@ -320,15 +388,15 @@ def _all_compared(rerun: Rerun, rows: int) -> Verification:
 def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
     if not np.array_equal(frame.robots, again.robots):
         return _verdict(
-            row, frame, "robots", f"{len(frame.robots)} robots recorded, {len(again.robots)} when run again"
+            row, frame.step, "robots", f"{len(frame.robots)} robots recorded, {len(again.robots)} when run again"
         )
     for name in frame.columns:
         differing = _differing(name, frame, again)
         if differing is not None:
-            return _verdict(row, frame, name, f"{name} differs{_named(differing)}", differing)
+            return _verdict(row, frame.step, name, f"{name} differs{_named(differing)}", differing)
     if frame.state_hash != again.state_hash:
         text = "the state differs in a value that was not recorded, since the last state hash"
-        return _verdict(row, frame, None, text)
+        return _verdict(row, frame.step, None, text)
     return None
 
 
@@ -350,6 +418,6 @@ def _named(robots: tuple[int, ...]) -> str:
     return f" for robot{'s' if len(robots) > 1 else ''} {shown}{more}"
 
 
-def _verdict(row: int, frame: Frame, column: str | None, what: str, robots: tuple[int, ...] = ()) -> Verification:
-    text = f"step {frame.step} is the first that differs: {what}"
-    return Verification(same=False, rows=row, step=frame.step, robots=robots, column=column, text=text)
+def _verdict(row: int, step: int, column: str | None, what: str, robots: tuple[int, ...] = ()) -> Verification:
+    text = f"step {step} is the first that differs: {what}"
+    return Verification(same=False, rows=row, step=step, robots=robots, column=column, text=text)
