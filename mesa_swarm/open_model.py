@@ -20,11 +20,15 @@ class Process(Protocol):
     which takes it back. A class may have a method ``check_model(model)``, which raises an error if a model lacks what
     the process needs; it is called before the process is added.
 
+    `resume` makes a process that no constructor adds without the constructor of its class, which has to be in the
+    module of the model's class, to derive from `Process` or declare ``resumable = True``, and to declare its attributes
+    by annotations or values in the class.
+
     Examples
     --------
     >>> from mesa_swarm import SwarmModel
-    >>> class Tide:
-    ...     level = 0.0
+    >>> class Tide(Process):
+    ...     level: float = 0.0
     ...
     ...     def step(self, model):
     ...         self.level += 0.5

@@ -25,7 +25,9 @@ REFERENCES = ("of_model", "process", "layer", "field")
 class ModelPacked(Packed):
     """Plain values of a model, which may refer to its agents by unique_id.
 
-    `removed` are agents that were removed from it and to which values refer; None refuses such values.
+    `removed` are agents that were removed from it and to which values refer; None refuses such values. `present` are
+    the classes of agents that the model has had at first; None where values come from a model rather than from a file,
+    so that agents of any class may be made.
     """
 
     def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
@@ -33,6 +35,7 @@ class ModelPacked(Packed):
         self.model = model
         self.removed: dict[int, Agent] | None = None
         self._agents: dict[int, Agent] | None = None
+        self.present: frozenset[type] | None = frozenset(model.agents_by_type)
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON."""

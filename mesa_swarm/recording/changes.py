@@ -76,6 +76,7 @@ OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "tempera
 OF_FIRES = ("temperature", "out")
 POSES = "pose of driven bodies"
 AGENTS, OF_AGENTS = "set of other agents", "place or attributes of other agents"
+PROCESSES = "set of processes"
 CHANGES = (
     "set of robots, obstacles or fires",
     "an attribute set to the value that it had",
@@ -103,11 +104,12 @@ class ChangeDetector:
     has left behind is reported like a change by hand.
     """
 
-    __slots__ = ("_agents", "_attributes", "_declared", "_fleeting", "_objects")
+    __slots__ = ("_agents", "_attributes", "_declared", "_fleeting", "_objects", "_processes")
 
     def __init__(self, model: FireModel) -> None:
         self._objects = _objects(model)
         self._agents = [_Seen.of(agent) for agent in _other_agents(model)]
+        self._processes = model.processes
         self._attributes = model.__dict__.copy()
         self._fleeting = declared(model, "_fleeting")
         self._declared = _declared(model)
@@ -118,7 +120,7 @@ class ChangeDetector:
         stated = _declared(model)
         # Nothing was replaced, as a rule: seen at once where names stand in the same order.
         replaced = compress(now, map(is_not, was.values(), now.values()))
-        others = self._of_agents(model)
+        others = self._of_others(model)
         unchanged = objects == self._objects and stated == self._declared and not others
         if unchanged and len(was) == len(now) and self._fleeting.issuperset(replaced):
             return []
@@ -128,8 +130,11 @@ class ChangeDetector:
         changes += [name for name in different if name not in changes]
         return changes or ([CHANGES[1]] if objects != self._objects else [])
 
-    def _of_agents(self, model: FireModel) -> list[str]:
-        """Return what has changed in agents other than robots and bodies."""
+    def _of_others(self, model: FireModel) -> list[str]:
+        """Return what has changed in agents other than robots and bodies, and which processes there are."""
+        processes = model.processes
+        if len(processes) != len(self._processes) or any(map(is_not, processes, self._processes)):
+            return [PROCESSES]
         agents = _other_agents(model)
         if len(agents) != len(self._agents):
             return [AGENTS]

@@ -34,6 +34,7 @@ from mesa_swarm.recording.collected import (
     set_clock,
 )
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
+from mesa_swarm.recording.making import check_made, check_names, check_process_class
 from mesa_swarm.recording.parts import (
     classes_near,
     control_from_json,
@@ -164,7 +165,7 @@ def restore(
 
 def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
     facts, packed = _with_burning(checkpoint.facts), ModelPacked(model, checkpoint.arrays)
-    restore_objects(model, facts["things"])
+    made = restore_objects(model, facts["things"])
     make_removed(packed, facts.get("removed", []))
     model._restore_fields(packed.unpack(facts.get("scalars", [])))
     model.fire_constants = part_from_json(facts["constants"])
@@ -173,7 +174,7 @@ def _restore(model: FireModel, checkpoint: Checkpoint, earlier: Sequence[Checkpo
     _restore_control_state(model, facts, packed)
     set_clock(model, facts["steps"])
     model.collect_every = facts.get("collect_every", model.collect_every)  # absent from older checkpoints
-    _restore_attributes(model, facts, packed)
+    _restore_attributes(model, facts, packed, made)
     _restore_declared(model, facts, packed)
     _restore_columns(model.swarm.columns, facts["columns"], packed)
     _restore_columns(model.fires.columns, facts["fires"], packed)
@@ -382,6 +383,7 @@ def _restore_declared(model: FireModel, facts: dict, packed: ModelPacked) -> Non
         own: Any = model._processes.get(number)
         if own is None:
             own = model._processes[number] = _made_process(model, kind)
+            check_made(own, () if isinstance(own, Checkpointed) else state)
         elif not _is_kind(type(own), kind):
             raise RecordingError(_odd_process(model, kind))
         _restore_process(own, state, packed)
@@ -393,6 +395,7 @@ def _made_process(model: FireModel, kind: str) -> Any:
     found = next((one for one in classes_near(model) if _is_kind(one, kind) and callable(asked(one, "step"))), None)
     if found is None or issubclass(found, Agent | Model):
         raise RecordingError(_odd_process(model, kind))
+    check_process_class(found)
     return object.__new__(found)
 
 
@@ -414,6 +417,7 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
     if isinstance(process, Checkpointed):
         process.restore(packed.unpack(state["own"]))
         return
+    check_names(process, state)
     for name in [name for name in getattr(process, "__dict__", {}) if name not in state]:
         delattr(process, name)
     for name, content in state.items():
@@ -421,9 +425,10 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
         object.__setattr__(process, name, value)
 
 
-def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked) -> None:
+def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked, made: dict[Agent, Agent | None]) -> None:
     attributes = facts["attributes"]
     refuse_attributes(declared(model, "_stored_apart") & attributes.keys())
+    check_names(model, attributes)
     for name in own_attributes(model).keys() - attributes.keys():
         del model.__dict__[name]
     for name, content in attributes.items():
@@ -433,11 +438,14 @@ def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked) -> N
         number: Any = getattr(model, name, None)
         if type(number) not in kinds or not 0 <= number < LARGEST_NUMBER:
             raise RecordingError(f"invalid {name}: {shortened(number)}")
-    _restore_agents(model, dict(facts["of_things"]), packed)
+    _restore_agents(model, dict(facts["of_things"]), packed, made)
     restore_removed(packed, facts.get("removed", []))
 
 
-def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPacked) -> None:
+def _restore_agents(
+    model: FireModel, stored: dict[int, dict], packed: ModelPacked, made: dict[Agent, Agent | None]
+) -> None:
+    """Restore attributes of agents; `made` are those without constructor, each with one of its class that had one."""
     for agent in other_agents(model):
         for name in own_attributes_of_agent(agent).keys() - stored.get(agent.unique_id, {}).keys():
             delattr(agent, name)
@@ -445,6 +453,9 @@ def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPack
     for unique_id, values in stored.items():
         agent = agents[unique_id]
         refuse_attributes(apart_of_agent(agent) & values.keys())
+        check_names(agent, values)
+        if agent in made:
+            check_made(agent, values, made[agent])
         for name, content in values.items():
             value = attribute_from_json(getattr(agent, name, None), name, content, packed)
             object.__setattr__(agent, name, value)

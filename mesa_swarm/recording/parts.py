@@ -23,6 +23,7 @@ from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire, SeekHeat
 from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
+from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.robots.actuators import Emitter, Lamp
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
@@ -260,11 +261,14 @@ def objects_to_json(model: FireModel) -> dict:
     }
 
 
-def restore_objects(model: FireModel, stored: dict) -> None:
+def restore_objects(model: FireModel, stored: dict, *, from_file: bool = True) -> dict[Agent, Agent | None]:
     """Give a model the stored robots, obstacles, loads and fires: remove those that are not stored, add the others.
 
     An object with a stored unique_id stays, with all references to it, if it does not differ from the stored one.
+    Returned are agents of other classes that were made, without their constructors, each with one of the same class
+    that the model had before, if it had any. Where what is stored comes `from_file`, classes are checked.
     """
+    before = {type(agent): agent for agent in other_agents(model)}
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
     _check_ids(stored, obstacles, others)
@@ -278,7 +282,10 @@ def restore_objects(model: FireModel, stored: dict) -> None:
     makers: dict[int, Callable]
     makers = {unique_id: partial(_make_obstacle, model, body) for unique_id, body in obstacles.items()}
     makers |= {unique_id: partial(_make_fire, model) for unique_id in stored["fires"]}
-    makers |= {unique_id: partial(_make_other, model, *kind) for unique_id, (*kind, _) in others.items()}
+    makers |= {
+        unique_id: partial(_make_other, model, before if from_file else None, *kind)
+        for unique_id, (*kind, _) in others.items()
+    }
     present = {agent.unique_id for agent in model.agents}
     for ids in _runs_of_alike(sorted((makers.keys() | robots.keys()) - present), robots):
         set_next_id(model, ids[0])
@@ -302,6 +309,8 @@ def restore_objects(model: FireModel, stored: dict) -> None:
         _restore_driven(body, one, model.map.bounds)
     model.movers.list_followers()
     model.obstacles_changed()
+    new = [agent for agent in other_agents(model) if agent.unique_id not in present]
+    return {agent: before.get(type(agent)) for agent in new}
 
 
 def _agent_of(model: FireModel, unique_id: int, agents: dict[int, Agent]) -> Agent:
@@ -347,11 +356,13 @@ def _place_of(agent: Agent) -> list[float] | None:
     return agent.position.tolist()
 
 
-def _make_other(model: FireModel, module: str, name: str) -> None:
+def _make_other(model: FireModel, before: dict[type, Agent] | None, module: str, name: str) -> None:
     """Make an agent of a class that is loaded, without its constructor: its attributes are restored later."""
     kind = agent_class(module, name)
     if kind is None or issubclass(kind, ArenaAgent):
         raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
+    if before is not None:
+        check_agent_class(kind, kind in before)
     agent = object.__new__(kind)
     if issubclass(kind, ContinuousSpaceAgent):
         ContinuousSpaceAgent.__init__(agent, model.space, model)

@@ -27,6 +27,7 @@ from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_
 from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
+from mesa_swarm.recording.making import check_agent_class, check_made, check_process_class
 from mesa_swarm.recording.parts import control_to_json, own_code, summary
 from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of, scenery_of, shows
 from mesa_swarm.recording.schema import (
@@ -38,7 +39,9 @@ from mesa_swarm.recording.schema import (
     longest_gap,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Sealed, SealedWriter
+from mesa_swarm.state import Checkpointed, attributes_of
 from mesa_swarm.trigger import Trigger
+from mesa_swarm.world.arena import ArenaAgent
 
 HASH_EVERY = 100
 # Limits of a chunk. Larger ones make finding a frame slow, smaller ones make the file large.
@@ -403,6 +406,7 @@ class _Checkpoints:
         self._buffer = buffer
         self._every = every
         self._control = control_to_json(model.control)
+        self._processes, self._kinds = {*model._processes}, {*model.agents_by_type}
         self._since: dict[SeriesPath, int] = {}
         self._collected = self._more = 0
 
@@ -425,6 +429,7 @@ class _Checkpoints:
         self.due = model.completed + self._every
         try:
             self._check_control(model)
+            self._check_classes(model)
             checkpoint = checkpoint_of(model, self._since, steps=steps)
             content = to_bytes(checkpoint)
             self._more = size_of_collected(checkpoint)
@@ -444,6 +449,16 @@ class _Checkpoints:
                 f"its control has a custom rule ({own[0]}), which cannot be recorded: resume from an earlier "
                 "step and set it again, or record a model whose class has the rule"
             )
+
+    def _check_classes(self, model: FireModel) -> None:
+        """Refuse processes and agents, added since the recording began, that would not be made again."""
+        for number in model._processes.keys() - self._processes:
+            process = model._processes[number]
+            check_process_class(type(process))
+            check_made(process, () if isinstance(process, Checkpointed) else attributes_of(process))
+        for kind in model.agents_by_type.keys() - self._kinds:
+            if not issubclass(kind, ArenaAgent):
+                check_agent_class(kind, present=False)
 
     def _attach(self, model: FireModel, content: bytes) -> None:
         if content:

@@ -16,6 +16,7 @@ from mesa_swarm.recording.attributes import (
     own_attributes_of_agent,
     refuse_attributes,
 )
+from mesa_swarm.recording.making import check_agent_class, check_names
 from mesa_swarm.recording.parts import (
     agent_class,
     body_to_json,
@@ -26,6 +27,7 @@ from mesa_swarm.recording.parts import (
     stored_outline,
 )
 from mesa_swarm.robots.robot import Robot
+from mesa_swarm.world.arena import ArenaAgent
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle
 from mesa_swarm.world.movers import Driven
 
@@ -52,7 +54,8 @@ def make_removed(packed: ModelPacked, stored: list) -> None:
     new = {unique_id: remains for unique_id, remains, _ in stored if unique_id not in known}
     if there & new.keys():
         raise RecordingError(f"agent {min(there & new.keys())} is stored as removed and as present")
-    packed.removed = {**known, **{one: _remains_from_json(packed.model, one, remains) for one, remains in new.items()}}
+    made = {one: _remains_from_json(packed.model, one, remains, packed.present) for one, remains in new.items()}
+    packed.removed = {**known, **made}
 
 
 def restore_removed(packed: ModelPacked, stored: list) -> None:
@@ -60,6 +63,7 @@ def restore_removed(packed: ModelPacked, stored: list) -> None:
     for unique_id, _, values in stored:
         agent: Any = (packed.removed or {})[unique_id]
         refuse_attributes(apart_of_agent(agent) & values.keys())
+        check_names(agent, values)
         for name, content in values.items():
             object.__setattr__(agent, name, attribute_from_json(None, name, content, packed))
 
@@ -79,12 +83,14 @@ def _remains(agent: Agent) -> dict:
     return {"kind": agent.kind, **body_to_json(agent)}
 
 
-def _remains_from_json(model: FireModel, unique_id: int, stored: Any) -> Agent:
+def _remains_from_json(model: FireModel, unique_id: int, stored: Any, present: frozenset[type] | None) -> Agent:
     """Return a removed agent of a class that is loaded, made without its constructor."""
     module, name, remains = stored
     kind = agent_class(module, name)
     if kind is None:
         raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
+    if present is not None and not issubclass(kind, ArenaAgent):
+        check_agent_class(kind, kind in present)
     agent: Any = object.__new__(kind)
     agent.model, agent.unique_id = model, unique_id
     if isinstance(agent, ContinuousSpaceAgent):

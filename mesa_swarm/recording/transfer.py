@@ -83,7 +83,7 @@ def _take_objects(new: FireModel, old: FireModel, fresh: FireModel) -> bool:
                     f"the change makes a world with {len(ids)} {name} instead of the {len(was)} recorded; "
                     "change only parameters that leave them as they are"
                 )
-        restore_objects(new, _changed_objects(*map(objects_to_json, (new, old, fresh))))
+        restore_objects(new, _changed_objects(*map(objects_to_json, (new, old, fresh))), from_file=False)
     set_next_id(new, max(next_id(new), next_id(old)))
     new.swarm._created = max(new.swarm._created, old.swarm._created)
     return remade
@@ -371,6 +371,7 @@ class _Carrier:
         self._new, self._old = new, old
         self._there = ModelPacked(old)
         self._here, self._there.removed = ModelPacked(new, self._there.arrays), {}
+        self._here.present = None
         renamed = _renamed_columns(old, new)
         self._columns = {name: renamed(name) for name in old.swarm.columns}
         self._memo: dict[int, Any] | None = None

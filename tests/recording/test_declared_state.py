@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mesa_swarm import SwarmModel
+from mesa_swarm import Process, SwarmModel
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording import Recording
@@ -12,8 +12,11 @@ from mesa_swarm.recording.container import Packed
 from support.scenes import blind
 
 
-class Evaporation:
+class Evaporation(Process):
     """A process that shares an array with its model."""
+
+    trail: np.ndarray
+    rng: np.random.Generator
 
     def __init__(self, trail, rng):
         self.trail, self.rng = trail, rng
@@ -171,7 +174,7 @@ def test_a_process_that_no_constructor_adds_is_made_of_its_class_in_the_models_o
 
 
 def test_a_process_of_a_class_of_elsewhere_is_refused_in_one_line_with_what_to_do():
-    class Elsewhere:
+    class Elsewhere(Process):
         def step(self, model):
             pass
 
@@ -205,3 +208,53 @@ def test_a_process_that_cannot_be_stored_is_named():
     model.add_process(Closed())
     with pytest.raises(RecordingError, match=r"^process Closed's friend is <object .* give its class checkpoint\(\)"):
         checkpoint_of(model)
+
+
+class Vague(Process):
+    """A process that does not declare its attribute."""
+
+    def __init__(self):
+        self.level = 1.0
+
+    def step(self, model):
+        self.level += 1.0
+
+
+class Stray:
+    """A class with a step that does not derive from `Process`."""
+
+    def step(self, model):
+        return
+
+
+@pytest.mark.parametrize(
+    ("process", "reason"),
+    [
+        (Vague, "attribute 'level' of Vague is not declared by its class; annotate it there, as in level: float = 0.0"),
+        (Stray, "process Stray is not one that the model's constructor adds, and its class does not derive from"),
+    ],
+)
+def test_a_process_added_by_hand_that_would_not_be_made_again_is_named_when_its_state_is_due(process, reason, tmp_path):
+    model = Trails(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=3) as recorder:
+        model.run(2)
+        model.add_process(process())
+        model.run(3)
+        assert reason in recorder.why_no_checkpoint
+    with pytest.raises(RecordingError, match="after step 2, changed by hand: set of processes"):
+        Trails.resume(tmp_path / "run.arrow")
+
+
+def test_such_processes_of_the_constructor_are_stored_and_resumed(tmp_path):
+    class Constructed(Trails):
+        def __init__(self, *, rng=None):
+            super().__init__(rng=rng)
+            self.add_process(Vague()), self.add_process(Stray())
+
+    model = Constructed(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=3) as recorder:
+        model.run(5)
+    assert recorder.why_no_checkpoint == ""
+    again = Constructed.resume(tmp_path / "run.arrow")
+    assert again.processes[1].level == 6.0
+    assert again.state_hash() == model.state_hash()

@@ -1,8 +1,5 @@
 """Stored states that are not those of the run: verify compares each, and resume does not go on from them."""
 
-import json
-
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,16 +10,18 @@ from mesa_swarm.errors import RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.checkpoint import checkpoint_of
-from mesa_swarm.recording.container import PLACES, Checkpoint, from_bytes, to_bytes
-from mesa_swarm.recording.sealed_stream import CHECKPOINT
-from support.forging import put_together, taken_apart
+from mesa_swarm.recording.container import from_bytes, to_bytes
+from support.forging import (
+    compared_arrays,
+    forged_array,
+    forged_json,
+    place_of,
+    put_together,
+    replace_state,
+    taken_apart,
+    with_state,
+)
 from support.twin_models import Stateful, Wolves
-
-STEP = 6
-# How a run was observed is not compared; and numbers of arrays and names of types encode what is.
-OBSERVED = {"collect_every", "reporters", "history"}
-ENCODING = {"of", "array", "number"}
-READINGS = {"distance", "kind", "radiation", "line"}
 
 
 def recorded(model, path, steps=12, **how):
@@ -32,6 +31,7 @@ def recorded(model, path, steps=12, **how):
     return path
 
 
+STEP = 6
 PARTS: dict[type, object] = {}
 
 
@@ -42,67 +42,8 @@ def parts_of(kind, folder):
     return PARTS[kind]
 
 
-def place_of(parts, step=STEP):
-    return next(k for k, item in enumerate(parts.items) if item.name == CHECKPOINT and item.step == step)
-
-
-def with_state(parts, content, step=STEP):
-    return parts.with_item(place_of(parts, step), content=content)
-
-
-def leaves(value, path=()):
-    """Yield the paths to all numbers, texts and truth values in JSON that are part of a state."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in items:
-        if key not in ENCODING and not (not path and key in OBSERVED):
-            yield from leaves(inner, (*path, key))
-    if not isinstance(value, (dict, list)) and value is not None:
-        yield path
-
-
-def changed_leaf(value, path, change):
-    if not path:
-        return change(value)
-    copied = dict(value) if isinstance(value, dict) else list(value)
-    copied[path[0]] = changed_leaf(copied[path[0]], path[1:], change)
-    return copied
-
-
-def another(value):
-    """Return another value of the same kind."""
-    if isinstance(value, bool) or value is None:
-        return not value
-    return value + 1 if isinstance(value, (int, float)) else f"{value}x"
-
-
-def forged_json(checkpoint, place):
-    """Return a state with one value of its facts changed, and the path to it."""
-    paths = list(leaves(checkpoint.facts))
-    path = paths[place % len(paths)]
-    return replace_state(checkpoint, facts=changed_leaf(checkpoint.facts, path, another)), path
-
-
-def forged_array(checkpoint, place):
-    """Return a state with one number of one of its arrays changed."""
-    sizes = [array.size for array in checkpoint.arrays]
-    place %= sum(sizes)
-    which = int(np.searchsorted(np.cumsum(sizes), place, side="right"))
-    arrays = [array.copy() for array in checkpoint.arrays]
-    flat = arrays[which].reshape(-1)
-    at = place - sum(sizes[:which])
-    flat[at] = not flat[at] if flat.dtype == bool else flat[at] + 1
-    if flat.dtype.kind == "f" and np.isnan(flat[at]):
-        flat[at] = 0.0
-    return replace_state(checkpoint, arrays=arrays), (which, at)
-
-
-def replace_state(checkpoint, **changes):
-    given = {name: getattr(checkpoint, name) for name in ("step", "state_hash", "facts", "arrays")}
-    return Checkpoint(**{**given, **changes})
-
-
 def noticed(path, model_class):
-    """Return whether verify says that the recording is not the same, or refuses it."""
+    """Return whether verify reports a difference, or refuses the recording."""
     try:
         return not verify(path, model_class).same
     except RecordingError:
@@ -116,19 +57,12 @@ def noticed(path, model_class):
 def test_verify_notices_any_change_of_a_stored_state(tmp_path_factory, kind, forge, place):
     folder = tmp_path_factory.mktemp("forged")
     whole = parts_of(kind, folder)
-    genuine = from_bytes(whole.items[place_of(whole)].content)
+    genuine = from_bytes(whole.items[place_of(whole, STEP)].content)
     state, what = forge(genuine, place)
     if forge is forged_array and what[0] not in compared_arrays(genuine):
         return
-    path = put_together(with_state(whole, to_bytes(state)), folder / "run.arrow")
+    path = put_together(with_state(whole, to_bytes(state), STEP), folder / "run.arrow")
     assert noticed(path, kind), what
-
-
-def compared_arrays(checkpoint):
-    """Return the numbers of the arrays that are part of a state, and are not read anew by sensors."""
-    facts = {name: content for name, content in checkpoint.facts.items() if name not in OBSERVED}
-    columns = {name: column for name, column in facts["columns"].items() if name not in READINGS}
-    return set(map(int, PLACES.findall(json.dumps({**facts, "columns": columns}, separators=(",", ":")))))
 
 
 def test_a_genuine_recording_is_the_same(tmp_path):
@@ -163,9 +97,9 @@ class Counting(SwarmModel):
 def test_the_verdict_names_step_and_part_of_a_state_that_differs(tmp_path):
     path = recorded(Counting(rng=1), tmp_path / "run.arrow")
     whole = taken_apart(path)
-    state = from_bytes(whole.items[place_of(whole)].content)
+    state = from_bytes(whole.items[place_of(whole, STEP)].content)
     facts = {**state.facts, "attributes": {**state.facts["attributes"], "secret": {"plain": 5}}}
-    put_together(with_state(whole, to_bytes(replace_state(state, facts=facts))), path)
+    put_together(with_state(whole, to_bytes(replace_state(state, facts=facts)), STEP), path)
     verdict = verify(path, Counting)
     assert (verdict.same, verdict.step, verdict.rows) == (False, STEP, STEP - 1)
     assert str(verdict) == "step 6 is the first that differs: its stored state differs in attributes secret"
@@ -207,7 +141,7 @@ def test_a_state_after_a_change_by_hand_is_taken_and_those_after_it_are_compared
 def test_a_state_that_cannot_be_read_is_named(tmp_path):
     path = recorded(Counting(rng=1), tmp_path / "run.arrow")
     whole = taken_apart(path)
-    put_together(with_state(whole, b"no state"), path)
+    put_together(with_state(whole, b"no state", STEP), path)
     verdict = verify(path, Counting)
     assert (verdict.same, verdict.step) == (False, STEP)
     assert "its stored state cannot be read" in str(verdict)

@@ -28,7 +28,10 @@ class Horn(Actuator):
 
 
 class Guest(Agent):
-    """An agent that comes later."""
+    """An agent that comes later, and may be made without its constructor."""
+
+    resumable = True
+    mood: str
 
 
 class Empty(SwarmModel):

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from mesa_swarm.recording.container import from_bytes, to_bytes
-from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
+from mesa_swarm.recording.container import PLACES, Checkpoint, from_bytes, to_bytes
+from mesa_swarm.recording.sealed_stream import CHECKPOINT, SealedReader, SealedWriter
 
 MISSING = object()
 # What stands in the place of each value of a text of JSON; 10**400 and what follows is JSON that Python reads.
@@ -349,3 +349,77 @@ def _spoilt(row: Any, number: Any, whole: bool, rng: np.random.Generator) -> Any
         name = list(row)[int(rng.integers(len(row)))]
         return row | {name: number}
     return number
+
+
+# ---- one change of a stored state, of which the run had another
+
+# How a run was observed is not compared; and numbers of arrays and names of types encode what is.
+OBSERVED = {"collect_every", "reporters", "history"}
+ENCODING = {"of", "array", "number"}
+READINGS = {f"{begin}{name}" for name in ("distance", "kind", "radiation", "line") for begin in ("", "body.")}
+
+
+def place_of(parts, step):
+    return next(k for k, item in enumerate(parts.items) if item.name == CHECKPOINT and item.step == step)
+
+
+def with_state(parts, content, step):
+    return parts.with_item(place_of(parts, step), content=content)
+
+
+def leaves(value, path=()):
+    """Yield the paths to all numbers, texts and truth values in JSON that are part of a state."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        if key not in ENCODING and not (not path and key in OBSERVED):
+            yield from leaves(inner, (*path, key))
+    if not isinstance(value, (dict, list)) and value is not None:
+        yield path
+
+
+def changed_leaf(value, path, change):
+    if not path:
+        return change(value)
+    copied = dict(value) if isinstance(value, dict) else list(value)
+    copied[path[0]] = changed_leaf(copied[path[0]], path[1:], change)
+    return copied
+
+
+def another(value):
+    """Return another value of the same kind."""
+    if isinstance(value, bool) or value is None:
+        return not value
+    return value + 1 if isinstance(value, (int, float)) else f"{value}x"
+
+
+def forged_json(checkpoint, place):
+    """Return a state with one value of its facts changed, and the path to it."""
+    paths = list(leaves(checkpoint.facts))
+    path = paths[place % len(paths)]
+    return replace_state(checkpoint, facts=changed_leaf(checkpoint.facts, path, another)), path
+
+
+def forged_array(checkpoint, place):
+    """Return a state with one number of one of its arrays changed."""
+    sizes = [array.size for array in checkpoint.arrays]
+    place %= sum(sizes)
+    which = int(np.searchsorted(np.cumsum(sizes), place, side="right"))
+    arrays = [array.copy() for array in checkpoint.arrays]
+    flat = arrays[which].reshape(-1)
+    at = place - sum(sizes[:which])
+    flat[at] = not flat[at] if flat.dtype == bool else flat[at] + 1
+    if flat.dtype.kind == "f" and np.isnan(flat[at]):
+        flat[at] = 0.0
+    return replace_state(checkpoint, arrays=arrays), (which, at)
+
+
+def replace_state(checkpoint, **changes):
+    given = {name: getattr(checkpoint, name) for name in ("step", "state_hash", "facts", "arrays")}
+    return Checkpoint(**{**given, **changes})
+
+
+def compared_arrays(checkpoint):
+    """Return the numbers of the arrays that are part of a state, and are not read anew by sensors."""
+    facts = {name: content for name, content in checkpoint.facts.items() if name not in OBSERVED}
+    columns = {name: column for name, column in facts["columns"].items() if name not in READINGS}
+    return set(map(int, PLACES.findall(json.dumps({**facts, "columns": columns}, separators=(",", ":")))))

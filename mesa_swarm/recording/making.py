@@ -1,0 +1,134 @@
+"""Objects that a stored state has made without their constructors: of which classes, and with which attributes.
+
+A recording comes from anywhere. It could name any class that is loaded, and give an object of it any attributes, with
+which its `step` or its `__del__` then works. So only classes that expect to be made are, with what they declare.
+"""
+
+import dis
+import inspect
+from functools import cache
+from types import BuiltinFunctionType, FunctionType, WrapperDescriptorType
+from typing import Any
+
+from mesa.agent import Agent
+
+from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.open_model import Process
+
+# The attribute by which a class declares that it may be made so.
+RESUMABLE = "resumable"
+FUNCTIONS = (FunctionType, BuiltinFunctionType, WrapperDescriptorType)
+# What Python adds to classes that derive from a protocol.
+OF_PROTOCOLS = ("_abc_impl", "_is_protocol", "_is_runtime_protocol")
+
+
+def check_process_class(kind: type) -> None:
+    """Refuse a class of processes that no constructor may be skipped of.
+
+    Raises
+    ------
+    RecordingError
+        If it neither derives from `Process` nor declares ``resumable = True``, or has `__del__`.
+
+    Examples
+    --------
+    >>> class Tide(Process):
+    ...     level: float = 0.0
+    >>> check_process_class(Tide)
+    """
+    if Process not in kind.__mro__ and getattr(kind, RESUMABLE, False) is not True:
+        raise RecordingError(
+            f"process {kind.__name__} is not one that the model's constructor adds, and its class does not derive from "
+            "mesa_swarm.Process; add the process in the constructor, or derive its class"
+        )
+    _check_no_del(kind)
+
+
+def check_agent_class(kind: type, present: bool) -> None:
+    """Refuse a class of agents that no constructor may be skipped of.
+
+    Permitted are classes of Mesa's own, those of which the model's constructor makes agents, `present`, and those that
+    declare ``resumable = True``.
+
+    Raises
+    ------
+    RecordingError
+    """
+    if not (present or _is_mesas(kind) or getattr(kind, RESUMABLE, False) is True):
+        raise RecordingError(
+            f"agents of class {kind.__name__} are not made by the model's constructor, and the class does not declare "
+            "resumable = True; declare that, or let the constructor make one"
+        )
+    _check_no_del(kind)
+
+
+def check_made(made: Any, names: Any, like: Any = None) -> None:
+    """Refuse attributes of an object made without its constructor that its class does not declare.
+
+    Declared are what has an annotation or a value in the class or a base, and slots, besides what Mesa's own classes
+    assign. Of agents permitted are also the attributes of one that the model's constructor makes, `like`, and what
+    methods of such a class assign; of Mesa's own classes all.
+    """
+    kind = type(made)
+    if isinstance(made, Agent) and _is_mesas(kind):
+        return
+    known = declared_attributes(kind) | assigned_attributes(kind, like is None)  # type: ignore[arg-type]
+    known |= frozenset(getattr(like, "__dict__", ()))
+    odd = sorted(name for name in names if name not in known)
+    if odd:
+        raise RecordingError(
+            f"attribute {shortened(odd[0])} of {kind.__name__} is not declared by its class; annotate it there, as in "
+            f"{odd[0]:.40}: float = 0.0"
+        )
+
+
+def check_names(owner: Any, names: Any) -> None:
+    """Refuse attributes that are no state: special names, and names of methods and properties of the class."""
+    for name in names:
+        shadowed = inspect.getattr_static(type(owner), name, None)
+        is_special = name.startswith("__") and name.endswith("__")
+        if is_special or not name.isidentifier() or _is_code(shadowed):
+            raise RecordingError(f"attribute {shortened(name)} of {type(owner).__name__} is not part of a state")
+
+
+@cache
+def declared_attributes(kind: type) -> frozenset[str]:
+    """Return the names that a class or a base annotates, gives a value that is not a method, or has as a slot.
+
+    Examples
+    --------
+    >>> class Tide(Process):
+    ...     level: float
+    ...     steps = 0
+    >>> sorted(declared_attributes(Tide))
+    ['level', 'steps']
+    """
+    names: set[str] = set()
+    for base in kind.__mro__[:-1]:
+        own = vars(base)
+        names |= set(own.get("__annotations__", ()))
+        names |= {name for name, value in own.items() if not _is_code(value)}
+    return frozenset(name for name in names if name not in OF_PROTOCOLS and not name.startswith("__"))
+
+
+@cache
+def assigned_attributes(kind: type, of_mesa: bool = False) -> frozenset[str]:
+    """Return the names of attributes that the methods of a class and its bases assign, or of Mesa's classes only."""
+    bases = [base for base in kind.__mro__ if _is_mesas(base) or not of_mesa]
+    methods = [value for base in bases for value in vars(base).values() if isinstance(value, FunctionType)]
+    steps = (step for method in methods for step in dis.get_instructions(method))
+    return frozenset(step.argval for step in steps if step.opname == "STORE_ATTR")
+
+
+def _is_mesas(kind: type) -> bool:
+    return kind.__module__.partition(".")[0] == "mesa"
+
+
+def _is_code(value: Any) -> bool:
+    """Return whether a value of a class is a method or a property, rather than a slot or a plain value."""
+    return isinstance(value, (*FUNCTIONS, property, classmethod, staticmethod))
+
+
+def _check_no_del(kind: type) -> None:
+    if hasattr(kind, "__del__"):
+        raise RecordingError(f"{kind.__name__} has a method __del__, and is not made without its constructor")
