@@ -123,7 +123,7 @@ def checked_experiment(
         source=source_hash(model_class),
     )
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
-    _check_measures(experiment)
+    check_columns(check_measures(experiment, first_built(experiment)), {*FIXED, *experiment.columns})
     return experiment
 
 
@@ -188,9 +188,8 @@ def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> 
     return points
 
 
-def _check_measures(experiment: Experiment) -> None:
-    """Refuse results that are unknown, not numbers, or named as another column of the table."""
-    model = first_built(experiment)
+def check_measures(experiment: Experiment, model: SwarmModel) -> Mapping[str, Any]:
+    """Refuse results and reports of a model that are unknown or not numbers; return the results, if it has any."""
     results: Mapping[str, Any] = {}
     if hasattr(model, "results") or not experiment.reports:
         check_results(model)
@@ -200,7 +199,7 @@ def _check_measures(experiment: Experiment) -> None:
             check_report(name, model)
         else:
             check_choice(f"result of {experiment.model_class.__name__}", name, results)
-    check_columns(results, {*FIXED, *experiment.columns})
+    return results
 
 
 def check_columns(results: Iterable[str], taken: Set[str]) -> None:

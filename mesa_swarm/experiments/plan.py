@@ -7,6 +7,7 @@ from typing import Any
 from mesa_swarm.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.experiments.experiment import (
     Experiment,
+    check_measures,
     checked_class,
     checked_seeds,
     checked_settings,
@@ -14,7 +15,8 @@ from mesa_swarm.experiments.experiment import (
 )
 from mesa_swarm.experiments.fingerprints import source_hash
 from mesa_swarm.experiments.ledger import Outcome
-from mesa_swarm.experiments.runs import Run, check_results, outcome_of
+from mesa_swarm.experiments.reports import sum_of_left_out
+from mesa_swarm.experiments.runs import Run, outcome_of
 from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
@@ -59,7 +61,7 @@ class Plan(Experiment):
         """Do one run, and draw the portrait of one with the first seed."""
         model = run.made().run(run.steps)
         portrait = final_state_of(model) if run.rng == self.seeds[0] else None
-        return self.paired(run, outcome_of(model, self.measures), portrait)
+        return self.paired(run, outcome_of(model, self.measures, self.reports), portrait)
 
     def paired(self, run: Run, outcome: Outcome, portrait: FinalState | None = None) -> PairedOutcome:
         """Return the outcome of a run as one of this comparison."""
@@ -84,7 +86,12 @@ class PairedRuns:
     @property
     def measures(self) -> list[str]:
         """The names of what was measured."""
-        return list(self.runs[0].numbers)
+        return list(self.plan.measures or self.runs[0].numbers)
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many rows of each reporter were missing in all runs, and left out of its reports, where any were."""
+        return sum_of_left_out(run.numbers for run in self.runs)
 
     @property
     def portraits(self) -> dict[Any, FinalState]:
@@ -118,10 +125,7 @@ def checked_plan(
         values=chosen,
     )
     for value in plan.values:
-        built = plan.built(plan.seeds[0], value)
-        check_results(built)
-        for name in plan.measures:
-            check_choice(f"result of {model_class.__name__}", name, built.results())
+        check_measures(plan, plan.built(plan.seeds[0], value))
     return plan
 
 
