@@ -79,6 +79,10 @@ class UnstoredStateWarning(UserWarning):
     """A model is recorded without checkpoints; the message names what cannot be stored."""
 
 
+class DegreesWarning(UserWarning):
+    """Headings are larger than radians usually are: probably degrees."""
+
+
 class ExportWarning(UserWarning):
     """An export shows less than the run."""
 
