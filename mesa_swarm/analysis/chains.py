@@ -183,8 +183,8 @@ def nearest_ahead(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the row of the nearest robot within `reach` and an angle of each one's heading, and its distance.
 
-    Without one, -1 and infinity; of equally near ones the smaller row. Robots without position or heading have none,
-    and are none.
+    Without one, -1 and infinity; of equally near ones the smaller row. A robot without position or heading has none
+    ahead, and is ahead of none.
     """
     rows = np.flatnonzero(~(without_position(position) | np.isnan(heading)))
     if len(rows) < len(position):

@@ -17,8 +17,8 @@ def nearest_neighbour_distances(position: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     position : ndarray, shape (n, 2) or (k, n, 2)
-        Centres, map units; a table over time is measured row by row. NaN or masked: missing; that robot is no
-        neighbour of others.
+        Centres, map units; a table over time is measured row by row. NaN or masked: missing; others do not
+        have it as a neighbour.
 
     Returns
     -------

@@ -20,8 +20,8 @@ from mesa_swarm.experiments.experiment import (
     Experiment,
     check_columns,
     checked_class,
+    checked_measures,
 )
-from mesa_swarm.experiments.plan import checked_measures
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows, sum_of_left_out
 from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text

@@ -12,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shor
 from mesa_swarm.experiments.fingerprints import fingerprint, source_hash
 from mesa_swarm.experiments.reports import check_report, parts_of
 from mesa_swarm.experiments.runs import Run, check_results
-from mesa_swarm.experiments.sampling import Points, Sample, as_list, grid_columns
+from mesa_swarm.experiments.sampling import Points, Sample, as_list, check_different, grid_columns
 from mesa_swarm.gallery import address_of, find_model
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.swarm_model import SwarmModel
@@ -118,7 +118,7 @@ def checked_experiment(
         points=points,
         seeds=checked_seeds(seeds),
         steps=checked_steps(model_class, steps),
-        measures=tuple(measure),
+        measures=checked_measures(measure),
         name=name,
         source=source_hash(model_class),
     )
@@ -148,9 +148,18 @@ def checked_seeds(seeds: object) -> Sequence[int]:
         return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
     listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
     check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
-    if len(set(listed)) < len(listed):
-        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
-    return listed
+    return tuple(check_different("seeds", listed, "ones"))
+
+
+def checked_measures(measures: object) -> tuple[str, ...]:
+    """Return the names of results that are wanted; refuse a single text, and names that are repeated."""
+    if isinstance(measures, str) or not isinstance(measures, Iterable):
+        raise InvalidValueError(f"measure is {shortened(measures)}; expected a list of names, such as ['fires out']")
+    names = tuple(measures)
+    for name in names:
+        if not isinstance(name, str):
+            raise InvalidValueError(f"measure has {shortened(name)}; expected names, such as 'fires out'")
+    return tuple(check_different("measure", names, "ones"))
 
 
 def checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from mesa_swarm.experiments.experiment import (
     Experiment,
     check_measures,
     checked_class,
+    checked_measures,
     checked_seeds,
     checked_settings,
     checked_steps,
@@ -17,6 +18,7 @@ from mesa_swarm.experiments.fingerprints import source_hash
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.reports import sum_of_left_out
 from mesa_swarm.experiments.runs import Run, outcome_of
+from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
@@ -129,16 +131,6 @@ def checked_plan(
     return plan
 
 
-def checked_measures(measures: object) -> tuple[str, ...]:
-    """Return the names of results that are wanted; refuse a single text, and names that are repeated."""
-    if isinstance(measures, str) or not isinstance(measures, Iterable):
-        raise InvalidValueError(f"measure is {shortened(measures)}; expected a list of names, such as ['fires out']")
-    names = tuple(measures)
-    if len(set(names)) < len(names):
-        raise InvalidValueError(f"measure is {shortened(names)}; expected different ones")
-    return names
-
-
 def _checked_values(
     model_class: type, parameter: str | None, values: Iterable | None, settings: dict
 ) -> tuple[str, tuple]:
@@ -150,9 +142,7 @@ def _checked_values(
     values = tuple(by_default if values is None else values)
     if not 2 <= len(values) <= MOST_VALUES:
         raise InvalidValueError(f"{len(values)} values of {parameter} are given; expected 2 to {MOST_VALUES}")
-    if any(value in values[:i] for i, value in enumerate(values)):
-        raise InvalidValueError(f"values of {parameter} are {shortened(values)}; expected different ones")
-    return parameter, values
+    return parameter, tuple(check_different(parameter, values, "ones"))
 
 
 def _declared_comparison(model_class: type) -> tuple[str | None, tuple]:

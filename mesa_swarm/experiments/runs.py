@@ -18,6 +18,7 @@ from mesa_swarm.experiments.reports import counted, parts_of, reduced
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
 from mesa_swarm.files import shown_path
 from mesa_swarm.geometry.compiling import compilation
+from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -191,12 +192,12 @@ def without_addresses(text: str) -> str:
 def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
     """Return the results of a run as numbers of Python's, which read back from a file as the same; NaN is None.
 
-    The mean of nothing is NaN: like None, it does not count as measured.
+    The mean of nothing is NaN, or masked: like None, it does not count as measured.
     """
     numbers = {}
     for name, number in results.items():
         is_numpy = isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0
-        simple = number.item() if is_numpy else number
+        simple = unmasked(number).item() if is_numpy else number
         if isinstance(simple, float) and math.isnan(simple):
             simple = None
         numbers[name] = simple if is_plain(simple) else check_result(name, simple)
@@ -245,7 +246,7 @@ def results_of(model: SwarmModel) -> Mapping[str, Any]:
 def check_results(model: SwarmModel) -> None:
     """Refuse a model without results, or with a result that is not a number."""
     for name, number in results_of(model).items():
-        if number is not None and not isinstance(number, (bool, np.bool_)):
+        if number is not None and number is not np.ma.masked and not isinstance(number, (bool, np.bool_)):
             check_result(name, number)
 
 
