@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.experiments.compare import LEDGER
 from mesa_swarm.experiments.experiment import checked_settings
-from mesa_swarm.experiments.figures import COLOURS, write_with_pictures
+from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import Plan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
@@ -230,11 +230,14 @@ def gaps_figure(gaps: Sequence[Gap]) -> Figure:
 def draw_gap(axes: Axes, gap: Gap) -> None:
     """Draw the standard picture."""
     scores = np.array([gap.scores[place] for place in gap.dial], float)
+    scores = with_lanes_beyond(axes, drawable(scores))
     axes.plot(gap.dial, scores, color=LIGHT.faint, linewidth=0.7, alpha=0.5)
-    means = [gap.mean(place) for place in gap.dial]
-    reach = np.nan_to_num([[m.estimate - m.low for m in means], [m.high - m.estimate for m in means]])
-    axes.errorbar(gap.dial, [m.estimate for m in means], reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
-    axes.axhline(means[0].estimate, color=COLOURS[1], linestyle="--", linewidth=1)
+    means = drawable(np.array([(mean.estimate, mean.low, mean.high) for mean in map(gap.mean, gap.dial)]))
+    estimate, low, high = np.where(np.isinf(means), np.nan, means).T
+    reach = np.nan_to_num([estimate - low, high - estimate])
+    axes.errorbar(gap.dial, estimate, reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
+    if not np.isnan(estimate[0]):
+        axes.axhline(estimate[0], color=COLOURS[1], linestyle="--", linewidth=1)
     axes.set(xlabel=literal(f"dial: 0 ideal, 1 {gap.preset}"), ylabel=literal(gap.measure))
     axes.set_title(literal(f"{gap.model}: {quantity(len(gap.seeds), 'seed')} (thin), their mean, 95 %"), fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)

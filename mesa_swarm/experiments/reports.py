@@ -8,7 +8,7 @@ import mesa
 import numpy as np
 import pandas as pd
 
-from mesa_swarm.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.errors import InvalidValueError, asked, check_choice, shortened
 from mesa_swarm.swarm_model import SwarmModel
 
 OF = " of "
@@ -205,15 +205,29 @@ def _rows(model: SwarmModel, reporter: str) -> np.ndarray:
 
 def _number(model: SwarmModel, reporter: str, row: Any) -> float:
     """Return a row as a number, NaN if it is missing; refuse anything else."""
-    if row is None or row is pd.NA or row is np.ma.masked:
-        return math.nan
-    try:
-        # Arrays of one number would be taken for it, with a warning, and of a complex number its real part.
-        if isinstance(row, (str, bytes, complex, np.complexfloating)) or getattr(row, "ndim", 0) != 0:
-            raise TypeError
-        return float(row)
-    except Exception:  # a class of the user's may raise anything
+    number = as_number(row)
+    if number is None:
         raise InvalidValueError(
             f"reporter {shortened(reporter)} of {type(model).__name__} returned {shortened(row)}; expected a number, "
             "or None where there is none: let it return one number, such as a count or a mean"
-        ) from None
+        )
+    return number
+
+
+def as_number(row: Any) -> float | None:
+    """Return what a reporter returned as a number, NaN if it is missing, None if it is anything else.
+
+    Examples
+    --------
+    >>> as_number(True), as_number(np.ma.masked), as_number("3.5")
+    (1.0, nan, None)
+    """
+    if row is None or row is pd.NA or row is np.ma.masked:
+        return math.nan
+    # Arrays of one number would be taken for it, with a warning, and of a complex number its real part.
+    if isinstance(row, (str, bytes, complex, np.complexfloating)) or asked(row, "ndim", 0) != 0:
+        return None
+    try:
+        return float(row)
+    except Exception:  # a class of the user's may raise anything
+        return None

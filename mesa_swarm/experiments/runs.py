@@ -237,8 +237,8 @@ def results_of(model: SwarmModel) -> Mapping[str, Any]:
     results = getattr(model, "results", None)
     if results is None:
         raise InvalidValueError(
-            f"{type(model).__name__} has no method results(), which returns what is compared; name reports of its "
-            "model_reporters instead, such as measure=['mean of NAME']"
+            f"{type(model).__name__} has no method results(), which returns what is compared; or name reports of its "
+            "model_reporters as measures, such as 'mean of NAME'"
         )
     return results()
 

@@ -217,7 +217,7 @@ def test_a_comparison_of_infinite_reports_has_a_table_a_finding_and_pictures(tmp
 
 
 def test_a_model_without_results_and_without_reports_to_measure_is_refused_with_the_way_out():
-    with pytest.raises(SwarmError, match=r"Reporting has no method results\(\).*measure=\['mean of NAME'\]"):
+    with pytest.raises(SwarmError, match=r"Reporting has no method results\(\).*as measures, such as 'mean of NAME'"):
         compare(Reporting, seeds=1, steps=2, jobs=1)
     with pytest.raises(SwarmError, match="unknown report of Reporting 'onw'; did you mean 'own'"):
         compare(Reporting, seeds=1, steps=2, measures=["mean of onw"], jobs=1)
@@ -232,6 +232,13 @@ def test_the_reality_gap_is_of_a_report_of_a_model_without_results():
     gap = reality_gap(f"{Reporting.__module__}:Reporting", dial=(0, 1), seeds=2, steps=6, measure="mean of value")
     assert gap.scores == {0.0: [8 / 3, 8 / 3], 1.0: [8 / 3, 8 / 3]}
     assert "Rows left out, since they have no number: 12 of value." in gap.table()
+
+
+def test_the_reality_gap_of_an_infinite_report_has_a_table_and_a_picture(tmp_path):
+    gap = reality_gap(f"{Infinite.__module__}:Infinite", dial=(0, 1), seeds=2, steps=4, measure="maximum of value")
+    assert gap.scores == {0.0: [math.inf] * 2, 1.0: [math.inf] * 2}
+    assert "inf" in gap.table()
+    assert len(gap.save(tmp_path)) == 2
 
 
 # ---- findings
