@@ -1,9 +1,9 @@
 """Measures of swarms on plain arrays: groups, chains, spacing, order, coverage, collisions, times, pathologies.
 
-Robots that were not tracked, and values that were not measured, are NaN or masked everywhere: they are missing, and
-left out. What a function returns has their number as `missing`: a `Measure` is a float with it, `Measures` are an array
-with it, and so have `Clusters`, `Chains`, `ChainHistory` and `Pathologies`; where there is one number for each robot,
-that of a missing one is NaN or masked. `count_missing` counts the robots without a position or a heading.
+Robots that were not tracked, and values that were not measured, are NaN, None or masked everywhere: they are missing,
+and left out. What a function returns has their number as `missing`: a `Measure` is a float with it, `Measures` are an
+array with it, and so have `Clusters`, `Chains`, `ChainHistory` and `Pathologies`; where there is one number for each
+robot, that of a missing one is NaN or masked. `count_missing` counts the robots without a position or a heading.
 
 Headings of n robots, and positions (n, 2), may also be tables over time, (k, n) and (k, n, 2): they are measured row by
 row. A heading beyond 4 pi is probably in degrees, of which a `DegreesWarning` is given.

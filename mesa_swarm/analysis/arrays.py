@@ -3,6 +3,7 @@
 import math
 import sys
 import warnings
+from numbers import Real
 
 import numpy as np
 
@@ -22,12 +23,13 @@ def check_array(name: str, value: object, *axes: Axes, finite: bool = True, miss
     """Return `value` as an array of float64 of one of the expected shapes, in which a letter stands for any length.
 
     It is an array or nested lists of real numbers. NaN and infinities are refused where it must be finite; if numbers
-    may be missing, NaN and masked ones are NaN.
+    may be missing, NaN, None and masked ones are NaN.
     """
     array = _table(name, value, axes)
-    if array.dtype.kind not in "iuf":
+    is_listed = array.dtype == object and all(number is None or isinstance(number, Real) for number in array.flat)
+    if array.dtype.kind not in "iuf" and not is_listed:
         raise InvalidValueError(f"{name} is an array of {array.dtype}; expected real numbers")
-    array = array.astype(float)
+    array = array.astype(float)  # None, as a collector has it, is NaN
     wrong = np.isinf(array) if missing else ~np.isfinite(array)
     if finite and wrong.any():
         where = tuple(np.argwhere(wrong)[0].tolist())

@@ -76,7 +76,11 @@ class LearningGoal:
             raise InvalidValueError(f"map is {shortened(self.map)}; expected the name of a map")
 
     def cost(self, *, collisions: float, speed: float) -> float:
-        """Return what is to be minimised: collisions a robot and 1,000 steps, and what the speed lacks."""
+        """Return what is to be minimised: collisions a robot and 1,000 steps, and what the speed lacks.
+
+        Both are finite, or an InvalidValueError is raised.
+        """
+        collisions, speed = check_number("collisions", collisions), check_number("speed", speed)
         return round(collisions + SHORTFALL * max(0.0, self.least_speed - speed), 12)
 
 

@@ -131,6 +131,15 @@ def test_masked_arrays_within_lists_keep_their_masks():
     assert polarization([0.0, np.ma.masked]) == 1.0
 
 
+def test_none_is_missing_as_in_the_rows_of_a_collector_and_texts_are_no_numbers():
+    assert later_mean([None, 1.0, None, 3.0], 1) == 2.0
+    assert later_mean([None, 1.0, None, 3.0], 1).missing == 2
+    assert polarization([0.0, None]).missing == 1
+    for wrong in ([None, "1.0"], [None, 1j], [object(), 1.0]):
+        with pytest.raises(InvalidValueError, match="expected real numbers"):
+            later_mean(wrong)
+
+
 def test_a_mask_that_masks_nothing_changes_nothing():
     heading = np.ma.array([0.0, np.pi / 2])
     assert polarization(heading) == polarization(heading.data)
