@@ -83,6 +83,10 @@ class StepWarning(UserWarning):
     """A step of a custom class omits the model's own step, or collects what is collected already."""
 
 
+class DegreesWarning(UserWarning):
+    """Headings are larger than radians usually are: probably degrees."""
+
+
 class ExportWarning(UserWarning):
     """An export shows less than the run."""
 

@@ -18,6 +18,7 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.geometry.masks import unmasked
 
 COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
 # Columns of frames: by what robots are coloured, and their texts.
@@ -129,7 +130,7 @@ class Chart:
         """Return the number of each curve now, shape (k,); NaN for what is not a number."""
         try:
             value = getattr(model, self.source) if isinstance(self.source, str) else self.source(model)
-            return np.array(value, float).reshape(len(self.curves))
+            return np.array(unmasked(value), float).reshape(len(self.curves))
         except Exception:  # a function of a user's may raise anything; the chart has a gap there
             return np.full(len(self.curves), np.nan)
 
@@ -246,7 +247,7 @@ def _values(model: Any, what: str, source: Source) -> np.ndarray:
         values = model.swarm.columns[source]
     else:
         try:
-            values = np.asarray(source(model))
+            values = unmasked(source(model))
         except Exception as error:  # a function of a user's may raise anything
             raise InvalidValueError(f"{what} of looks, {_name_of(source)}, failed: {in_words(error)}") from error
     if values.shape not in ((count,), (count, 1)):

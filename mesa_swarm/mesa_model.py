@@ -47,7 +47,7 @@ class MesaModel(mesa.Model):
     _passing: bool = False
 
     def __init__(self, rng: Seed) -> None:
-        seed = _checked_seed(rng)
+        seed = checked_seed(rng)
         self.__dict__["step"] = self._whole_step  # Mesa wraps, in its constructor, the step that a model has
         super().__init__(rng=seed)
         if FOUR:
@@ -145,12 +145,13 @@ def seed_sequence(rng: Seed, generator: np.random.Generator) -> np.random.SeedSe
     return cast(np.random.SeedSequence, generator.bit_generator.seed_seq)  # the generator was made of a seed
 
 
-def _checked_seed(rng: Seed) -> Seed:
+def checked_seed(rng: Seed) -> Seed:
     """Return what Mesa takes as a seed; anything else is refused before Mesa sees it."""
     if isinstance(rng, np.integer):
         rng = int(rng)
     try:
-        if isinstance(rng, bool):
+        # Of a RandomState, NumPy makes a generator whose seed is not known.
+        if isinstance(rng, (bool, np.random.RandomState)):
             raise TypeError
         bits = np.random.default_rng(rng).bit_generator
     except (TypeError, ValueError):

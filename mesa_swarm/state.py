@@ -97,10 +97,15 @@ def check_plain(name: str, value: Any) -> Any:
     )
 
 
+def is_float(value: object) -> bool:
+    """Return whether a value is a float, or one that carries more, such as a measure, and is stored without that."""
+    return isinstance(value, float) and not isinstance(value, np.generic)
+
+
 def _odd_in(value: Any, depth: int) -> tuple[Any] | None:
     """Return the first value within another that cannot be stored, None if there is none."""
     kind = type(value)
-    if kind in ATOMS or kind in (bytes, complex):
+    if kind in ATOMS or kind in (bytes, complex) or is_float(value):
         return None
     if isinstance(value, (np.ndarray, np.generic)):
         exact = (
@@ -161,7 +166,7 @@ def add_to(digest: Any, value: Any, depth: int = 0, *, quickly: bool = False) ->
     kind = type(value)
     if isinstance(value, (np.ndarray, np.generic)):
         _add_array(digest, np.asarray(value), quickly)
-    elif kind is float:
+    elif is_float(value):
         digest.update(f"float {value + 0.0!r};".encode())
     elif kind in ATOMS or kind in (bytes, complex):
         digest.update(f"{kind.__name__} {value!r};".encode())

@@ -27,7 +27,7 @@ from mesa_swarm.control.source import functions_used, normal_source, values_used
 from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team, label_of
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of
+from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of, is_float
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
@@ -144,7 +144,7 @@ def add_part(digest: Any, value: Any, depth: int = 0) -> None:
     Of functions the source counts, of learners what `checkpoint` returns, of other objects only the type.
     """
     kind = type(value)
-    if kind is float or kind is int or kind is bool:
+    if kind is float or kind is int or kind is bool or is_float(value):
         digest.update(_number(value))
     elif kind in ATOMS or kind in (bytes, complex):
         digest.update(f"{kind.__name__} {value!r};".encode())

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from functools import partial
 from random import Random
 
 import mesa
@@ -10,6 +11,8 @@ import pytest
 
 from mesa_swarm import AGENT9, Recording, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.environments.task_world import TaskWorld
+from mesa_swarm.environments.tasks import CollisionAvoidance
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, UnobservedStepError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.observers import Observer
@@ -152,6 +155,13 @@ def test_another_seed_seeds_pythons_generator_by_the_first_draw_of_numpys(make):
     if isinstance(make(), np.random.Generator):
         assert model.streams.seed.entropy == twin.integers(2**63)
     assert model.rng.random() == twin.random()
+
+
+@pytest.mark.parametrize("make", [SwarmModel, FireFighting, partial(TaskWorld, task=CollisionAvoidance())])
+@pytest.mark.parametrize("rng", [np.random.RandomState(1), Random(1), np.random, True, 1.0, "1", -1, np.array(1)])
+def test_what_is_no_seed_is_refused_where_it_enters(make, rng):
+    with pytest.raises(InvalidValueError, match=r"^rng is .*; expected a whole number of at least 0, a SeedSequence"):
+        make(rng=rng)
 
 
 @pytest.mark.skipif(not mesa.__version__.startswith("4"), reason="other versions take every generator of NumPy's")

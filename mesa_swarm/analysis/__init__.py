@@ -1,9 +1,19 @@
-"""Measures of swarms on plain arrays: groups, chains, spacing, order, coverage, collisions, times, pathologies."""
+"""Measures of swarms on plain arrays: groups, chains, spacing, order, coverage, collisions, times, pathologies.
+
+Robots that were not tracked, and values that were not measured, are NaN, None or masked everywhere: they are missing,
+and left out. What a function returns has their number as `missing`: a `Measure` is a float with it, `Measures` are an
+array with it, and so have `Clusters`, `Chains`, `ChainHistory` and `Pathologies`; where there is one number for each
+robot, that of a missing one is NaN or masked. `count_missing` counts the robots without a position or a heading.
+
+Headings of n robots, and positions (n, 2), may also be tables over time, (k, n) and (k, n, 2): they are measured row by
+row. A heading beyond 4 pi is probably in degrees, of which a `DegreesWarning` is given.
+"""
 
 from mesa_swarm.analysis.chain_history import ChainEvent, ChainHistory, follow_chains
 from mesa_swarm.analysis.chains import Chains, chains
 from mesa_swarm.analysis.clusters import Clusters, clusters, kept_together
 from mesa_swarm.analysis.coverage import coverage, reachable_cells, visited_cells
+from mesa_swarm.analysis.missing import Measure, Measures, count_missing
 from mesa_swarm.analysis.order import directions, milling, neighbour_alignment, polarization
 from mesa_swarm.analysis.pathology import Episode, Pathologies, find_pathologies
 from mesa_swarm.analysis.series import (
@@ -28,12 +38,15 @@ __all__ = [
     "Chains",
     "Clusters",
     "Episode",
+    "Measure",
+    "Measures",
     "Pathologies",
     "central_moving_average",
     "chains",
     "clark_evans",
     "clusters",
     "collision_frequency",
+    "count_missing",
     "coverage",
     "cumulative_collisions",
     "directions",

@@ -1,58 +1,112 @@
-"""Arrays checked at the border: shape, numbers, flags, bounds."""
+"""Arrays checked at the border: shape, numbers, flags, bounds; masked numbers become NaN: refused, or missing."""
 
 import math
+import sys
+import warnings
+from numbers import Real
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.errors import DegreesWarning, InvalidValueError, check_number, shortened
+from mesa_swarm.geometry.masks import unmasked
 
 # As far from the origin as a map may reach: squares of such lengths are far from overflow.
 LARGEST_COORDINATE = 1e9
+# Headings in radians are rarely larger.
+LARGEST_HEADING = 4 * math.pi
 
 Axes = tuple[int | str, ...]
 Bounds = tuple[float, float, float, float]
 
 
-def check_array(name: str, value: object, axes: Axes, *, finite: bool = True) -> np.ndarray:
-    """Return `value` as an array of float64 of the expected shape, in which a letter stands for any length.
+def check_array(name: str, value: object, *axes: Axes, finite: bool = True, missing: bool = False) -> np.ndarray:
+    """Return `value` as an array of float64 of one of the expected shapes, in which a letter stands for any length.
 
-    It is an array or nested lists of real numbers; NaN and infinities are refused where it must be finite.
+    It is an array or nested lists of real numbers. NaN and infinities are refused where it must be finite; if numbers
+    may be missing, NaN, None and masked ones are NaN.
     """
     array = _table(name, value, axes)
-    if array.dtype.kind not in "iuf":
+    is_listed = array.dtype == object and all(number is None or isinstance(number, Real) for number in array.flat)
+    if array.dtype.kind not in "iuf" and not is_listed:
         raise InvalidValueError(f"{name} is an array of {array.dtype}; expected real numbers")
-    array = array.astype(float)
-    if finite and not np.isfinite(array).all():
-        where = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
-        raise InvalidValueError(f"{name} is {array[where]:g} at {list(where)}; expected finite numbers")
+    array = array.astype(float)  # None, as a collector has it, is NaN
+    wrong = np.isinf(array) if missing else ~np.isfinite(array)
+    if finite and wrong.any():
+        where = tuple(np.argwhere(wrong)[0].tolist())
+        expected = "finite numbers, or NaN for missing ones" if missing else "finite numbers"
+        raise InvalidValueError(f"{name} is {array[where]:g} at {list(where)}; expected {expected}")
     return array
 
 
-def check_points(name: str, value: object, axes: Axes = ("n", 2)) -> np.ndarray:
-    """Return `value` as an array of points (x, y) within the largest coordinates."""
-    points = check_array(name, value, axes)
-    if np.abs(points).max(initial=0.0) > LARGEST_COORDINATE:
-        furthest = f"{np.abs(points).max():g}"
-        raise InvalidValueError(f"{name} reaches {furthest}; expected coordinates of at most {LARGEST_COORDINATE:g}")
+def check_points(name: str, value: object, *axes: Axes, table: bool = False, missing: bool | None = None) -> np.ndarray:
+    """Return `value` as an array of points (x, y) within the largest coordinates.
+
+    If it may be a `table` over time as well, or with other `axes`, points may also be missing: NaN or masked.
+    """
+    shapes = axes or ((("n", 2), ("k", "n", 2)) if table else (("n", 2),))
+    points = check_array(name, value, *shapes, missing=table if missing is None else missing)
+    furthest = np.fmax.reduce(np.abs(points), axis=None, initial=0.0)
+    if furthest > LARGEST_COORDINATE:
+        raise InvalidValueError(f"{name} reaches {furthest:g}; expected coordinates of at most {LARGEST_COORDINATE:g}")
     return points
+
+
+def check_headings(name: str, value: object, *axes: Axes) -> np.ndarray:
+    """Return `value` as headings of n robots, or as a table of them over time; NaN and masked ones are NaN.
+
+    A heading beyond 4 pi is probably in degrees, of which a warning is given.
+    """
+    headings = check_array(name, value, *(axes or (("n",), ("k", "n"))), finite=False)
+    if np.isinf(headings).any():
+        raise InvalidValueError(f"{name} holds an infinity; expected radians, or NaN for no direction")
+    largest = np.fmax.reduce(np.abs(headings), axis=None, initial=0.0)
+    if largest > LARGEST_HEADING:
+        warnings.warn(
+            f"{name} reaches {largest:g}, beyond 4 pi; expected radians: numpy.radians converts degrees",
+            DegreesWarning,
+            stacklevel=_level_of_user(),
+        )
+    return headings
 
 
 def check_flags(name: str, value: object, axes: Axes) -> np.ndarray:
     """Return `value` as an array of booleans, given as such or as 0 and 1."""
-    array = _table(name, value, axes)
+    flags, missing = check_flags_or_missing(name, value, axes)
+    if missing.any():
+        where = np.argwhere(missing)[0].tolist()
+        raise InvalidValueError(f"{name} is NaN or masked at {where}; expected booleans, or 0 and 1 only")
+    return flags
+
+
+def check_flags_or_missing(name: str, value: object, axes: Axes) -> tuple[np.ndarray, np.ndarray]:
+    """Return `value`, booleans given as such or as 0 and 1, as an array of booleans, and which of them are missing.
+
+    Missing ones, NaN or masked, are False.
+    """
+    array = _table(name, value, (axes,))
+    missing = np.isnan(array) if array.dtype.kind == "f" else np.zeros(array.shape, bool)
     if array.dtype == bool:
-        return array
-    if array.dtype.kind not in "iuf" or not ((array == 0) | (array == 1)).all():
+        return array, missing
+    if array.dtype.kind not in "iuf" or not ((array == 0) | (array == 1) | missing).all():
         raise InvalidValueError(f"{name} is an array of {array.dtype}; expected booleans, or 0 and 1 only")
-    return array == 1
+    return array == 1, missing
 
 
-def check_whole(name: str, value: object, axes: Axes) -> np.ndarray:
+def check_whole(name: str, value: object, *axes: Axes) -> np.ndarray:
     """Return `value` as an array of int64, if it holds whole numbers."""
-    array = check_array(name, value, axes)
-    if (array != np.floor(array)).any():
+    return check_whole_or_missing(name, check_array(name, value, *axes), *axes)[0]
+
+
+def check_whole_or_missing(name: str, value: object, *axes: Axes, default: int = -1) -> tuple[np.ndarray, np.ndarray]:
+    """Return `value`, whole numbers, as an array of int64, and which of them are missing: NaN or masked.
+
+    Missing ones have the default.
+    """
+    array = check_array(name, value, *axes, missing=True)
+    missing = np.isnan(array)
+    if (array != np.floor(array))[~missing].any():
         raise InvalidValueError(f"{name} holds fractions; expected whole numbers")
-    return array.astype(np.int64)
+    return np.where(missing, default, array).astype(np.int64), missing
 
 
 def check_steps(steps: object) -> np.ndarray:
@@ -76,15 +130,31 @@ def check_length(name: str, value: object) -> float:
     return check_number(name, value, above=0.0, maximum=math.sqrt(8) * LARGEST_COORDINATE)
 
 
-def _table(name: str, value: object, axes: Axes) -> np.ndarray:
-    wanted = f"an array of shape ({', '.join(map(str, axes))}{',' if len(axes) == 1 else ''})"
+def _table(name: str, value: object, shapes: tuple[Axes, ...]) -> np.ndarray:
+    wanted = f"an array of shape {' or '.join(map(_in_words, shapes))}"
     try:
-        array = np.asarray(value)
+        array = unmasked(value)
     except ValueError:  # lists of unequal length
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
-    fits = array.ndim == len(axes) and all(
-        isinstance(axis, str) or axis == length for axis, length in zip(axes, array.shape, strict=True)
-    )
-    if not fits:
+    if not any(_fits(array.shape, axes) for axes in shapes):
         raise InvalidValueError(f"{name} has the shape {array.shape}; expected {wanted}")
     return array
+
+
+def _in_words(axes: Axes) -> str:
+    return f"({', '.join(map(str, axes))}{',' if len(axes) == 1 else ''})"
+
+
+def _fits(shape: tuple[int, ...], axes: Axes) -> bool:
+    """Return whether a shape is an expected one."""
+    return len(shape) == len(axes) and all(
+        isinstance(axis, str) or axis == length for axis, length in zip(axes, shape, strict=True)
+    )
+
+
+def _level_of_user() -> int:
+    """Return the stack level, for a warning of the caller, of the code that called this package."""
+    package, level, frame = __name__.rpartition(".")[0], 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(package):
+        frame, level = frame.f_back, level + 1
+    return level

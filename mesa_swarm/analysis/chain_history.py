@@ -6,8 +6,9 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array, check_steps
+from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array, check_headings, check_steps
 from mesa_swarm.analysis.chains import Chains, Links, nearest_ahead, paths
+from mesa_swarm.analysis.missing import masked_where, without_position
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 
 KINDS = ("birth", "end", "merge", "split", "reversal", "meeting")
@@ -178,7 +179,7 @@ class Meetings:
         """Return (frame, row, row) of every meeting, given each robot's chain (k, n), -1 for none."""
         found, near = [], np.empty((0, 2), np.int64)
         for frame in range(1, len(position)):
-            near = near[distances(position[frame], near) <= self.parting_distance]
+            near = near[~(distances(position[frame], near) > self.parting_distance)]  # a missing one may be near
             pairs = facing_pairs(position[frame], heading[frame], self.distance, self.angle_degrees)
             first, second = pairs.T
             closing = distances(position[frame], pairs) < distances(position[frame - 1], pairs)
@@ -234,6 +235,8 @@ def meeting_event(meeting: tuple[int, int, int], steps: np.ndarray, chain: np.nd
 class ChainHistory:
     """Chains over k frames, and their events.
 
+    `leader`, `chain` and `place` are masked where a robot is missing and is not known to be in a chain, if any is.
+
     Parameters
     ----------
     steps : int64 ndarray, shape (k,)
@@ -247,6 +250,8 @@ class ChainHistory:
         By step, then kind, then robots.
     fates : tuple of (ChainEvent, str)
         The meetings, and the outcome of each.
+    missing : int64 ndarray, shape (k,)
+        Robots without a position or a heading in each frame.
     """
 
     steps: np.ndarray
@@ -255,29 +260,30 @@ class ChainHistory:
     place: np.ndarray
     events: tuple[ChainEvent, ...]
     fates: tuple[tuple[ChainEvent, str], ...]
+    missing: np.ndarray
 
     @property
     def lengths(self) -> tuple[np.ndarray, ...]:
         """For each frame the robots in each chain, descending."""
-        rows = (np.unique(row[row >= 0], return_counts=True)[1] for row in self.chain)
+        rows = (np.unique(row[row >= 0], return_counts=True)[1] for row in np.asarray(self.chain))
         return tuple(np.sort(counts)[::-1] for counts in rows)
 
     @property
     def count(self) -> np.ndarray:
         """Number of chains in each frame (k,)."""
-        return np.count_nonzero((self.chain >= 0) & (self.place == 0), axis=1)
+        return np.count_nonzero((np.asarray(self.chain) >= 0) & (np.asarray(self.place) == 0), axis=1)
 
     @property
     def mean_length(self) -> np.ndarray:
         """Mean number of robots in a chain in each frame (k,), NaN without chains."""
-        robots, count = np.count_nonzero(self.chain >= 0, axis=1), self.count
+        robots, count = np.count_nonzero(np.asarray(self.chain) >= 0, axis=1), self.count
         return np.where(count > 0, robots / np.maximum(count, 1), np.nan)
 
     @property
     def chained(self) -> np.ndarray:
-        """Share of the robots that are in a chain in each frame (k,), NaN where there are no robots."""
-        k, n = self.chain.shape
-        return np.count_nonzero(self.chain >= 0, axis=1) / n if n else np.full(k, np.nan)
+        """Share of the robots that are in a chain in each frame (k,), without masked ones; NaN without robots."""
+        robots = np.count_nonzero(~np.ma.getmaskarray(self.chain), axis=1)
+        return np.count_nonzero(np.asarray(self.chain) >= 0, axis=1) / np.where(robots > 0, robots, np.nan)
 
     def of(self, kind: str) -> tuple[ChainEvent, ...]:
         """Return the events of one kind."""
@@ -343,6 +349,9 @@ def follow_chains(
       within `meeting_angle_degrees` of the other's heading, and nearer to the other than in the frame before; once for
       each pair until they are farther apart than `parting_distance`
 
+    *Missing robots* have no position or heading, NaN or masked, in some frames. A missing robot has no links then,
+    which within `patience` frames is flicker; it meets no other, and has no part in the way of its chain.
+
     A single robot that joins or leaves a chain is not an event, and neither is the state of the first frame.
 
     *Outcome of a meeting*, whichever comes first, if within `window` steps: ``merged``, the two are in one chain, and
@@ -375,6 +384,11 @@ def follow_chains(
     InvalidValueError
         If an array has another shape or a parameter is out of its range.
 
+    Warns
+    -----
+    DegreesWarning
+        If a heading is beyond 4 pi.
+
     Examples
     --------
     Two chains of two, of which the hind one catches up::
@@ -392,8 +406,9 @@ def follow_chains(
     array([2., 2., 4.])
     """
     steps = check_steps(steps)
-    position = check_array("position", position, (len(steps), "n", 2))
-    heading = check_array("heading", heading, position.shape[:2])
+    position = check_array("position", position, (len(steps), "n", 2), missing=True)
+    heading = check_headings("heading", heading, position.shape[:2])
+    missing = without_position(position) | np.isnan(heading)
     check_number("reversal_distance", reversal_distance, above=0, maximum=LARGEST_COORDINATE)
     links = Links(distance=link_distance, half_angle_degrees=half_angle_degrees, alignment_degrees=alignment_degrees)
     rule = Meetings(
@@ -410,11 +425,13 @@ def follow_chains(
     met = rule.find(position, heading, chain)
     fates = [(meeting_event(m, steps, chain), rule.outcome(m, steps, position, chain)) for m in met]
     events += [meeting for meeting, _ in fates]
+    is_unknown = missing & (chain < 0)
     return ChainHistory(
         steps=steps,
-        leader=leader,
-        chain=chain,
-        place=place,
+        leader=masked_where(is_unknown, leader),
+        chain=masked_where(is_unknown, chain),
+        place=masked_where(is_unknown, place),
+        missing=missing.sum(axis=1),
         events=tuple(sorted(events, key=lambda event: event.order)),
         fates=tuple(sorted(fates, key=lambda fate: fate[0].order)),
     )
@@ -478,7 +495,10 @@ def _travels(forward: np.ndarray, chain: np.ndarray) -> Iterator[tuple[int, np.n
     """Yield for each chain its number, its frames, and the mean way forward of its robots in each of them."""
     frame, row = np.nonzero(chain >= 0)
     keys, inverse = np.unique(chain[frame, row] * len(chain) + frame, return_inverse=True)
-    mean = np.bincount(inverse, forward[frame, row], len(keys)) / np.bincount(inverse, minlength=len(keys))
+    way = forward[frame, row]
+    measured = ~np.isnan(way)  # of a robot that is or was missing it is not known
+    counts = np.bincount(inverse, measured, len(keys))
+    mean = np.bincount(inverse, np.where(measured, way, 0.0), len(keys)) / np.maximum(counts, 1)
     number, frames = np.divmod(keys, len(chain))
     bounds = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
     for first, last in pairwise(bounds):

@@ -1,20 +1,23 @@
 """Chains: robots that follow each other in a line (thesis 5.3.3), at one moment."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array
-from mesa_swarm.errors import check_number
+from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array, check_headings
+from mesa_swarm.analysis.missing import masked_where, without_position
+from mesa_swarm.errors import InvalidValueError, check_number
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Chains:
     """Which robot follows which, and the resulting chains.
+
+    `leader`, `label` and `place` are masked where robots are missing, if any are.
 
     Parameters
     ----------
@@ -38,6 +41,11 @@ class Chains:
     closed: np.ndarray
 
     @property
+    def missing(self) -> int:
+        """The number of robots without a position or a heading."""
+        return int(np.ma.count_masked(self.label))
+
+    @property
     def count(self) -> int:
         """The number of chains, including rings."""
         return len(self.lengths)
@@ -54,12 +62,14 @@ class Chains:
 
     @property
     def chained(self) -> float:
-        """Share of the robots that are in a chain, NaN where there are no robots."""
-        return float(np.mean(self.label >= 0)) if len(self.label) else math.nan
+        """Share of the robots that are in a chain, without missing ones; NaN where there are no robots."""
+        label = np.ma.compressed(self.label)
+        return float(np.mean(label >= 0)) if len(label) else math.nan
 
     def members(self) -> list[np.ndarray]:
         """Return the rows of each chain's robots from head to tail."""
-        rows = np.lexsort((self.place, self.label))[np.count_nonzero(self.label < 0) :]
+        place, label = np.asarray(self.place), np.asarray(self.label)
+        rows = np.lexsort((place, label))[np.count_nonzero(label < 0) :]
         return np.split(rows, np.cumsum(self.lengths)[:-1]) if self.count else []
 
 
@@ -88,6 +98,7 @@ def chains(
     ----------
     position : ndarray, shape (n, 2), map units
     heading : ndarray, shape (n,), rad
+        NaN or masked, as positions: missing; that robot follows none, and none follows it.
     link_distance : float
         Between centres, map units, above 0.
     half_angle_degrees : float
@@ -104,6 +115,11 @@ def chains(
     InvalidValueError
         If an array has another shape or a parameter is out of its range.
 
+    Warns
+    -----
+    DegreesWarning
+        If a heading is beyond 4 pi.
+
     Examples
     --------
     Three robots that drive to the right, 2 at the tail, and one that comes towards them::
@@ -116,11 +132,23 @@ def chains(
     >>> found.label, found.chained
     (array([ 0,  0,  0, -1]), 0.75)
     """
-    position = check_array("position", position, ("n", 2))
-    heading = check_array("heading", heading, (len(position),))
+    position = _check_moment(position)
+    heading = check_headings("heading", heading, (len(position),))
     links = Links(distance=link_distance, half_angle_degrees=half_angle_degrees, alignment_degrees=alignment_degrees)
     leader, _ = links.between(position, heading)
-    return paths(leader, position)
+    found, missing = paths(leader, position), without_position(position) | np.isnan(heading)
+    rows = {name: masked_where(missing, getattr(found, name)) for name in ("leader", "label", "place")}
+    return replace(found, **rows)
+
+
+def _check_moment(position: object) -> np.ndarray:
+    """Return the positions of one moment, NaN for missing ones; refuse those of several with the way out."""
+    points = check_array("position", position, ("n", 2), ("k", "n", 2), missing=True)
+    if points.ndim == 3:
+        raise InvalidValueError(
+            f"position has the shape {points.shape}; expected one moment, (n, 2): follow_chains takes tables over time"
+        )
+    return points
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -155,8 +183,15 @@ def nearest_ahead(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the row of the nearest robot within `reach` and an angle of each one's heading, and its distance.
 
-    Without one, -1 and infinity; of equally near ones the smaller row.
+    Without one, -1 and infinity; of equally near ones the smaller row. A robot without position or heading has none
+    ahead, and is ahead of none.
     """
+    rows = np.flatnonzero(~(without_position(position) | np.isnan(heading)))
+    if len(rows) < len(position):
+        nearest, distance = np.full(len(position), -1), np.full(len(position), math.inf)
+        near, distance[rows] = nearest_ahead(position[rows], heading[rows], reach, half_angle_degrees)
+        nearest[rows] = np.where(near >= 0, rows[near], -1)
+        return nearest, distance
     if len(position) < 2:
         return np.full(len(position), -1), np.full(len(position), math.inf)
     first, second = cKDTree(position, balanced_tree=False).query_pairs(reach, output_type="ndarray").T
@@ -222,7 +257,8 @@ def _rings(leader: np.ndarray, part: np.ndarray) -> np.ndarray:
 def _opened(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np.ndarray) -> np.ndarray:
     """Return the leaders without the longest link of each ring."""
     opened, rows = leader.copy(), np.flatnonzero(ring)
-    length = np.hypot(*(position[leader[rows]] - position[rows]).T)
+    # The length of a link to a robot that is missing is not known.
+    length = np.nan_to_num(np.hypot(*(position[leader[rows]] - position[rows]).T))
     longest, _ = _least_of_each(part[rows], -length, rows, len(leader))
     opened[longest[longest >= 0]] = -1
     return opened

@@ -8,7 +8,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mesa_swarm.analysis.arrays import check_length, check_points, check_whole
+from mesa_swarm.analysis.arrays import check_length, check_points, check_whole_or_missing
+from mesa_swarm.analysis.missing import Value, by_row, masked_where, without_position
 from mesa_swarm.errors import InvalidValueError, check_count
 
 # A pair takes about 50 bytes: more of them than this would fill a small machine's memory.
@@ -25,13 +26,23 @@ class Clusters:
     ----------
     label : int64 ndarray, shape (n,)
         Each robot's group, -1 for a robot in none. Groups are numbered from 0 by descending size, those of
-        one size by their first robot's row.
+        one size by their first robot's row. Masked where robots are missing, which shares and means leave out.
     sizes : int64 ndarray, shape (c,)
         Robots in each group, descending.
     """
 
     label: np.ndarray
     sizes: np.ndarray
+
+    @property
+    def missing(self) -> int:
+        """The number of robots without a position."""
+        return int(np.ma.count_masked(self.label))
+
+    @property
+    def robots(self) -> int:
+        """The number of robots that have a position."""
+        return len(self.label) - self.missing
 
     @property
     def count(self) -> int:
@@ -46,7 +57,7 @@ class Clusters:
     @property
     def largest_fraction(self) -> float:
         """Share of all robots that are in the largest group, in [0, 1]; 0 without groups."""
-        return int(self.sizes[0]) / len(self.label) if self.count else 0.0
+        return int(self.sizes[0]) / self.robots if self.count else 0.0
 
     @property
     def local_convergence(self) -> float:
@@ -73,13 +84,13 @@ class Clusters:
         >>> clusters([[0, 0], [10, 0], [20, 0], [200, 0]], 15).own_size
         2.5
         """
-        n = len(self.label)
+        n = self.robots
         return float((self.sizes * self.sizes).sum() + n - self.grouped) / n if n else 0.0
 
     @property
     def alone(self) -> float:
         """Share of all robots that are in no group, in [0, 1]; 0 without robots."""
-        return 1.0 - self.grouped / len(self.label) if len(self.label) else 0.0
+        return 1.0 - self.grouped / self.robots if self.robots else 0.0
 
 
 def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clusters:
@@ -92,7 +103,7 @@ def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clust
     Parameters
     ----------
     position : ndarray, shape (n, 2)
-        Centres, map units.
+        Centres, map units. NaN or masked: missing; that robot is linked to none.
     distance : float
         Largest distance between the centres of two linked robots, map units, above 0. Robots of radius 5 with
         10 between their bodies are 20 apart.
@@ -117,10 +128,24 @@ def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clust
     >>> found.count, found.largest_fraction, round(found.local_convergence, 3)
     (2, 0.5, 0.4)
     """
-    points = check_points("position", position)
+    points = _check_moment(position)
     fewest = check_count("fewest", fewest, minimum=1)
-    component = _components(points, check_length("distance", distance))
-    return _ranked(component, fewest)
+    missing = without_position(points)
+    component = _components(points[~missing] if missing.any() else points, check_length("distance", distance))
+    label = np.full(len(points), -1, np.int64)
+    label[~missing], sizes = _ranked(component, fewest)
+    return Clusters(label=masked_where(missing, label), sizes=sizes)
+
+
+def _check_moment(position: object) -> np.ndarray:
+    """Return the positions of one moment, NaN for missing ones; refuse those of several with the way out."""
+    points = check_points("position", position, table=True)
+    if points.ndim == 3:
+        raise InvalidValueError(
+            f"position has the shape {points.shape}; expected one moment, (n, 2): [clusters(row, ...) for row in "
+            "position]"
+        )
+    return points
 
 
 def _components(points: np.ndarray, distance: float) -> np.ndarray:
@@ -147,8 +172,8 @@ def _check_pairs(tree: cKDTree, distance: float) -> None:
         )
 
 
-def _ranked(component: np.ndarray, fewest: int) -> Clusters:
-    """Rank the components of at least `fewest` robots by size, then by first row."""
+def _ranked(component: np.ndarray, fewest: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rank the components of at least `fewest` robots by size, then by first row; return labels and sizes."""
     size = np.bincount(component)
     first = np.empty(len(size), np.int64)
     # Of several values written to one place the last stays: backwards, that of the first row.
@@ -157,10 +182,10 @@ def _ranked(component: np.ndarray, fewest: int) -> Clusters:
     order = order[size[order] >= fewest]
     rank = np.full(len(size), -1, np.int64)
     rank[order] = np.arange(len(order))
-    return Clusters(label=rank[component], sizes=size[order])
+    return rank[component], size[order]
 
 
-def kept_together(before: np.ndarray, after: np.ndarray) -> float:
+def kept_together(before: np.ndarray, after: np.ndarray) -> Value:
     """Return the share of pairs of robots that stay in one group: the cohesion of groups over time.
 
     Of all pairs of robots that were in the same group, the share that is in the same group later (the
@@ -168,19 +193,20 @@ def kept_together(before: np.ndarray, after: np.ndarray) -> float:
 
     Parameters
     ----------
-    before, after : ndarrays, shape (n,)
-        Number of each robot's group at two times, -1 for none: `Clusters.label`, `Chains.label`, or a row of
-        `ChainHistory.chain`. Numbers need not be the same at both times.
+    before, after : ndarrays, shape (n,) or (k, n)
+        Number of each robot's group at two times, or at k pairs of times, -1 for none: `Clusters.label`,
+        `Chains.label`, or `ChainHistory.chain`. Numbers need not be the same at both times. NaN or masked at either
+        time: missing; that robot is left out.
 
     Returns
     -------
-    float
-        In [0, 1]; NaN where no two robots were in one group.
+    Measure, or Measures, shape (k,)
+        In [0, 1]; NaN where no two robots were in one group. `missing`: robots left out.
 
     Raises
     ------
     InvalidValueError
-        If the two are not whole numbers of one shape (n,).
+        If the two are not whole numbers of one shape.
 
     Examples
     --------
@@ -189,8 +215,13 @@ def kept_together(before: np.ndarray, after: np.ndarray) -> float:
     >>> kept_together([0, 0, 1, 1, -1], [5, 5, 5, -1, -1])
     0.5
     """
-    old = check_whole("before", before, ("n",))
-    new = check_whole("after", after, (len(old),))
+    old, lost = check_whole_or_missing("before", before, ("n",), ("k", "n"))
+    new, gone = check_whole_or_missing("after", after, old.shape)
+    return by_row(_kept_together, old, new, lost | gone, missing=lost | gone)
+
+
+def _kept_together(old: np.ndarray, new: np.ndarray, missing: np.ndarray) -> float:
+    old, new = old[~missing], new[~missing]
     pairs = _pairs_within(old[old >= 0])
     both = (old >= 0) & (new >= 0)
     # A pair is together at both times if it shares both numbers: count the robots with each pair of numbers.

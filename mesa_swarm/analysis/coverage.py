@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.analysis.arrays import Bounds, check_bounds, check_flags, check_length, check_points
+from mesa_swarm.analysis.missing import Measure, Measures, without_position
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.geometry.room import areas_by_cell, cells_of_nearest_parts, outside, part_around, room_for_disc
 
@@ -120,27 +121,28 @@ def cells_from_places(
            [False, False,  True,  True]])
     """
     limits, shape = check_bounds(bounds), _check_shape("cells", cells)
-    reached = visited_cells(places, limits, shape)
+    places = _check_inside(check_points("positions", places), limits)
+    reached = _cells_of(places, limits, shape)
     radius, parts = check_length("radius", radius), tuple(_check_solids(solids))
     return reached | cells_of_nearest_parts(limits, parts, radius, QUARTER_SEGMENTS, places, shape, FEWEST_SHARE)
 
 
-def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int]) -> np.ndarray:
+def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int]) -> Measures:
     """Return which cells of a world any of the positions is in.
 
     Parameters
     ----------
     positions : ndarray, shape (k, 2) or (k, n, 2)
         Centres over k steps, of one robot or of n, map units, within the bounds. A point between two cells is in
-        the upper or right one.
+        the upper or right one. NaN or masked: missing, and in none.
     bounds : (x_min, y_min, x_max, y_max)
     shape : (rows, columns)
         Of equal cells that the bounds are cut into.
 
     Returns
     -------
-    bool ndarray, shape (rows, columns)
-        Row 0 is at y_min, column 0 at x_min.
+    bool Measures, shape (rows, columns)
+        Row 0 is at y_min, column 0 at x_min. `missing`: positions left out.
 
     Raises
     ------
@@ -152,8 +154,14 @@ def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int])
     >>> visited_cells([[10, 10], [90, 10]], (0, 0, 100, 50), (1, 4))
     array([[ True, False, False,  True]])
     """
-    limits, (rows, columns) = check_bounds(bounds), _check_shape("shape", shape)
-    points = _check_inside(_flat(positions), limits)
+    limits, checked = check_bounds(bounds), _check_shape("shape", shape)
+    points, missing = _flat(positions)
+    return Measures.of(_cells_of(_check_inside(points, limits), limits, checked), missing)
+
+
+def _cells_of(points: np.ndarray, limits: Bounds, shape: tuple[int, int]) -> np.ndarray:
+    """Return which cells any of the points is in, which are within the limits."""
+    rows, columns = shape
     lower, upper = np.array(limits[:2]), np.array(limits[2:])
     cell = ((points - lower) / (upper - lower) * (columns, rows)).astype(int)
     column, row = np.clip(cell, 0, (columns - 1, rows - 1)).T
@@ -162,13 +170,14 @@ def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int])
     return visited
 
 
-def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> float:
+def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> Measure:
     """Return the share of the reachable cells that any of the positions is in.
 
     Parameters
     ----------
     positions : ndarray, shape (k, 2) or (k, n, 2)
-        Centres over k steps, of one robot or of n, map units, within the bounds.
+        Centres over k steps, of one robot or of n, map units. NaN or masked: missing, and in no cell, as those are that
+        lie outside the bounds.
     cells : bool ndarray, shape (rows, columns)
         Which cells can be reached, from `reachable_cells`; at least one.
     bounds : (x_min, y_min, x_max, y_max)
@@ -176,25 +185,31 @@ def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> float:
 
     Returns
     -------
-    float
-        In [0, 1].
+    Measure
+        In [0, 1]. `missing` and `outside`: positions that were missing, and that lie outside the bounds.
 
     Raises
     ------
     InvalidValueError
-        If an argument has the wrong shape or is out of range, a position lies outside the bounds, or no cell
-        can be reached.
+        If an argument has the wrong shape or is out of range, or no cell can be reached.
 
     Examples
     --------
-    >>> coverage([[10, 10], [90, 10]], [[True, True, False, True]], (0, 0, 100, 50))
+    >>> cells = [[True, True, False, True]]
+    >>> coverage([[10, 10], [90, 10]], cells, (0, 0, 100, 50))
     0.6666666666666666
+    >>> coverage([[10, 10], [90, 10], [120, 10]], cells, (0, 0, 100, 50))
+    0.6666666666666666 (1 outside)
     """
     reachable = check_flags("cells", cells, ("rows", "columns"))
     if not reachable.any():
         raise InvalidValueError("cells has no reachable cell; expected at least one that is True")
-    visited = visited_cells(positions, bounds, reachable.shape)
-    return int((visited & reachable).sum()) / int(reachable.sum())
+    limits, shape = check_bounds(bounds), _check_shape("shape", reachable.shape)
+    points, missing = _flat(positions)
+    is_beyond = _is_beyond(points, limits)
+    visited = _cells_of(points[~is_beyond] if is_beyond.any() else points, limits, shape)
+    share = int((visited & reachable).sum()) / int(reachable.sum())
+    return Measure(share, missing, int(is_beyond.sum()))
 
 
 def _check_shape(name: str, shape: object) -> tuple[int, int]:
@@ -219,20 +234,23 @@ def _check_solids(solids: object) -> list[tuple]:
     return checked
 
 
-def _flat(positions: Any) -> np.ndarray:
-    """Return all positions as one list of points."""
-    try:
-        tables = np.ndim(positions) == 3
-    except ValueError:  # lists of unequal length, which the check refuses in words
-        tables = False
-    return check_points("positions", positions, ("k", "n", 2) if tables else ("k", 2)).reshape(-1, 2)
+def _flat(positions: Any) -> tuple[np.ndarray, int]:
+    """Return all positions that are there as one list of points, and the number of missing ones."""
+    points = check_points("positions", positions, ("k", 2), ("k", "n", 2), missing=True).reshape(-1, 2)
+    missing = without_position(points)
+    return (points[~missing] if missing.any() else points), int(missing.sum())
+
+
+def _is_beyond(points: np.ndarray, limits: Bounds) -> np.ndarray:
+    """Return which points lie outside the bounds."""
+    # Bodies may overlap the border by a hair, and so may a point robot's centre.
+    slack = TOUCH * max(limits[2] - limits[0], limits[3] - limits[1])
+    return np.maximum(limits[:2] - points, points - limits[2:]).max(axis=1, initial=-np.inf) > slack
 
 
 def _check_inside(points: np.ndarray, limits: Bounds) -> np.ndarray:
-    # Bodies may overlap the border by a hair, and so may a point robot's centre.
-    slack = TOUCH * max(limits[2] - limits[0], limits[3] - limits[1])
-    beyond = np.maximum(limits[:2] - points, points - limits[2:]).max(axis=1, initial=-np.inf) > slack
-    if beyond.any():
-        x, y = points[beyond][0]
+    is_beyond = _is_beyond(points, limits)
+    if is_beyond.any():
+        x, y = points[is_beyond][0]
         raise InvalidValueError(f"positions holds ({x:g}, {y:g}); expected points within the bounds {limits}")
     return points

@@ -1,13 +1,20 @@
 """Unproductive behaviour: definitions, and how each kind is found."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array, check_steps, check_whole
+from mesa_swarm.analysis.arrays import (
+    LARGEST_COORDINATE,
+    check_array,
+    check_headings,
+    check_steps,
+    check_whole,
+    check_whole_or_missing,
+)
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 
 OBSTACLE, ROBOT, FIRE, LOAD = 0, 1, 2, 3
@@ -20,7 +27,7 @@ Found = tuple[tuple[int, ...], int, int, int]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Track:
-    """The recorded arrays, checked; see `find_pathologies`."""
+    """The recorded arrays, checked, and in which steps a robot is missing (k, n); see `find_pathologies`."""
 
     steps: np.ndarray
     position: np.ndarray
@@ -32,6 +39,7 @@ class Track:
     radius: np.ndarray
     max_speed: np.ndarray
     forward: np.ndarray
+    missing: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         """Check the arrays, and store them with their types."""
@@ -41,22 +49,28 @@ class Track:
         k = len(steps)
         radius = check_array("radius", self.radius, ("n",))
         n = len(radius)
-        distance = check_array("distance", self.distance, (k, n, "s"))
+        distance = check_array("distance", self.distance, (k, n, "s"), missing=True)
         sensors = distance.shape[2]
         forward = check_whole("forward", self.forward, (n, 3))
         if ((forward < -1) | (forward >= sensors)).any():
             raise InvalidValueError(f"forward has an invalid sensor; expected -1 to {sensors - 1}")
+        position = check_array("position", self.position, (k, n, 2), missing=True)
+        heading = check_headings("heading", self.heading, (k, n))
+        command = check_array("command", self.command, (k, n, 2), missing=True)
+        layer, without_layer = check_whole_or_missing("layer", self.layer, (k, n))
+        missing = np.isnan(position).any(axis=2) | np.isnan(heading) | np.isnan(command).any(axis=2) | without_layer
         checked = {
             "steps": steps,
-            "position": check_array("position", self.position, (k, n, 2)),
-            "heading": check_array("heading", self.heading, (k, n)),
-            "command": check_array("command", self.command, (k, n, 2)),
-            "layer": check_whole("layer", self.layer, (k, n)),
+            "position": position,
+            "heading": heading,
+            "command": command,
+            "layer": layer,
             "distance": distance,
-            "kind": check_whole("kind", self.kind, (k, n, sensors)),
+            "kind": check_whole_or_missing("kind", self.kind, (k, n, sensors))[0],
             "radius": radius,
             "max_speed": check_array("max_speed", self.max_speed, (n,)),
             "forward": forward,
+            "missing": missing,
         }
         for name, array in checked.items():
             object.__setattr__(self, name, array)
@@ -240,7 +254,7 @@ def _makes_no_progress(
 
 def stuck_robots(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
     """Find robots that are commanded forwards but do not move."""
-    speed, steps = track.command.mean(axis=2), limits.fewest_steps
+    speed, steps = np.where(track.missing, 0.0, track.command.mean(axis=2)), limits.fewest_steps
     driving = (speed >= limits.forward_share * track.max_speed) & (track.max_speed > 0) & ~taken
     first, row = lasting(driving, steps)
     last = first + steps - 1
@@ -253,12 +267,12 @@ def stuck_robots(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Fo
 
 
 def _progress(track: Track) -> np.ndarray:
-    """Return how far each robot moved along its heading in each step (k, n), 0 in the first."""
+    """Return how far each robot moved along its heading in each step (k, n), 0 in the first and where not known."""
     ahead = np.stack([np.cos(track.heading), np.sin(track.heading)], axis=-1)
     moved = np.zeros(track.heading.shape)
     half_way = (ahead[1:] + ahead[:-1]) / 2
     moved[1:] = (np.diff(track.position, axis=0) * half_way).sum(axis=2)
-    return moved
+    return np.where(np.isnan(moved), 0.0, moved)  # where a robot is missing, which no episode spans
 
 
 def _displacement(track: Track, first: np.ndarray, last: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -380,6 +394,8 @@ class Pathologies:
     Parameters
     ----------
     episodes : tuple of Episode
+    missing : int
+        Robots' steps that are in no episode since the robot was missing.
 
     Examples
     --------
@@ -389,6 +405,7 @@ class Pathologies:
     """
 
     episodes: tuple[Episode, ...]
+    missing: int = 0
 
     def __len__(self) -> int:
         """Count the episodes."""
@@ -467,6 +484,9 @@ def find_pathologies(
     steps in which the robot gets farther than its radius within `window` steps, and only if `fewest_flips` are left. A
     robot's step belongs to one kind: steps of the kinds above are not counted again for those below.
 
+    A robot is *missing* in a step of which its position, heading, command or layer is NaN or masked: no episode of that
+    robot has such a step.
+
     Parameters
     ----------
     steps : ndarray, shape (k,)
@@ -476,7 +496,7 @@ def find_pathologies(
     command, layer : ndarrays, shape (k, n, 2) and (k, n)
         Rim speeds left and right, and the layer that chose them, of each step.
     distance, kind : ndarrays, shape (k, n, s)
-        The readings before each step: -1 for nothing; 0 obstacle, 1 robot, 2 fire, 3 load.
+        The readings before each step: -1, NaN or masked for nothing; 0 obstacle, 1 robot, 2 fire, 3 load.
     radius, max_speed : ndarrays, shape (n,)
     forward : ndarray, shape (n, 3)
         Index of the front, left and right sensors, -1 for none.
@@ -497,6 +517,11 @@ def find_pathologies(
     ------
     InvalidValueError
         If an array has another shape, steps are missing, or a parameter is out of its range.
+
+    Warns
+    -----
+    DegreesWarning
+        If a heading is beyond 4 pi.
 
     Examples
     --------
@@ -520,14 +545,14 @@ def find_pathologies(
         steps=steps, position=position, heading=heading, command=command, layer=layer, distance=distance, kind=kind,
         radius=radius, max_speed=max_speed, forward=forward,
     )  # fmt: skip
-    taken = np.zeros(track.heading.shape, bool)
+    taken = track.missing.copy()
     episodes = []
     for name, (finder, _) in FINDERS.items():
         found = finder(track, limits, taken)
         episodes += [_episode(name, track, *episode) for episode in found]
         for robots, first, last, _ in found:
             taken[first : last + 1, robots] = True
-    return Pathologies(tuple(sorted(episodes, key=_order)))
+    return Pathologies(tuple(sorted(episodes, key=_order)), int(track.missing.sum()))
 
 
 def _episode(kind: str, track: Track, robots: tuple[int, ...], first: int, last: int, flips: int) -> Episode:

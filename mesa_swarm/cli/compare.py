@@ -44,6 +44,7 @@ def sweep(
     prepare()
     from mesa_swarm.experiments.jobs import read_job
     from mesa_swarm.experiments.pool import checked_jobs, on_scheduler
+    from mesa_swarm.experiments.reports import notes_on_rows
     from mesa_swarm.experiments.sweep import WHOLE, Shard, done_before, run_experiment
 
     part = WHOLE if shard is None else Shard.parsed(shard)
@@ -66,7 +67,8 @@ def sweep(
             made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, shard=part)
             before = f", {made.done_before:,} of them before" if made.done_before else ""
             failed = f", {made.failed:,} ended in an error" if made.failed else ""
-            print_lines([f"{made.path}: {quantity(made.runs, 'run')}{before}{failed}"])
+            size = f"{made.path}: {quantity(made.runs, 'run')}{before}{failed}"
+            print_lines([size, *notes_on_rows(made.left_out)])
             for error in made.errors:
                 print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
             failures += made.failed
@@ -95,6 +97,9 @@ def compare(
     seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs with each value; the same seeds for all.")] = 30,
     steps: StepsOfRuns = None,
     setting: Settings = None,
+    measure: Annotated[
+        list[str] | None, typer.Option(help="A result, or a report such as 'mean of NAME'; all results by default.")
+    ] = None,
     jobs: Jobs = -1,
     out: Annotated[
         Path | None, typer.Option(help="Folder of tables, pictures and runs; results/compare_MODEL by default.")
@@ -119,6 +124,7 @@ def compare(
         seeds=seeds,
         steps=steps,
         settings=parsed_settings(model_class, setting or ()),
+        measures=measure or (),
     )
     with resumable(folder / LEDGER):
         comparison = run_plan(plan, workers, not quiet, folder=folder)

@@ -122,6 +122,7 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
     prepare()
     from mesa_swarm.experiments.jobs import read_job, recorded_to
     from mesa_swarm.experiments.ledger import Outcome
+    from mesa_swarm.experiments.reports import LEFT_OUT, OF, sum_of_left_out
     from mesa_swarm.experiments.run_records import recorded
     from mesa_swarm.experiments.runs import attempt, error_in_words
 
@@ -154,7 +155,8 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
             failed += 1
             print(f"mesa-swarm: {title}: {outcome.error}", file=sys.stderr, flush=True)
             continue
-        measured = {name: outcome.numbers[name] for name in experiment.measures or outcome.numbers}
+        left_out = {f"{LEFT_OUT}{OF}{name}": count for name, count in sum_of_left_out([outcome.numbers]).items()}
+        measured = {name: outcome.numbers[name] for name in experiment.measures or outcome.numbers} | left_out
         written = {} if file is None else {"recording": file}
         print_pairs({"steps": outcome.steps, **measured, "state hash": outcome.state_hash, **written})
     return not failed

@@ -9,6 +9,7 @@ import numpy as np
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_flag, check_number
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.world.statics import KINDS, MOST_KINDS, ROBOT
 
@@ -317,7 +318,7 @@ def own_chances(condition: Condition, senses: Senses) -> np.ndarray:
     """
     returned: Any = condition.chances(senses)
     try:
-        found = np.asarray(returned, float)
+        found = np.asarray(unmasked(returned), float)
     except (TypeError, ValueError):
         found = np.empty(0)
     n = len(senses.design)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.geometry.masks import holds_masked, unmasked
 from mesa_swarm.robots.parts import check_identifier, reserve
 
 # What a rule may write, each a record with a field a name.
@@ -173,7 +174,9 @@ def checked_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
 
 def _first(rule: str, name: str, value: object) -> np.ndarray:
     try:
-        array = np.asarray(value)
+        array = unmasked(value)
+        if holds_masked(value) and np.isnan(array).any():
+            array = np.empty(0, object)
     except Exception:  # of a class of the user's, or lists of unequal lengths
         array = np.empty(0, object)
     if array.dtype.kind not in KINDS or array.ndim > 1 or not array.size:

@@ -29,6 +29,8 @@ OVER_TIME, HISTOGRAM, PHASE_PLOT = "over time", "histogram", "phase plot"
 # Axes that may be logarithmic, by kind.
 LOG_AXES = {OVER_TIME: "y", HISTOGRAM: "x", PHASE_PLOT: "xy"}
 LONGEST_TEXT = 1000
+# Beyond it, floats are whole anyway.
+LARGEST_WHOLE = 2.0**53
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +245,8 @@ def times_of(series: ChartTable, steps: np.ndarray) -> dict[str, np.ndarray]:
 
 def in_whole(column: np.ndarray) -> Any:
     """Return a column as whole numbers, if it has no others."""
-    return pd.array(column, "Int64") if (np.isnan(column) | (column == np.rint(column))).all() else column
+    is_whole = (np.isnan(column) | ((column == np.rint(column)) & (np.abs(column) < LARGEST_WHOLE))).all()
+    return pd.array(column, "Int64") if is_whole else column
 
 
 def written(columns: dict[str, Any]) -> bytes:

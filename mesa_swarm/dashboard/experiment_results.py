@@ -17,7 +17,7 @@ from mesa_swarm.dashboard.many_runs import Send
 from mesa_swarm.experiments.experiment import POINT, Experiment
 from mesa_swarm.experiments.jobs import job_text
 from mesa_swarm.experiments.ledger import Outcome
-from mesa_swarm.experiments.reports import parts_of
+from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, parts_of, sum_of_left_out
 from mesa_swarm.experiments.runs import Run
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, share_interval
 from mesa_swarm.experiments.sweep import run_experiment, stored_runs
@@ -155,9 +155,14 @@ class GridResults:
         """Return the measures of tables: the model's results, and this one if it is another."""
         return list(dict.fromkeys([*self.results, measure]))
 
+    def left_out(self, measure: str) -> dict[str, int]:
+        """Return how many rows of the reporter that a measure names are left out in all finished runs, if any are."""
+        names = counted([measure])[1:]
+        return sum_of_left_out({name: run.numbers.get(name) for name in names} for run in self.outcomes.values())
+
     def csv(self, measure: str) -> str:
         """Return one line for each finished run, point by point."""
-        names = self.columns(measure)
+        names = [*self.columns(measure), *(f"{LEFT_OUT}{OF}{name}" for name in self.left_out(measure))]
         lines: list[Sequence] = [[POINT, *self.values, "rng", "steps", "state_hash", *names, "error"]]
         points = len(self.experiment.points)
         for number in sorted(self.outcomes, key=lambda number: (number % points, number)):

@@ -18,7 +18,7 @@ from mesa_swarm.dashboard.experimenting import Experimenting, options_of, values
 from mesa_swarm.dashboard.layout import LEFT, ColumnFold
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Downloads, Link, Linked
-from mesa_swarm.experiments.reports import OF, REDUCTIONS, parts_of
+from mesa_swarm.experiments.reports import OF, REDUCTIONS, notes_on_rows, parts_of
 from mesa_swarm.experiments.statistics import FEWEST, TIME
 from mesa_swarm.experiments.tables import percent, with_limits
 from mesa_swarm.parameters import Parameter, parameters_of
@@ -229,7 +229,7 @@ def picture_of(experimenting: Experimenting) -> dict[str, Any]:
         "measure": _measure_axis(measure, summary),
         "share": summary == SHARE,
         "interval": f"95 % interval ({INTERVALS[summary]})",
-        "note": note_of(measure, summary, seeds),
+        "note": " ".join([note_of(measure, summary, seeds), *notes_on_rows(results.left_out(measure))]),
         "seeds": seeds,
         "cells": [_numbers(cell, summary) for cell in cells],
         "errors": {str(place): error for place, error in results.errors().items()},

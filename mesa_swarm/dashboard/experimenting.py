@@ -351,9 +351,11 @@ class Experimenting:
             session = self.session
             with session.lock:
                 same = session.model is not None and session.name == self.name
-                model = session.model if same and session.model is not None else self.model_class(rng=1)
+                live = session.model if same and session.model is not None and session.model.completed else None
+                model = self.model_class(rng=1) if live is None else live
                 results = list(model.results()) if hasattr(model, "results") else []
-                return [*results, *(name for name in all_reports(model) if name not in results)]
+                reports = all_reports(model, call=live is None)
+                return [*results, *(name for name in reports if name not in results)]
         except Exception as problem:  # a model may raise anything
             self.faults["measure"] = in_words(problem)
             return []

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mesa_swarm.errors import UnknownNameError, unknown_name
+from mesa_swarm.experiments.reports import as_number
 from mesa_swarm.looks import Chart, looks_of
 from mesa_swarm.observers import Observer
 from mesa_swarm.swarm_model import SwarmModel
@@ -375,8 +376,6 @@ def agent_means(model: SwarmModel) -> list[float]:
 
 
 def number_of(value: object) -> float:
-    """Return the value of a reporter as a number, NaN for a non-number."""
-    try:
-        return float(value)  # type: ignore[arg-type]  # non-numbers raise
-    except (TypeError, ValueError):
-        return np.nan
+    """Return the value of a reporter as a number, NaN for a missing one and for a non-number."""
+    number = as_number(value)
+    return np.nan if number is None else number

@@ -14,11 +14,11 @@ from mesa_swarm.experiments.experiment import (
     Experiment,
     checked_class,
     checked_experiment,
+    checked_measures,
     checked_seeds,
     checked_settings,
     checked_steps,
 )
-from mesa_swarm.experiments.plan import checked_measures
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.sweep import TABLE, run_experiment
 from mesa_swarm.files import check_writable

@@ -4,13 +4,15 @@ from collections.abc import Iterable, Mapping
 from itertools import product, starmap
 from typing import Any, cast
 
+import numpy as np
 from mesa import DataCollector
 
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.experiments.experiment import MOST_STEPS
 from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, is_remote, on_all
+from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.gallery import find_model
-from mesa_swarm.mesa_model import collected_of_agents
+from mesa_swarm.mesa_model import checked_seed, collected_of_agents
 from mesa_swarm.parameters import check_names
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
@@ -40,9 +42,9 @@ def batch_run(
     model : type or str
         A SwarmModel, or its name or address (`gallery.find_model`).
     parameters : mapping
-        By name a value, or several in a list or another iterable, which is not a text.
+        By name a value, or several different ones in a list or another iterable, which is not a text.
     rng : int, SeedSequence or an iterable of them, optional
-        The seed of each repetition of all combinations; None for one that nothing can repeat.
+        The seed of each repetition of all combinations, each a different one; None for one that nothing can repeat.
     max_steps : int
         Steps after which a run ends, 1 to 100 million, unless the model stops running before.
     data_collection_period : int
@@ -88,7 +90,7 @@ def batch_run(
         workers = checked_jobs(-1)
     else:
         workers = check_count("number_processes", number_processes, minimum=1, maximum=MOST_JOBS)
-    seeds = list(rng) if isinstance(rng, Iterable) else [rng]
+    seeds = _seeds(rng)
     runs = [(i, {**point, "rng": seed}) for i, seed in enumerate(seeds) for point in grid]
     tasks = [(found, number, *run, max_steps, data_collection_period) for number, run in enumerate(runs)]
     rows: dict[int, list[Row]] = {}
@@ -99,6 +101,29 @@ def batch_run(
             rows[number] = collected
             bar.update()
     return [row for number in range(len(tasks)) for row in rows[number]]
+
+
+def _seeds(rng: Any) -> list[Any]:
+    """Return the seeds; the same twice would be the same run twice, and a generator goes on from run to run."""
+    if isinstance(rng, (str, bytes)):
+        raise InvalidValueError(f"rng is {shortened(rng)}; expected a whole number, or a list of them")
+    seeds = [checked_seed(seed) for seed in rng] if isinstance(rng, Iterable) else [checked_seed(rng)]
+    for seed in seeds:
+        if isinstance(seed, (np.random.Generator, np.random.BitGenerator)):
+            raise InvalidValueError(
+                f"rng has {shortened(seed)}, which runs would share; expected whole numbers of at least 0, "
+                "SeedSequences or None"
+            )
+    check_different("rng", (_identity(seed) for seed in seeds if seed is not None), "seeds")
+    return seeds
+
+
+def _identity(seed: Any) -> Any:
+    """Return a value that is equal for seeds of equal runs: of a sequence that is made of a number, the number."""
+    if not isinstance(seed, np.random.SeedSequence):
+        return seed if isinstance(seed, int) else list(seed)
+    is_number = isinstance(seed.entropy, int) and repr(seed) == repr(np.random.SeedSequence(seed.entropy))
+    return seed.entropy if is_number else repr(seed)
 
 
 def _grid(parameters: Mapping[str, Any]) -> list[Row]:
@@ -114,6 +139,7 @@ def _grid(parameters: Mapping[str, Any]) -> list[Row]:
     for name, some in values.items():
         if not some:
             raise InvalidValueError(f"parameters has no value for {name}; leave it out for its default")
+        check_different(f"{name} in parameters", some)
     return [dict(zip(values, point, strict=True)) for point in product(*values.values())]
 
 

@@ -4,7 +4,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,12 @@ from mesa_swarm.experiments.experiment import (
     Experiment,
     check_columns,
     checked_class,
+    checked_measures,
 )
-from mesa_swarm.experiments.plan import checked_measures
 from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows, sum_of_left_out
 from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text
-from mesa_swarm.experiments.statistics import FEWEST, Summary, known, summarised
+from mesa_swarm.experiments.statistics import FEWEST, Summary, known, mean_interval, summarised
 from mesa_swarm.experiments.sweep import run_experiment
 from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, with_limits
 from mesa_swarm.extras import need
@@ -82,6 +83,8 @@ class Calibration:
         Runs with fresh seeds that ended in an error.
     loss : float
         The loss of the best point over the fresh seeds, NaN where there is none.
+    left_out : mapping of str to int
+        By reporter, how many rows in all runs were missing and are left out of its reports, where any were.
     """
 
     experiment: Experiment
@@ -94,6 +97,7 @@ class Calibration:
     measures: Mapping[str, Summary]
     failed: int
     loss: float
+    left_out: Mapping[str, int] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"{self.table()}\n\n{self.finding()}"
@@ -137,10 +141,11 @@ class Calibration:
         notes.append(f"Loss {self.searched[LOSS]:.4g} in the search, {self.loss:.4g} over fresh seeds.")
         without = int(self.history[LOSS].isna().sum())
         if without:
-            notes.append(f"{quantity(without, 'point')} had no loss: failed runs, or measures that did not happen.")
+            why = "failed runs, or measures that did not happen or are infinite"
+            notes.append(f"{quantity(without, 'point')} had no loss: {why}.")
         if self.failed:
             notes.append(f"{quantity(self.failed, 'run')} with fresh seeds ended in an error and are left out.")
-        return notes
+        return [*notes, *notes_on_rows(self.left_out)]
 
     def finding(self) -> str:
         """Return the finding in one sentence."""
@@ -235,13 +240,14 @@ def calibrate(
     All runs go through the ledger of the folder `out`: after a kill the same call proposes the same points and
     finds the finished runs there.
 
-    A point of which a run ends in an error, or has a measure that did not happen and no number in `missing`, has no
-    loss: Optuna learns that it failed, and it is never the best.
+    A point of which a run ends in an error, or has a measure that is infinite, or did not happen and has no number in
+    `missing`, has no loss: Optuna learns that it failed, and it is never the best.
 
     Parameters
     ----------
     model : type or str
-        A SwarmModel with a method ``results``, or its name or address (`gallery.find_model`).
+        A SwarmModel with a method ``results`` or the reports that are named, or its name or address
+        (`gallery.find_model`).
     ranges : mapping of str to (low, high), (low, high, "log"), values or Range
         See `sampling.Range`.
     target : mapping of str to float or (float, float), or function
@@ -309,7 +315,8 @@ def calibrate(
     experiment = design.experiment
     again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, budget.fresh))
     made = run_experiment(again, check_writable(out) / FRESH, workers, progress, retry_failed=retry_failed)
-    rows = losses.numbers(made.frame(), again)
+    frame = made.frame()
+    rows = losses.numbers(frame, again)
     return Calibration(
         experiment=experiment,
         ranges=checked,
@@ -321,7 +328,14 @@ def calibrate(
         measures={str(name): summarised(list(map(known, rows[name]))) for name in rows},
         failed=made.failed,
         loss=losses.of(rows),
+        left_out=sum_of_left_out(row for table in (design.table(), frame) for row in _counts(table)),
     )
+
+
+def _counts(table: pd.DataFrame) -> Iterator[dict[str, float]]:
+    """Return how many rows of reports each run leaves out, of runs that ended in an error none."""
+    names = [str(name) for name in table if str(name).startswith(LEFT_OUT + OF)]
+    return (dict(zip(names, row, strict=True)) for row in table[names].fillna(0).to_numpy(float).tolist())
 
 
 def _number(mean: float | None) -> float:
@@ -359,10 +373,28 @@ class _Losses:
             apart = [
                 math.nan if means[name] is None else each.deviation(means[name]) for name, each in self.targets.items()
             ]
-            return math.fsum(one * one for one in apart)
+            return _finite(sum_of_squares(apart))
         given = self.function(means)
-        loss = math.nan if given is None else check_loss(given)
-        return loss if math.isfinite(loss) else math.nan
+        return _finite(math.nan if given is None else check_loss(given))
+
+
+def _finite(loss: float) -> float:
+    """Return a loss, NaN for one that is infinite."""
+    return loss if math.isfinite(loss) else math.nan
+
+
+def sum_of_squares(numbers: Sequence[float]) -> float:
+    """Return the sum of squares, rounded once; infinity where it is beyond the largest number.
+
+    Examples
+    --------
+    >>> sum_of_squares([3.0, 4.0]), sum_of_squares([1e200, 1.0])
+    (25.0, inf)
+    """
+    try:
+        return math.fsum(number * number for number in numbers)
+    except OverflowError:  # of a partial sum
+        return math.inf
 
 
 def check_loss(given: object) -> float:
@@ -375,7 +407,12 @@ def check_loss(given: object) -> float:
 
 def _means(rows: pd.DataFrame) -> dict[str, Any]:
     """Return the mean of each measure, None where it did not happen in all runs."""
-    return {str(name): None if rows[name].isna().any() or rows.empty else float(rows[name].mean()) for name in rows}
+    return {str(name): None if rows[name].isna().any() or rows.empty else _mean(rows[name]) for name in rows}
+
+
+def _mean(column: pd.Series) -> float:
+    mean = float(column.mean())
+    return mean if math.isfinite(mean) else mean_interval(column.tolist()).estimate  # of huge numbers it may be finite
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -465,7 +502,8 @@ def _searched(
                 else:
                     study.tell(trial, loss)
     if all(math.isnan(row[LOSS]) for row in rows):
-        why = f"a run ended in {shortened(error)}" if error else "a measure did not happen, see missing (--missing)"
+        why = "a measure did not happen, see missing (--missing), or is infinite"
+        why = f"a run ended in {shortened(error)}" if error else why
         raise InvalidValueError(
             f"none of {quantity(len(rows), 'point')} has a loss: {why}; choose other ranges or targets"
         )

@@ -32,6 +32,7 @@ from mesa_swarm.errors import (
 from mesa_swarm.extras import need
 from mesa_swarm.files import shown_path
 from mesa_swarm.gallery import is_address, object_at
+from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.learning.actions import ACTIONS, described
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
@@ -158,7 +159,7 @@ def _wanted(actions: str | int, numbers: int) -> str:
 def _actions_of(returned: object, robots: int, actions: str | int, numbers: int) -> np.ndarray | None:
     """Return actions as an array for this number of robots, None if they are anything else."""
     try:
-        array = np.asarray(returned)
+        array = unmasked(returned)
     except ValueError:  # rows of different lengths
         return None
     if isinstance(actions, str):

@@ -12,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shor
 from mesa_swarm.experiments.fingerprints import fingerprint, source_hash
 from mesa_swarm.experiments.reports import check_report, parts_of
 from mesa_swarm.experiments.runs import Run, check_results
-from mesa_swarm.experiments.sampling import Points, Sample, as_list, grid_columns
+from mesa_swarm.experiments.sampling import Points, Sample, as_list, check_different, grid_columns
 from mesa_swarm.gallery import address_of, find_model
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.swarm_model import SwarmModel
@@ -118,12 +118,12 @@ def checked_experiment(
         points=points,
         seeds=checked_seeds(seeds),
         steps=checked_steps(model_class, steps),
-        measures=tuple(measure),
+        measures=checked_measures(measure),
         name=name,
         source=source_hash(model_class),
     )
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
-    _check_measures(experiment)
+    check_columns(check_measures(experiment, first_built(experiment)), {*FIXED, *experiment.columns})
     return experiment
 
 
@@ -148,9 +148,18 @@ def checked_seeds(seeds: object) -> Sequence[int]:
         return range(1, 1 + check_count("seeds", seeds, minimum=1, maximum=MOST_SEEDS))
     listed = tuple(check_count("seeds", seed, maximum=LARGEST_SEED) for seed in seeds)
     check_count("number of seeds", len(listed), minimum=1, maximum=MOST_SEEDS)
-    if len(set(listed)) < len(listed):
-        raise InvalidValueError(f"seeds is {shortened(seeds)}; expected different ones")
-    return listed
+    return tuple(check_different("seeds", listed, "ones"))
+
+
+def checked_measures(measures: object) -> tuple[str, ...]:
+    """Return the names of results that are wanted; refuse a single text, and names that are repeated."""
+    if isinstance(measures, str) or not isinstance(measures, Iterable):
+        raise InvalidValueError(f"measure is {shortened(measures)}; expected a list of names, such as ['fires out']")
+    names = tuple(measures)
+    for name in names:
+        if not isinstance(name, str):
+            raise InvalidValueError(f"measure has {shortened(name)}; expected names, such as 'fires out'")
+    return tuple(check_different("measure", names, "ones"))
 
 
 def checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -188,9 +197,8 @@ def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> 
     return points
 
 
-def _check_measures(experiment: Experiment) -> None:
-    """Refuse results that are unknown, not numbers, or named as another column of the table."""
-    model = first_built(experiment)
+def check_measures(experiment: Experiment, model: SwarmModel) -> Mapping[str, Any]:
+    """Refuse results and reports of a model that are unknown or not numbers; return the results, if it has any."""
     results: Mapping[str, Any] = {}
     if hasattr(model, "results") or not experiment.reports:
         check_results(model)
@@ -200,7 +208,7 @@ def _check_measures(experiment: Experiment) -> None:
             check_report(name, model)
         else:
             check_choice(f"result of {experiment.model_class.__name__}", name, results)
-    check_columns(results, {*FIXED, *experiment.columns})
+    return results
 
 
 def check_columns(results: Iterable[str], taken: Set[str]) -> None:

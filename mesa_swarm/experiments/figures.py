@@ -30,6 +30,8 @@ ASIDE = 0.14
 # As parts of the range of all numbers: how far beyond it missing numbers are drawn, half the width of that lane, and
 # where the axis of numbers ends.
 LANE, BROAD, END = 0.3, 0.13, 0.08
+# Ranges of larger numbers are beyond what an axis can compute.
+LARGEST = 1e300
 
 
 def main_measure(comparison: PairedRuns) -> str:
@@ -69,6 +71,7 @@ def _draw_runs(axes: Axes, comparison: PairedRuns, measure: str) -> None:
             _name_lane(axes, columns, 1, f"not by step {plan.steps:,}")
             _end_axis(axes, columns)
             columns = np.where(np.isnan(columns), _lane(columns, 1), columns)
+    columns = with_lanes_beyond(axes, drawable(columns))
     faint = min(0.8, 8 / columns.shape[1] + 0.12)
     axes.plot(places, columns, "o-", color=LIGHT.faint, linewidth=0.8, markersize=5, alpha=faint)
     nearest = float(np.diff(np.sort(places)).min())
@@ -88,7 +91,7 @@ def _draw_differences(axes: Axes, comparison: PairedRuns, measure: str) -> None:
     base = comparison.column(first, measure)
     pairs = {value: _pairs(base, comparison.column(value, measure), measure) for value in others}
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=measure.endswith(TIME), min_n_ticks=1))
-    _name_lanes(axes, pairs, first)
+    _name_lanes(axes, pairs, first if measure.endswith(TIME) else None)
     below, above = (_lane(np.concatenate([[0.0], *pairs.values()]), side) for side in (-1, 1))
     axes.axhline(0, color=LIGHT.ink, linewidth=1.2)
     for place, (value, differences) in zip(everywhere[1:], pairs.items(), strict=True):
@@ -107,16 +110,33 @@ def _pairs(base: Sequence[float | None], column: Sequence[float | None], measure
     if measure.endswith(TIME):
         never = [(a is None) - (b is None) for a, b in zip(base, column, strict=True)]
         differences = np.concatenate([differences, [-np.inf * side for side in never if side]])
-    return np.sort(differences)
+    return np.sort(drawable(differences))
+
+
+def drawable(numbers: np.ndarray) -> np.ndarray:
+    """Return numbers, infinite where they are too large for an axis."""
+    return np.where(np.abs(numbers) > LARGEST, np.copysign(np.inf, numbers), numbers)
+
+
+def with_lanes_beyond(axes: Axes, numbers: np.ndarray) -> np.ndarray:
+    """Return numbers to draw, infinite ones at lanes beyond the others, which are labelled."""
+    drawn = numbers
+    for side in (-1, 1):
+        is_beyond = numbers == side * np.inf
+        if is_beyond.any():
+            _name_lane(axes, numbers, side, f"beyond {side * LARGEST:g}")
+            _end_axis(axes, numbers)
+            drawn = np.where(is_beyond, _lane(numbers, side), drawn)
+    return drawn
 
 
 def _name_lanes(axes: Axes, pairs: dict[Any, np.ndarray], first: Any) -> None:
-    """Label where the pairs are of which one did not occur."""
+    """Label where pairs are of which one did not occur, with the first value or another; without it, infinite ones."""
     together = np.concatenate([[0.0], *pairs.values()])
     other = next(iter(pairs)) if len(pairs) == 1 else "this"
     for side, never in ((-1, first), (1, other)):
         if (together == side * np.inf).any():
-            _name_lane(axes, together, side, f"never with {never}")
+            _name_lane(axes, together, side, f"beyond {side * LARGEST:g}" if first is None else f"never with {never}")
             _end_axis(axes, together)
     if not np.isfinite(together[1:]).any():
         axes.yaxis.set_major_locator(FixedLocator([0]))
@@ -173,10 +193,10 @@ def spread_out(n: int, reach: float) -> np.ndarray:
 
 
 def draw_interval(axes: Axes, place: float, interval: Interval, colour: str) -> None:
-    """Draw an estimate as a ring and its interval as a bar, upright at a place."""
-    if np.isnan(interval.estimate):
+    """Draw an estimate as a ring and its interval as a bar, upright at a place, unless it is beyond all axes."""
+    if not abs(interval.estimate) <= LARGEST:
         return
-    if not np.isnan(interval.low):
+    if max(abs(interval.low), abs(interval.high)) <= LARGEST:
         axes.plot([place, place], [interval.low, interval.high], color=colour, linewidth=4, solid_capstyle="butt")
     axes.plot(
         place, interval.estimate, "o", color=colour, markersize=11, markerfacecolor=LIGHT.field, markeredgewidth=3

@@ -7,14 +7,18 @@ from typing import Any
 from mesa_swarm.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.experiments.experiment import (
     Experiment,
+    check_measures,
     checked_class,
+    checked_measures,
     checked_seeds,
     checked_settings,
     checked_steps,
 )
 from mesa_swarm.experiments.fingerprints import source_hash
 from mesa_swarm.experiments.ledger import Outcome
-from mesa_swarm.experiments.runs import Run, check_results, outcome_of
+from mesa_swarm.experiments.reports import sum_of_left_out
+from mesa_swarm.experiments.runs import Run, outcome_of
+from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
@@ -59,7 +63,7 @@ class Plan(Experiment):
         """Do one run, and draw the portrait of one with the first seed."""
         model = run.made().run(run.steps)
         portrait = final_state_of(model) if run.rng == self.seeds[0] else None
-        return self.paired(run, outcome_of(model, self.measures), portrait)
+        return self.paired(run, outcome_of(model, self.measures, self.reports), portrait)
 
     def paired(self, run: Run, outcome: Outcome, portrait: FinalState | None = None) -> PairedOutcome:
         """Return the outcome of a run as one of this comparison."""
@@ -84,7 +88,12 @@ class PairedRuns:
     @property
     def measures(self) -> list[str]:
         """The names of what was measured."""
-        return list(self.runs[0].numbers)
+        return list(self.plan.measures or self.runs[0].numbers)
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many rows of each reporter were missing in all runs, and left out of its reports, where any were."""
+        return sum_of_left_out(run.numbers for run in self.runs)
 
     @property
     def portraits(self) -> dict[Any, FinalState]:
@@ -118,21 +127,8 @@ def checked_plan(
         values=chosen,
     )
     for value in plan.values:
-        built = plan.built(plan.seeds[0], value)
-        check_results(built)
-        for name in plan.measures:
-            check_choice(f"result of {model_class.__name__}", name, built.results())
+        check_measures(plan, plan.built(plan.seeds[0], value))
     return plan
-
-
-def checked_measures(measures: object) -> tuple[str, ...]:
-    """Return the names of results that are wanted; refuse a single text, and names that are repeated."""
-    if isinstance(measures, str) or not isinstance(measures, Iterable):
-        raise InvalidValueError(f"measure is {shortened(measures)}; expected a list of names, such as ['fires out']")
-    names = tuple(measures)
-    if len(set(names)) < len(names):
-        raise InvalidValueError(f"measure is {shortened(names)}; expected different ones")
-    return names
 
 
 def _checked_values(
@@ -146,9 +142,7 @@ def _checked_values(
     values = tuple(by_default if values is None else values)
     if not 2 <= len(values) <= MOST_VALUES:
         raise InvalidValueError(f"{len(values)} values of {parameter} are given; expected 2 to {MOST_VALUES}")
-    if any(value in values[:i] for i, value in enumerate(values)):
-        raise InvalidValueError(f"values of {parameter} are {shortened(values)}; expected different ones")
-    return parameter, values
+    return parameter, tuple(check_different(parameter, values, "ones"))
 
 
 def _declared_comparison(model_class: type) -> tuple[str | None, tuple]:

@@ -16,10 +16,11 @@ from matplotlib.figure import Figure
 from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.experiments.compare import LEDGER
 from mesa_swarm.experiments.experiment import checked_settings
-from mesa_swarm.experiments.figures import COLOURS, write_with_pictures
+from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import Plan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.reports import counted, notes_on_rows, parts_of, sum_of_left_out
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
@@ -46,6 +47,8 @@ class Gap:
     seeds: Sequence[int]
     steps: int
     scores: dict[float, list[float | None]] = field(default_factory=dict)
+    # By reporter, how many rows in all runs were missing and are left out of its reports, where any were.
+    left_out: dict[str, int] = field(default_factory=dict)
 
     def mean(self, place: float) -> Interval:
         """Return the mean score at a place of the dial, with its interval."""
@@ -68,7 +71,8 @@ class Gap:
         ]
         seeds = quantity(len(self.seeds), "paired seed")
         title = f"{self.model}, {self.preset} robots: {seeds}, at most {self.steps:,} steps each"
-        return "\n".join([title, "", *fitting([header, *rows], width)])
+        notes = notes_on_rows(self.left_out)
+        return "\n".join([title, "", *fitting([header, *rows], width), *([""] if notes else []), *notes])
 
     def csv(self) -> str:
         """Return one line a run."""
@@ -112,7 +116,8 @@ def reality_gap(
     steps : int, optional
         At most; by default those that the model declares.
     measure : str, optional
-        The result that is the score; by default the model's `headline`, else its first, that it has in every run.
+        The result that is the score, or a report as "mean of NAME" (see `sweep`); by default the model's `headline`,
+        else its first result, that it has in every run.
     settings : dict, optional
         Other parameters of the model; `noise` and `slip` are added to what the dial sets, `imperfections` is refused.
     jobs : int
@@ -134,8 +139,10 @@ def reality_gap(
     model_class = find_model(model)
     if "imperfections" in (settings or {}):
         raise InvalidValueError("imperfections is given as a setting; leave it out, the dial sets it")
-    plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=_freed(model_class, settings))
-    names = list(plan.built(plan.seeds[0], plan.values[0]).results())
+    reports = () if measure is None or parts_of(measure) is None else (measure,)
+    plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=_freed(model_class, settings), measures=reports)
+    built = plan.built(plan.seeds[0], plan.values[0])
+    names = list(dict.fromkeys([*(built.results() if hasattr(built, "results") else ()), *counted(reports)]))
 
     def fits(outcome: Outcome) -> bool:
         return has_numbers(outcome) and list(outcome.numbers) == names
@@ -159,6 +166,7 @@ def reality_gap(
         seeds=plan.seeds,
         steps=plan.steps,
         scores=scores,
+        left_out=sum_of_left_out(row for row_of in rows.values() for row in row_of) if reports else {},
     )
 
 
@@ -172,7 +180,7 @@ def _runs(plan: Plan, settings: dict[str, Any], imperfections: Imperfections | N
     """Return a run for each seed of a plan; keys are those of a sweep, with the imperfections of the robots."""
     keyed = {**checked_settings(plan.model_class, settings), "imperfections of robots": repr(imperfections)}
     make = partial(imperfect, plan.model_class, imperfections)
-    return [Run(make, settings, rng, plan.steps, plan.key(keyed, rng)) for rng in plan.seeds]
+    return [Run(make, settings, rng, plan.steps, plan.key(keyed, rng), plan.reports) for rng in plan.seeds]
 
 
 def imperfect(model_class: type, imperfections: Imperfections | None, /, **settings: Any) -> SwarmModel:
@@ -222,11 +230,14 @@ def gaps_figure(gaps: Sequence[Gap]) -> Figure:
 def draw_gap(axes: Axes, gap: Gap) -> None:
     """Draw the standard picture."""
     scores = np.array([gap.scores[place] for place in gap.dial], float)
+    scores = with_lanes_beyond(axes, drawable(scores))
     axes.plot(gap.dial, scores, color=LIGHT.faint, linewidth=0.7, alpha=0.5)
-    means = [gap.mean(place) for place in gap.dial]
-    reach = np.nan_to_num([[m.estimate - m.low for m in means], [m.high - m.estimate for m in means]])
-    axes.errorbar(gap.dial, [m.estimate for m in means], reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
-    axes.axhline(means[0].estimate, color=COLOURS[1], linestyle="--", linewidth=1)
+    means = drawable(np.array([(mean.estimate, mean.low, mean.high) for mean in map(gap.mean, gap.dial)]))
+    estimate, low, high = np.where(np.isinf(means), np.nan, means).T
+    reach = np.nan_to_num([estimate - low, high - estimate])
+    axes.errorbar(gap.dial, estimate, reach, fmt="o-", color=COLOURS[0], linewidth=2, capsize=4)
+    if not np.isnan(estimate[0]):
+        axes.axhline(estimate[0], color=COLOURS[1], linestyle="--", linewidth=1)
     axes.set(xlabel=literal(f"dial: 0 ideal, 1 {gap.preset}"), ylabel=literal(gap.measure))
     axes.set_title(literal(f"{gap.model}: {quantity(len(gap.seeds), 'seed')} (thin), their mean, 95 %"), fontsize=11)
     axes.spines[["top", "right"]].set_visible(False)

@@ -14,10 +14,11 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
 from mesa_swarm.experiments.pool import is_remote, on_all
-from mesa_swarm.experiments.reports import reduced
+from mesa_swarm.experiments.reports import counted, parts_of, reduced
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
 from mesa_swarm.files import shown_path
 from mesa_swarm.geometry.compiling import compilation
+from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -137,14 +138,20 @@ def call(run: Run) -> Outcome:
 
 def simulate(run: Run) -> Outcome:
     """Do the run of a model; its errors are raised."""
-    return outcome_of(run.made().run(run.steps))
+    return outcome_of(run.made().run(run.steps), reports=run.reports)
 
 
 def outcome_of(model: SwarmModel, measures: Sequence[str] = (), reports: Sequence[str] = ()) -> Outcome:
-    """Return the outcome of a model that has run: these results of it, all by default, and these of its reports."""
+    """Return the outcome of a model that has run: these results of it, all by default, and these of its reports.
+
+    With the reports come the numbers of rows that they leave out.
+    """
     own = {} if reports and not hasattr(model, "results") else results_of(model)
-    results = {**own, **{name: number for name, number in reduced(model, reports).items() if name not in own}}
-    return Outcome(model.steps, model.state_hash(), numbers_of({name: results[name] for name in measures or results}))
+    numbers = numbers_of({name: own[name] for name in measures or own if name in own or name not in reports})
+    state_hash = model.state_hash()  # before reporters are called
+    reported = reduced(model, counted(name for name in reports if name not in own))
+    whole = {**dict.fromkeys(counted(reports), 0), **numbers, **reported}
+    return Outcome(model.steps, state_hash, {name: whole[name] for name in (*(measures or own), *whole)})
 
 
 def attempt(
@@ -185,12 +192,12 @@ def without_addresses(text: str) -> str:
 def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
     """Return the results of a run as numbers of Python's, which read back from a file as the same; NaN is None.
 
-    The mean of nothing is NaN: like None, it does not count as measured.
+    The mean of nothing is NaN, or masked: like None, it does not count as measured.
     """
     numbers = {}
     for name, number in results.items():
         is_numpy = isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0
-        simple = number.item() if is_numpy else number
+        simple = unmasked(number).item() if is_numpy else number
         if isinstance(simple, float) and math.isnan(simple):
             simple = None
         numbers[name] = simple if is_plain(simple) else check_result(name, simple)
@@ -205,8 +212,16 @@ def is_plain(number: object) -> bool:
 
 
 def has_numbers(outcome: Outcome) -> bool:
-    """Return whether an outcome is that of a run which `simulate` did: results, each of which is a number or None."""
-    return bool(outcome.results) and all(map(is_plain, outcome.numbers.values()))
+    """Return whether an outcome is that of a run which `simulate` did: results, each of which is a number or None.
+
+    Only a report may be infinite.
+    """
+    numbers = outcome.numbers.items()
+    return bool(numbers) and all(is_plain(number) or _is_infinite_report(name, number) for name, number in numbers)
+
+
+def _is_infinite_report(name: str, number: object) -> bool:
+    return isinstance(number, float) and math.isinf(number) and parts_of(name) is not None
 
 
 def check_result(name: str, number: object) -> float:
@@ -221,14 +236,17 @@ def results_of(model: SwarmModel) -> Mapping[str, Any]:
     """Return the results of a model, or refuse a model that has none."""
     results = getattr(model, "results", None)
     if results is None:
-        raise InvalidValueError(f"{type(model).__name__} has no method results(), which returns what is compared")
+        raise InvalidValueError(
+            f"{type(model).__name__} has no method results(), which returns what is compared; or name reports of its "
+            "model_reporters as measures, such as 'mean of NAME'"
+        )
     return results()
 
 
 def check_results(model: SwarmModel) -> None:
     """Refuse a model without results, or with a result that is not a number."""
     for name, number in results_of(model).items():
-        if number is not None and not isinstance(number, (bool, np.bool_)):
+        if number is not None and number is not np.ma.masked and not isinstance(number, (bool, np.bool_)):
             check_result(name, number)
 
 

@@ -1,6 +1,6 @@
 """Points in the space of a model's parameters: ranges, grids, Latin hypercubes and Sobol' sequences."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 from typing import Any, overload
@@ -280,7 +280,7 @@ def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def grid_columns(model_class: type, values: Mapping[str, Any]) -> dict[str, list]:
     """Return the checked values of each parameter of a grid, which has not too many points."""
-    columns = {name: list(_values(model_class, name, listed)) for name, listed in values.items()}
+    columns = {name: _values(model_class, name, listed) for name, listed in values.items()}
     size = prod(map(len, columns.values()))
     if size > MOST_POINTS:
         shown = f"{size:,}" if size < 1e15 else "more than 1e15"
@@ -288,8 +288,8 @@ def grid_columns(model_class: type, values: Mapping[str, Any]) -> dict[str, list
     return columns
 
 
-def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
-    """Yield the values of one parameter of a grid, checked."""
+def _values(model_class: type, name: str, listed: Any) -> list[Any]:
+    """Return the values of one parameter of a grid, checked."""
     known = parameters_of(model_class)
     check_choice(f"parameter of {model_class.__name__}", name, known)
     values = as_list(listed)
@@ -297,19 +297,40 @@ def _values(model_class: type, name: str, listed: Any) -> Iterator[Any]:
         raise InvalidValueError(f"{name} is {shortened(listed)}; expected a list of values")
     if len(values) > MOST_POINTS:
         raise InvalidValueError(f"{name} has {len(values):,} values; expected at most {MOST_POINTS:,}")
+    return check_different(name, map(known[name].checked, values))
+
+
+def check_different(name: str, values: Iterable[Any], what: str = "values") -> list[Any]:
+    """Return values as a list, or refuse them if two are equal.
+
+    Examples
+    --------
+    >>> check_different("n_robots", [3, 4, 3])
+    Traceback (most recent call last):
+    ...
+    mesa_swarm.errors.InvalidValueError: n_robots has 3 twice; expected different values
+    """
     seen: set[Any] = set()
     others: list[Any] = []  # values without a hash, such as objects of a user's class
+    listed = []
     for value in values:
-        checked = known[name].checked(value)
         try:
-            is_twice = (same := _hashable(checked)) in seen
+            is_twice = (same := _hashable(value)) in seen
             seen.add(same)
         except TypeError:
-            is_twice = checked in others
-            others.append(checked)
+            is_twice = any(_is_same(value, other) for other in others)
+            others.append(value)
         if is_twice:
-            raise InvalidValueError(f"{name} has {shortened(value)} twice; expected different values")
-        yield checked
+            raise InvalidValueError(f"{name} has {shortened(value)} twice; expected different {what}")
+        listed.append(value)
+    return listed
+
+
+def _is_same(value: Any, other: Any) -> bool:
+    """Return whether two values are equal, also if they are arrays."""
+    if isinstance(value, np.ndarray) or isinstance(other, np.ndarray):
+        return bool(np.array_equal(value, other))
+    return bool(value == other)
 
 
 def as_list(values: object) -> object:

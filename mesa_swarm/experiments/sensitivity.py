@@ -14,6 +14,7 @@ import pandas as pd
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.experiments.experiment import Experiment, checked_class, checked_experiment
 from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.reports import notes_on_rows
 from mesa_swarm.experiments.sampling import Range, checked_ranges, points_at, range_text
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.experiments.sweep import Sweep, run_experiment
@@ -43,6 +44,8 @@ BOOTSTRAP_SEED = 95
 LEAST_SPREAD = 1e-9
 # What is smaller than this share of others is an error of rounding.
 ROUNDING = 1e-12
+# Squares of larger numbers may be infinite.
+LARGEST = 1e150
 # Quantile of the normal distribution for 95 %.
 Z = 1.959963984540054
 
@@ -164,7 +167,7 @@ class Sensitivity:
         intervals = f"Intervals: +- 1.96 standard deviations of {RESAMPLES:,} bootstrap samples of points and seeds."
         if not self._is_certain:
             intervals = "Intervals are unknown: in some bootstrap samples the measure is the same at every point."
-        notes = [NOTES[self.plan.method], intervals]
+        notes = [NOTES[self.plan.method], intervals, *notes_on_rows(self.sweep.left_out)]
         if np.isnan(self.chance):
             return [*notes, "One seed: what is due to chance is not known."]
         if self.chance == 0:
@@ -288,7 +291,7 @@ def sensitivity(
     Parameters
     ----------
     model : type or str
-        A SwarmModel with a method ``results``, or its name or address (`gallery.find_model`).
+        A SwarmModel with a method ``results`` or the report `measure`, or its name or address (`gallery.find_model`).
     ranges : mapping of str to (low, high), (low, high, "log"), values or Range
         At least two parameters, see `sampling.Range`.
     measure : str
@@ -303,7 +306,7 @@ def sensitivity(
         first, on the same seed.
     missing : float, optional
         The number that counts where the measure did not happen (None), such as `steps` for a time. Without it a
-        missing measure is an error.
+        missing measure is an error, and so is an infinite one.
     steps, settings, jobs, progress, retry_failed
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
@@ -425,6 +428,12 @@ def _numbers(plan: SensitivityPlan, experiment: Experiment, made: Sweep) -> np.n
             "counts for it as missing (--missing), or choose a measure that every run has"
         )
     filled = column if plan.missing is None else np.where(np.isnan(column), plan.missing, column)
+    beyond = int((np.abs(filled) > LARGEST).sum())
+    if beyond:
+        raise InvalidValueError(
+            f"{shortened(plan.measure)} is infinite or beyond {LARGEST:g} in {beyond:,} of {made.runs:,} runs, so that "
+            "its variance is not known; choose a measure that is finite in every run, or narrow the ranges"
+        )
     if plan.difference is None:
         return filled.reshape(-1, len(experiment.seeds))
     pairs = filled.reshape(-1, 2, len(experiment.seeds))

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
+from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.masks import unmasked
+
 CONFIDENCE = 0.95
 # Fewer numbers are all on one side of the true mean in more than 5 % of samples: 2 / 2^5 = 6 %.
 FEWEST = 6
@@ -15,6 +18,8 @@ MOST_RESAMPLED = 1000
 RESAMPLES = 9_999
 # The same numbers always give the same interval, whatever else was estimated before.
 BOOTSTRAP_SEED = 95
+# Numbers of other sizes are scaled, or cubes of their differences would be infinite or 0.
+LEAST, LARGEST = 1e-60, 1e60
 # A result with this ending is the time of an event; None is then later than any step.
 TIME = " at"
 
@@ -49,24 +54,63 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> In
     Parameters
     ----------
     values : sequence of float
-        Independent, about normal or many. One value has no limits, none has no mean.
+        Independent, about normal or many. One value has no limits, nor have several of which one is infinite or NaN;
+        none has no mean.
     confidence : float
-        Between 0 and 1.
+        Above 0, below 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument is anything else.
 
     Examples
     --------
     >>> mean_interval([1.0, 2.0, 3.0]).estimate
     2.0
     """
-    sample = np.asarray(values, dtype=float)
+    sample, confidence = _sample(values), _confidence(confidence)
     n = len(sample)
-    if n == 0:
-        return Interval(math.nan, math.nan, math.nan)
+    if n < 2 or not np.isfinite(sample).all():
+        return Interval(_mean(sample), math.nan, math.nan)
+    scale = _scale(sample)
+    sample = sample / scale
     mean = float(sample.mean())
-    if n == 1:
-        return Interval(mean, math.nan, math.nan)
     half = float(stdtrit(n - 1, 0.5 + confidence / 2) * sample.std(ddof=1) / math.sqrt(n))
-    return Interval(mean, mean - half, mean + half)
+    return Interval(mean * scale, (mean - half) * scale, (mean + half) * scale)
+
+
+def _sample(values: Sequence[float]) -> np.ndarray:
+    """Return numbers as a row of floats, masked ones as NaN."""
+    try:
+        sample = np.asarray(unmasked(values), dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        sample = np.empty((0, 0))
+    if sample.ndim != 1:
+        raise InvalidValueError(f"values is {shortened(values)}; expected a list of numbers")
+    return sample
+
+
+def _confidence(confidence: float) -> float:
+    """Return a confidence that is above 0 and below 1."""
+    return check_number("confidence", confidence, above=0.0, maximum=math.nextafter(1.0, 0.0))
+
+
+def _mean(sample: np.ndarray) -> float:
+    """Return the mean, NaN of nothing, and of infinities of both signs."""
+    if not len(sample):
+        return math.nan
+    scale = _scale(sample)
+    with np.errstate(invalid="ignore"):
+        return float((sample / scale).mean()) * scale
+
+
+def _scale(sample: np.ndarray) -> float:
+    """Return what numbers are to be divided by so that sums and cubes stay in range, a power of two; 1 as a rule."""
+    largest = float(np.abs(sample[np.isfinite(sample)]).max(initial=0.0))
+    if LEAST < largest < LARGEST or largest == 0:
+        return 1.0
+    return math.ldexp(1.0, math.frexp(largest)[1] - 1)
 
 
 def share_interval(happened: float, runs: int, confidence: float = CONFIDENCE) -> Interval:
@@ -75,12 +119,28 @@ def share_interval(happened: float, runs: int, confidence: float = CONFIDENCE) -
     It is within [0, 1], and not empty where the share is 0 or 1. `scipy.stats.binomtest` takes whole numbers only;
     ties count half here.
 
+    Parameters
+    ----------
+    happened : float
+        0 to `runs`.
+    runs : int
+        Of none the share is not known.
+    confidence : float
+        Above 0, below 1.
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument is out of its range.
+
     Examples
     --------
     >>> share = share_interval(30, 30)
     >>> round(share.low, 3), share.high
     (0.886, 1.0)
     """
+    runs = check_count("runs", runs)
+    happened, confidence = check_number("happened", happened, minimum=0, maximum=runs), _confidence(confidence)
     if runs == 0:
         return Interval(math.nan, math.nan, math.nan)
     z = float(ndtri(0.5 + confidence / 2))
@@ -99,7 +159,7 @@ def known(number: float | None) -> float | None:
 def paired_difference(first: Sequence[float | None], second: Sequence[float | None]) -> tuple[Interval, int]:
     """Return the mean of second - first with Student's t interval, and the number of pairs.
 
-    Pairs in which either is None, because it did not happen, are left out.
+    Pairs in which either is None or NaN, because it did not happen, are left out.
 
     Examples
     --------
@@ -112,15 +172,22 @@ def paired_difference(first: Sequence[float | None], second: Sequence[float | No
 
 
 def pair_differences(first: Sequence[float | None], second: Sequence[float | None]) -> list[float]:
-    """Return second - first of each pair in which neither is None.
+    """Return second - first of each pair that has a difference: neither is None or NaN, nor are both infinite alike.
 
     Examples
     --------
     >>> pair_differences([1.0, 2.0, None], [2.0, 5.0, 4.0])
     [1.0, 3.0]
     """
-    pairs = zip(first, second, strict=True)
-    return [b - a for a, b in pairs if a is not None and b is not None]
+    pairs = _pairs(first, second)
+    return [b - a for a, b in pairs if a is not None and b is not None and not (math.isinf(a) and a == b)]
+
+
+def _pairs(first: Sequence[float | None], second: Sequence[float | None]) -> list[tuple[float | None, float | None]]:
+    """Return pairs, None for NaN."""
+    if len(first) != len(second):
+        raise InvalidValueError(f"{len(first)} and {len(second)} numbers are not pairs; expected as many of each")
+    return list(zip(map(known, first), map(known, second), strict=True))
 
 
 def bootstrap_mean(values: Sequence[float], confidence: float = CONFIDENCE) -> Interval:
@@ -135,14 +202,20 @@ def bootstrap_mean(values: Sequence[float], confidence: float = CONFIDENCE) -> I
     ----------
     values : sequence of float
         Independent, of any distribution. Of equal numbers both limits are that number; fewer than six have no
-        limits, and none have no mean; more than 1,000 have Student's t interval, which is then the same.
+        limits, nor have numbers of which one is infinite or NaN, and none have no mean; more than 1,000 have Student's
+        t interval, which is then the same.
     confidence : float
-        Between 0 and 1.
+        Above 0, below 1.
 
     Returns
     -------
     Interval
         The same for the same numbers, whenever it is computed.
+
+    Raises
+    ------
+    InvalidValueError
+        If an argument is anything else.
 
     References
     ----------
@@ -157,17 +230,19 @@ def bootstrap_mean(values: Sequence[float], confidence: float = CONFIDENCE) -> I
     >>> interval.estimate, interval.low >= 0
     (12.5, True)
     """
-    sample = np.asarray(values, dtype=float)
-    if not FEWEST <= len(sample) <= MOST_RESAMPLED:
-        whole = mean_interval(values, confidence)
-        return whole if len(sample) > MOST_RESAMPLED else Interval(whole.estimate, math.nan, math.nan)
-    mean = float(sample.mean())
+    sample, confidence = _sample(values), _confidence(confidence)
+    if len(sample) > MOST_RESAMPLED:
+        return mean_interval(values, confidence)
+    if len(sample) < FEWEST or not np.isfinite(sample).all():
+        return Interval(_mean(sample), math.nan, math.nan)
     if sample.min() == sample.max():
         return Interval(float(sample[0]), float(sample[0]), float(sample[0]))
+    scale = _scale(sample)
+    sample = sample / scale
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     means = sample[rng.integers(0, len(sample), (RESAMPLES, len(sample)))].mean(axis=1)
     low, high = np.quantile(means, _bca_levels(sample, means, expanded(len(sample), confidence)))
-    return Interval(mean, float(low), float(high))
+    return Interval(float(sample.mean()) * scale, float(low) * scale, float(high) * scale)
 
 
 def expanded(n: int, confidence: float = CONFIDENCE) -> float:
@@ -178,22 +253,28 @@ def expanded(n: int, confidence: float = CONFIDENCE) -> float:
     >>> round(expanded(10), 4), round(expanded(1000), 4)
     (0.9829, 0.9504)
     """
-    return 1 - 2 * float(ndtr(-math.sqrt(n / (n - 1)) * stdtrit(n - 1, 0.5 + confidence / 2)))
+    n = check_count("n", n, minimum=2)
+    return 1 - 2 * float(ndtr(-math.sqrt(n / (n - 1)) * stdtrit(n - 1, 0.5 + _confidence(confidence) / 2)))
 
 
 def interquartile_mean(values: np.ndarray) -> np.ndarray:
     """Return the mean of the middle half of the last axis: a quarter of the numbers is left out at either end.
 
-    With n numbers, n // 4 at either end.
+    With n numbers, n // 4 at either end; NaN without numbers.
 
     Examples
     --------
     >>> float(interquartile_mean(np.array([0.0, 2.0, 4.0, 1000.0])))
     3.0
     """
-    ordered = np.sort(np.asarray(values, dtype=float), axis=-1)
+    ordered = np.sort(np.asarray(unmasked(values), dtype=float), axis=-1)
     cut = ordered.shape[-1] // 4
-    return ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1)
+    middle = ordered[..., cut : ordered.shape[-1] - cut]
+    if not middle.size:
+        return np.full(middle.shape[:-1], math.nan)
+    scale = _scale(middle)
+    with np.errstate(invalid="ignore"):
+        return (middle / scale).mean(axis=-1) * scale
 
 
 def bootstrap_interquartile_mean(values: Sequence[float], confidence: float = CONFIDENCE) -> Interval:
@@ -202,9 +283,9 @@ def bootstrap_interquartile_mean(values: Sequence[float], confidence: float = CO
     Parameters
     ----------
     values : sequence of float
-        Fewer than six have no limits, and none have no mean.
+        Fewer than six have no limits, nor have numbers of which one is infinite or NaN, and none have no mean.
     confidence : float
-        Between 0 and 1.
+        Above 0, below 1.
 
     Returns
     -------
@@ -221,26 +302,29 @@ def bootstrap_interquartile_mean(values: Sequence[float], confidence: float = CO
     >>> interval.estimate, interval.low
     (1.0, 1.0)
     """
-    sample = np.asarray(values, dtype=float)
-    if not len(sample):
-        return Interval(math.nan, math.nan, math.nan)
+    sample, confidence = _sample(values), _confidence(confidence)
     estimate = float(interquartile_mean(sample))
-    if len(sample) < FEWEST:
+    if len(sample) < FEWEST or not np.isfinite(sample).all():
         return Interval(estimate, math.nan, math.nan)
+    scale = _scale(sample)
+    sample = sample / scale
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     drawn = interquartile_mean(sample[rng.integers(0, len(sample), (RESAMPLES, len(sample)))])
     low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2])
-    return Interval(estimate, float(low), float(high))
+    return Interval(estimate, float(low) * scale, float(high) * scale)
 
 
 def _bca_levels(sample: np.ndarray, means: np.ndarray, confidence: float) -> np.ndarray:
     """Return at which quantiles of the resampled means the limits are."""
     centred = sample - sample.mean()
     below = (np.mean(means < sample.mean()) + np.mean(means <= sample.mean())) / 2
-    bias = ndtri(below)
+    # Of numbers that differ by rounding alone, no mean may be on one side.
+    bias = ndtri(np.clip(below, 0.5 / len(means), 1 - 0.5 / len(means)))
     skew = np.sum(centred**3) / (6 * np.sum(centred**2) ** 1.5)
     z = bias + ndtri(np.array([(1 - confidence) / 2, (1 + confidence) / 2]))
-    return ndtr(bias + z / (1 - skew * z))
+    # From 0 on, the limit is the very last of the means.
+    left = np.maximum(1 - skew * z, 1e-300)
+    return ndtr(bias + z / left)
 
 
 def superiority(
@@ -259,7 +343,8 @@ def superiority(
     first, second : sequence of float or None
         Of the same seeds.
     times : bool
-        Whether None means later than any number, and of two None neither was earlier; else such pairs are left out.
+        Whether None, or NaN, means later than any number, and of two of them neither was earlier; else such pairs are
+        left out.
 
     References
     ----------
@@ -275,7 +360,7 @@ def superiority(
     >>> superiority([100, 200], [None, 300], times=True)[0].estimate
     1.0
     """
-    pairs = list(zip(first, second, strict=True))
+    pairs = _pairs(first, second)
     if times:
         pairs = [(_at_last(a), _at_last(b)) for a, b in pairs]
     scores = [0.5 * ((b > a) + (b >= a)) for a, b in pairs if a is not None and b is not None]
@@ -305,12 +390,12 @@ class Summary:
 
 
 def summarised(values: Sequence[float | None]) -> Summary:
-    """Summarise a measure; None means that it did not happen in that run.
+    """Summarise a measure; None, or NaN, means that it did not happen in that run.
 
     Examples
     --------
     >>> summarised([100.0, None, 300.0]).mean.estimate
     200.0
     """
-    seen = [value for value in values if value is not None]
+    seen = [value for value in map(known, values) if value is not None]
     return Summary(len(values), len(seen), share_interval(len(seen), len(values)), bootstrap_mean(seen))

@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -25,6 +25,7 @@ from mesa_swarm.experiments.experiment import (
 )
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, sum_of_left_out
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
@@ -99,6 +100,9 @@ class Sweep:
         All runs, or those of the shard; those that ended in an error; those that an earlier call had done.
     errors : tuple of str
         The first different errors, at most three.
+    left_out : mapping of str to int
+        By reporter, how many rows in all runs were missing (None, NaN or masked) and are left out of its reports; only
+        where any were. The table then has the number of each run as "rows left out of NAME".
     """
 
     path: Path
@@ -106,6 +110,7 @@ class Sweep:
     failed: int
     done_before: int
     errors: tuple[str, ...] = ()
+    left_out: Mapping[str, int] = field(default_factory=dict, hash=False)
 
     def frame(self) -> pd.DataFrame:
         """Return the table."""
@@ -141,7 +146,8 @@ def sweep(
     Parameters
     ----------
     model : type or str
-        A SwarmModel with a method ``results``, or its name or address (`gallery.find_model`).
+        A SwarmModel with a method ``results`` or with reports that `measure` names, or its name or address
+        (`gallery.find_model`).
     varied : mapping, Sample or sequence of mappings
         A grid (values by parameter), a sample, or settings of your own, point by point.
     seeds : int or sequence, array or Series of int
@@ -152,7 +158,8 @@ def sweep(
         Other parameters, the same in all runs.
     measure : sequence of str
         The results that are wanted, all of them by default; reports too, as "final value of NAME", "mean of NAME",
-        "minimum of NAME", "maximum of NAME" or "sum of NAME" of the model's `model_reporters`.
+        "minimum of NAME", "maximum of NAME", "sum of NAME" or "rows left out of NAME" of the model's `model_reporters`
+        (`reports.reduced`): over the rows that were collected, without missing ones, which are counted.
     out : path
         Folder of the ledger and the table.
     jobs : int
@@ -268,7 +275,8 @@ def run_experiment(
         if shard.shards == 1:
             path = write_table(experiment, ledger, folder / TABLE, archive)
         failed, errors = _failures(runs(), ledger)
-    return Sweep(path, shard.count(experiment), failed, before, errors)
+        left_out = _left_out(experiment, runs(), ledger)
+    return Sweep(path, shard.count(experiment), failed, before, errors, left_out)
 
 
 def _ledger_of(shard: Shard, folder: Path) -> Path:
@@ -306,6 +314,13 @@ def _failures(runs: Iterable[Run], ledger: Ledger) -> tuple[int, tuple[str, ...]
     return failed, tuple(errors)
 
 
+def _left_out(experiment: Experiment, runs: Iterable[Run], ledger: Ledger) -> dict[str, int]:
+    """Return how many rows of each reporter the reports of all these runs leave out, where any do."""
+    names = counted(experiment.reports)
+    counts = ({name: outcome.numbers.get(name) for name in names} for _, outcome in _stored(runs, ledger))
+    return sum_of_left_out(counts) if names else {}
+
+
 def done_before(
     experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None, shard: Shard = WHOLE
 ) -> int:
@@ -341,7 +356,8 @@ def stored_runs(experiment: Experiment, folder: Path) -> Iterator[tuple[Run, Out
 
 def check_recorded(experiment: Experiment) -> None:
     """Refuse an experiment whose runs cannot be recorded because a result is named as the column of recordings."""
-    check_columns(first_built(experiment).results(), {RECORDING})
+    built = first_built(experiment)
+    check_columns(built.results() if hasattr(built, "results") else {}, {RECORDING})
 
 
 def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
@@ -351,13 +367,13 @@ def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
 
 def _fitting(experiment: Experiment, archive: Archive | None) -> Callable[[Outcome], bool]:
     """Return whether an outcome can be a row of this experiment's table, as a function of outcomes."""
-    return partial(_has_row, _taken(experiment, archive), set(experiment.reports))
+    return partial(_has_row, _taken(experiment, archive), set(counted(experiment.reports)))
 
 
 def _has_row(taken: set[str], reports: set[str], outcome: Outcome) -> bool:
     """Return whether an outcome can be a row of the table: single numbers, named differently from other columns.
 
-    An outcome that lacks a report is of an earlier sweep that did not need it.
+    An outcome that lacks a report, or how many rows it leaves out, is of an earlier sweep that did not need it.
     """
     results = outcome.numbers
     if outcome.error is None and not reports <= results.keys():
@@ -421,6 +437,7 @@ def _schema(experiment: Experiment, ledger: Ledger) -> pa.Schema:
     if not names:
         for _, outcome in _stored(experiment.runs(), ledger):
             names.update(dict.fromkeys(outcome.numbers))
+    names.update(dict.fromkeys(f"{LEFT_OUT}{OF}{name}" for name in _left_out(experiment, experiment.runs(), ledger)))
     return pa.schema([*fields, *((name, pa.float64()) for name in names), ("error", pa.string())])
 
 

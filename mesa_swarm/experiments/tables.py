@@ -10,6 +10,7 @@ from textwrap import wrap
 from typing import Any
 
 from mesa_swarm.experiments.plan import PairedRuns
+from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows
 from mesa_swarm.experiments.statistics import (
     FEWEST,
     TIME,
@@ -27,6 +28,8 @@ WIDEST = 100
 GAP = "  "
 # First cells of at most this width stay beside the others in a narrow table, whose columns have at least `LEAST`.
 SHORT, LEAST = 12, 3
+# Numbers from here on, and smaller ones, are written with a power of ten.
+LARGEST, SMALLEST = 1e15, 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +85,8 @@ def table_and_notes(comparison: PairedRuns) -> tuple[list[list[str]], list[str]]
     header = ["", plan.parameter, "in runs", "mean [95 %]", f"minus {first} [95 %]", "larger on [95 %]"]
     cells = [header, *(_cells(row, row.value == first) for row in rows)]
     columns = [0, 1, 2, 3, 4, 5] if some_missing else [0, 1, 3, 4, 5]
-    return [[line[c] for c in columns] for line in cells], _notes(rows, first, some_missing)
+    notes = [*_notes(rows, first, some_missing), *notes_on_rows(comparison.left_out)]
+    return [[line[c] for c in columns] for line in cells], notes
 
 
 def _notes(rows: list[Row], first: Any, some_missing: bool) -> list[str]:
@@ -127,13 +131,26 @@ def percent(share: Interval) -> str:
 
 
 def with_limits(interval: Interval, signed: bool = False) -> str:
-    """Return an estimate with its limits, all with digits according to the width of the interval."""
+    """Return an estimate with its limits, all with digits according to the width of the interval.
+
+    Examples
+    --------
+    >>> with_limits(Interval(12.34, 11.02, 13.66)), with_limits(Interval(1e300, math.nan, math.nan))
+    ('12.3 [11.0, 13.7]', '1e+300')
+    """
     if math.isnan(interval.estimate):
         return "-"
     sign = "+" if signed else ""
-    digits = _digits(interval)
-    number, low, high = (f"{x + 0.0:{sign},.{digits}f}" for x in (interval.estimate, interval.low, interval.high))
+    numbers = (interval.estimate, interval.low, interval.high)
+    form = f",.{_digits(interval)}f" if _is_usual(numbers) else ".4g"
+    number, low, high = (f"{x + 0.0:{sign}{form}}" for x in numbers)
     return number if math.isnan(interval.low) else f"{number} [{low}, {high}]"
+
+
+def _is_usual(numbers: Iterable[float]) -> bool:
+    """Return whether numbers can be written with six decimals and without a power of ten."""
+    sizes = [abs(number) for number in numbers if not math.isnan(number)]
+    return max(sizes) < LARGEST and (max(sizes) >= SMALLEST or max(sizes) == 0)
 
 
 def _digits(interval: Interval) -> int:
@@ -250,9 +267,16 @@ def markdown_fitting(text: str, width: int | None) -> list[str]:
 
 
 def runs_csv(comparison: PairedRuns) -> str:
-    """Return one line per run: value, seed, steps, state hash and every measure, empty where it did not occur."""
-    header = [comparison.plan.parameter, "rng", "steps", "state_hash", *comparison.measures]
-    runs = ([run.value, run.rng, run.steps, run.state_hash, *run.numbers.values()] for run in comparison.runs)
+    """Return one line per run: value, seed, steps, state hash and every measure, empty where it did not occur.
+
+    If rows of a report are missing in any run, their number is a further column.
+    """
+    names = dict.fromkeys([*comparison.measures, *(f"{LEFT_OUT}{OF}{name}" for name in comparison.left_out)])
+    header = [comparison.plan.parameter, "rng", "steps", "state_hash", *names]
+    runs = (
+        [run.value, run.rng, run.steps, run.state_hash, *(run.numbers[name] for name in names)]
+        for run in comparison.runs
+    )
     return csv_text([header, *runs])
 
 

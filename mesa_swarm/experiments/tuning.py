@@ -10,6 +10,7 @@ import numpy as np
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.experiments.pool import checked_jobs, in_order
+from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.experiments.statistics import Interval, mean_interval
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.evolution import Evolution
@@ -75,7 +76,11 @@ class LearningGoal:
             raise InvalidValueError(f"map is {shortened(self.map)}; expected the name of a map")
 
     def cost(self, *, collisions: float, speed: float) -> float:
-        """Return what is to be minimised: collisions a robot and 1,000 steps, and what the speed lacks."""
+        """Return what is to be minimised: collisions a robot and 1,000 steps, and what the speed lacks.
+
+        Both are finite, or an InvalidValueError is raised.
+        """
+        collisions, speed = check_number("collisions", collisions), check_number("speed", speed)
         return round(collisions + SHORTFALL * max(0.0, self.least_speed - speed), 12)
 
 
@@ -250,7 +255,7 @@ def _checked_seeds(seeds: Iterable[int]) -> list[int]:
         raise InvalidValueError(f"seeds is {shortened(seeds)}; expected whole numbers, such as range(1, 9)") from None
     if not listed:
         raise InvalidValueError("seeds is empty; give at least one whole number")
-    return [check_count("seeds", seed, maximum=2**63 - 1) for seed in listed]
+    return check_different("seeds", (check_count("seeds", seed, maximum=2**63 - 1) for seed in listed), "ones")
 
 
 def settings_at(place: np.ndarray) -> dict[str, float]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.extras import need
+from mesa_swarm.geometry.masks import unmasked
 
 
 class Evolution:
@@ -45,7 +46,7 @@ class Evolution:
 
     def __init__(self, start: Sequence[float] | np.ndarray, *, sigma: float, population: int, seed: int) -> None:
         try:
-            first = np.array(start, dtype=float)
+            first = np.array(unmasked(start), dtype=float)
         except (TypeError, ValueError):
             first = np.empty(0)
         if first.ndim != 1 or len(first) < 2 or not np.isfinite(first).all():

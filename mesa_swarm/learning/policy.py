@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, asked, check_flag, check_name, shortened
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.learning.actions import as_floats, described
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -34,7 +35,7 @@ def checked_numbers(numbers: ArrayLike | None, robots: int) -> np.ndarray:
     if numbers is None:
         return np.empty(0, np.int64)
     try:
-        given = np.asarray(numbers)
+        given = unmasked(numbers)
     except ValueError:
         given = np.empty(0)
     if given.shape != (robots,) or given.dtype.kind not in "iu":
@@ -114,9 +115,10 @@ class SensorLayout:
         if kinds is None and encoding != "distance":
             raise InvalidValueError(f"kinds is None; expected the kind at each sensor, as the encoding is {encoding!r}")
         try:
-            distance = np.ascontiguousarray(readings, np.float64)
+            distance = np.ascontiguousarray(unmasked(readings), np.float64)
             # 0 is an obstacle, -1 nothing.
-            kind = np.ascontiguousarray(np.where(distance < 0.0, -1, 0) if kinds is None else kinds, np.int8)
+            given = np.where(distance < 0.0, -1, 0) if kinds is None else _whole(unmasked(kinds))
+            kind = np.ascontiguousarray(given, np.int8)
         except (TypeError, ValueError, OverflowError):
             distance, kind = np.empty(0), np.empty(0, np.int8)
         if distance.ndim != 2 or distance.shape[1] != len(self) or distance.shape != kind.shape:
@@ -127,6 +129,13 @@ class SensorLayout:
         if not all_finite(distance):
             raise InvalidValueError("readings hold NaN or infinity; expected finite distances, -1 for nothing in range")
         return distance, kind
+
+
+def _whole(kinds: np.ndarray) -> np.ndarray:
+    """Return kinds, none of which is NaN or masked."""
+    if kinds.dtype.kind == "f" and not np.isfinite(kinds).all():
+        raise ValueError
+    return kinds
 
 
 def _eye(row: tuple[float, float, float]) -> str:
@@ -329,7 +338,7 @@ class PolicyLayer:
 def _shares_of(returned: object) -> np.ndarray:
     """Return a policy's result as an array of floats, an empty one if it does not hold numbers."""
     try:
-        array = np.asarray(returned)
+        array = unmasked(returned)
     except ValueError:  # rows of different lengths
         array = np.empty(0)
     return array.astype(np.float64, order="C") if array.dtype.kind in "biuf" else np.empty(0)

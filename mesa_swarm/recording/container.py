@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import RecordingError, shortened
-from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES
+from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, is_float
 from mesa_swarm.world.read_only import ReadOnlyArray
 
 MAGIC = b"swarm checkpoint 1\n"
@@ -68,8 +68,8 @@ class Packed:
         kind = type(value)
         if depth > DEEPEST:
             raise RecordingError(f"{what} is nested more than {DEEPEST} deep, or contains itself")
-        if kind in ATOMS:
-            return value
+        if kind in ATOMS or is_float(value):
+            return value if kind in ATOMS else float(value)
         if isinstance(value, (np.ndarray, np.generic)):
             plain: Any = value
             return self._packed_array(plain, what) if kind is np.ndarray else {"number": self._added(value, what)}

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.fire.model import FireModel
+from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.recording.frames import Frame, frame_of
 from mesa_swarm.viewing.scene import Scene, scene_of
 
@@ -24,7 +25,7 @@ class FinalState:
 
 def final_state_of(model: FireModel) -> FinalState:
     """Return the state of a model as it is now, with what was collected until then."""
-    collected = {name: np.array(values) for name, values in model.datacollector.model_vars.items()}
+    collected = {name: _column(values) for name, values in model.datacollector.model_vars.items()}
     return FinalState(
         frame=frame_of(model),
         scene=scene_of(model),
@@ -32,6 +33,15 @@ def final_state_of(model: FireModel) -> FinalState:
         series={name: column for name, column in collected.items() if column.dtype.kind in "biuf" and column.ndim == 1},
         collect_every=model.collect_every,
     )
+
+
+def _column(values: list) -> np.ndarray:
+    """Return collected values as an array, of numbers if all are numbers or missing: None, NaN or masked."""
+    try:
+        array = unmasked(values)
+        return array.astype(float) if array.dtype.kind == "O" else array
+    except (TypeError, ValueError):  # such as lists of unequal length
+        return np.empty(0, object)
 
 
 def _history(model: FireModel) -> dict[str, np.ndarray]:

@@ -9,6 +9,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.geometry.masks import holds_masked, unmasked
 from mesa_swarm.world.read_only import read_only
 
 LARGEST_COORDINATE = 1e9
@@ -223,6 +224,7 @@ def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
     """Return (n, 2) finite floats; refuse anything else before memory is spent on it."""
     if not isinstance(points, Iterable):
         raise InvalidValueError(f"{name} is {shortened(points)}; expected a list of points (x, y)")
+    points = unmasked(points) if holds_masked(points) else points
     if _is_table(points) and len(points) <= MOST_VERTICES and (np.abs(points) <= LARGEST_COORDINATE).all():
         return points + 0.0
     checked = []
@@ -253,9 +255,9 @@ def _pair(name: str, point: Coordinates) -> tuple[float, float]:
 
 
 def as_numbers(value: object) -> np.ndarray:
-    """Return a user's value as an array of floats, an empty one if it does not hold numbers alone."""
+    """Return a user's value as an array of floats, masked ones NaN; an empty one if it does not hold numbers alone."""
     try:
-        array = np.asarray(value)
+        array = unmasked(value)
         if array.dtype.kind in "iufO":
             return array.astype(float)
     except Exception:

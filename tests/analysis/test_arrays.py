@@ -5,9 +5,11 @@ import pytest
 
 from mesa_swarm.analysis import (
     central_moving_average,
+    chains,
     clark_evans,
     clusters,
     collision_frequency,
+    count_missing,
     coverage,
     cumulative_collisions,
     directions,
@@ -39,7 +41,6 @@ OF_POINTS = {
 NOT_POINTS = {
     "has the shape": [1.0, 2.0],
     "expected an array of shape": [[1.0, 2.0, 3.0], [1.0, 2.0, 3.0]],
-    "is nan at [1, 0]; expected finite": [[1.0, 2.0], [np.nan, 2.0]],
     "is -inf at [0, 1]; expected finite": [[1.0, -np.inf], [1.0, 2.0]],
     "expected real numbers": [["a", "b"], ["c", "d"]],
     "complex128": [[1j, 1], [1, 1]],
@@ -67,7 +68,12 @@ REFUSED = {
     "area is 0": lambda: clark_evans(PLACES, 0),
     "area is -2": lambda: random_nearest_neighbour_distance(2, -2),
     "n is 0": lambda: random_nearest_neighbour_distance(0, 2),
-    "heading has the shape (1, 2)": lambda: polarization([[0, 1]]),
+    "heading has the shape (1, 1, 2); expected an array of shape (n,) or (k, n)": lambda: polarization([[[0, 1]]]),
+    "heading is of rows and robots (2, 2); expected (2,)": lambda: milling(PLACES, [[0, 0], [0, 0]]),
+    "position has the shape (1, 2, 2); expected one moment, (n, 2): [clusters(row": lambda: clusters([PLACES], 10),
+    "position has the shape (1, 2, 2); expected one moment, (n, 2): follow_chains": lambda: chains(
+        [PLACES], [[0, 0]], link_distance=10
+    ),
     "heading holds an infinity": lambda: polarization([0, np.inf]),
     "heading has 3 robots; expected 2, as many as position": lambda: milling(PLACES, [0, 0, 0]),
     "position_after has 1 robots; expected 2": lambda: directions(PLACES, [[0, 0]]),
@@ -76,7 +82,13 @@ REFUSED = {
     ),
     "window is 0": lambda: central_moving_average([1, 2], 0),
     "window is 2": lambda: collision_frequency([[True]], 2),
-    "values is nan": lambda: central_moving_average([1, np.nan], 3),
+    "values is inf at [1]; expected finite numbers, or NaN": lambda: central_moving_average([1, np.inf], 3),
+    "steps is nan at [1]; expected finite numbers": lambda: time_to([1, 2], 1, steps=np.ma.array([1, 2], mask=[0, 1])),
+    "bounds is nan at [3]": lambda: visited_cells(PLACES, np.ma.array(BOX, mask=[0, 0, 0, 1]), (2, 2)),
+    "start is nan at [0]": lambda: reachable_cells(BOX, [], 5, np.ma.array([50, 50], mask=[1, 0])),
+    "cells is NaN or masked at [0, 1]": lambda: coverage(PLACES, np.ma.array([[1, 1]], mask=[[0, 1]]), BOX),
+    "neither position nor heading is given": count_missing,
+    "position and heading are of robots (2,) and (3,)": lambda: count_missing(position=PLACES, heading=[0, 0, 0]),
     "collided has the shape (2,)": lambda: collision_frequency([True, False]),
     "collided has no robots": lambda: cumulative_collisions(np.empty((3, 0), bool)),
     "collided is an array of float64; expected booleans": lambda: cumulative_collisions([[0.5]]),

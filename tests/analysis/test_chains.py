@@ -188,7 +188,7 @@ def test_no_robots_and_one_alone_have_no_chain(n):
     [
         (([[0, 0, 0]], [0]), {}, r"position has the shape \(1, 3\); expected an array of shape \(n, 2\)"),
         (([[0, 0]], [0, 1]), {}, r"heading has the shape \(2,\); expected an array of shape \(1,\)"),
-        (([[0, math.nan]], [0]), {}, r"position is nan at \[0, 1\]"),
+        (([[0, math.inf]], [0]), {}, r"position is inf at \[0, 1\]"),
         (("here", [0]), {}, r"position has the shape \(\); expected an array"),
         (([[0, 0]], [0]), {"link_distance": 0}, "link_distance is 0"),
         (([[0, 0]], [0]), {"half_angle_degrees": 181}, "half_angle_degrees is 181"),

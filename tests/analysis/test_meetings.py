@@ -17,6 +17,7 @@ def scene(seed, frames=70, n=9):
     heading = (
         rng.choice([0.0, math.pi], n) + turns + rng.normal(0, 0.03, (frames, n)).cumsum(axis=0) + rng.uniform(-3, 3)
     )
+    heading = np.remainder(heading + math.pi, math.tau) - math.pi
     step = np.stack([np.cos(heading), np.sin(heading)], axis=-1) * rng.uniform(0.5, 2)
     return rng.uniform(0, 70, (n, 2)) + step.cumsum(axis=0), heading, rng.integers(1, 4, frames).cumsum() + 100
 

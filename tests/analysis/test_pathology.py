@@ -189,7 +189,8 @@ def test_robots_that_cannot_move_are_healthy():
     [
         ({"steps": np.arange(100) * 10}, "expected every step"),
         ({"position": np.zeros((100, 2, 2))}, "position has the shape"),
-        ({"heading": np.full((100, 1), math.nan)}, "heading is nan at"),
+        ({"heading": np.full((100, 1), math.inf)}, "heading holds an infinity"),
+        ({"radius": [math.nan]}, "radius is nan at"),
         ({"forward": [[0, 1, 3]]}, "forward has an invalid sensor"),
         ({"kind": np.full((100, 1, 2), -1)}, "kind has the shape"),
         ({"near": -1}, "near is -1"),

@@ -110,3 +110,38 @@ def test_a_sweep_prints_why_runs_failed_and_how_to_repeat_them_and_exits_with_1(
         assert second.startswith("mesa-swarm: results/job/runs.parquet: PlacementError: ")
         assert first != second
         assert last == "mesa-swarm: --retry-failed repeats the runs that failed"
+
+
+GONE = """
+import math
+
+from mesa_swarm import SwarmModel
+
+
+class Gone(SwarmModel):
+    compares = "gain", (1.0, 2.0)
+
+    def __init__(self, *, gain: float = 1.0, rng=None):
+        super().__init__(rng=rng, model_reporters={"left": lambda model: gain if model.steps < 4 else math.nan})
+"""
+ROWS = "Rows left out, since they have no number: {} of left."
+
+
+def test_reports_are_measured_and_rows_left_out_are_printed(typed):
+    Path("gone.py").write_text(GONE)
+    line = "compare ./gone.py:Gone --seeds 2 --steps 5 --jobs 1 --quiet --out made"
+    status, out, _ = typed([*line.split(), "--measure", "mean of left", "--measure", "final value of left"])
+    assert status == 0
+    assert ROWS.format(8) in out
+    assert out.splitlines()[-1].startswith("mean of left was 2 with gain 2.0")
+    status, _, err = typed(line)
+    assert status
+    assert "Gone has no method results(), which returns what is compared; or name reports" in err
+
+
+def test_a_sweep_and_a_run_of_a_job_print_how_many_rows_are_left_out(typed):
+    Path("gone.py").write_text(GONE)
+    Path("job.toml").write_text('model = "./gone.py:Gone"\nsteps = 5\nseeds = 2\nmeasure = ["final value of left"]')
+    assert ROWS.format(4) in typed("sweep job.toml --jobs 1 --quiet")[1]
+    _, out, _ = typed("run job.toml --quiet")
+    assert out.count("rows left out of left") == 2

@@ -1,6 +1,7 @@
 """Charts: when numbers are sent, what is sent, and the files that are handed over."""
 
 import io
+import math
 
 import numpy as np
 import pandas as pd
@@ -21,6 +22,7 @@ from mesa_swarm.dashboard.series import Series
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, pieces_of
 from mesa_swarm.models.fire_fighting import FireFighting
+from mesa_swarm.swarm_model import SwarmModel
 from support.clock import Clock
 from support.waiting import threads, wait_until
 
@@ -191,6 +193,16 @@ def test_a_csv_has_the_whole_series_with_units_in_the_header():
     assert table.to_numpy()[9::10, 1:].tolist() == np.maximum(history.robots[-70:], 0).tolist()
     last = csv_of(series, "fire_temperature").decode().splitlines()[-1].split(",")
     assert [float(word) for word in last[1:]] == model.fires.temperature.tolist()
+
+
+def test_a_csv_of_a_reporter_has_its_numbers_infinity_too_and_gaps_where_there_is_none():
+    rows = [1.0, math.inf, None, "3.5", np.ma.masked, 10**400, 1e300, 2]
+    series, model = Series(), SwarmModel(rng=1, model_reporters={"x": lambda model: rows[model.steps - 1]})
+    series.follow(model)
+    model.run(len(rows))
+    numbers = pd.read_csv(io.BytesIO(csv_of(series, "x")))["X"].tolist()
+    assert numbers[:2] + numbers[-2:] == [1.0, math.inf, 1e300, 2.0]
+    assert np.isnan(numbers[2:-2]).all()
 
 
 def test_files_are_handed_over(charting):

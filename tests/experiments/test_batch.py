@@ -113,6 +113,17 @@ def test_an_error_of_one_run_is_raised(tmp_path):
         (Counted, {"max_steps": 0}, InvalidValueError, "max_steps is 0"),
         (Counted, {"data_collection_period": 0}, InvalidValueError, "data_collection_period is 0"),
         (Counted, {"number_processes": 0}, InvalidValueError, "number_processes is 0"),
+        (Counted, {"rng": [1, 1, 2]}, InvalidValueError, "rng has 1 twice; expected different seeds"),
+        (Counted, {"rng": np.array([3, 2, 3])}, InvalidValueError, "rng has 3 twice"),
+        (Counted, {"rng": [1, np.random.SeedSequence(1)]}, InvalidValueError, "rng has 1 twice"),
+        (Counted, {"rng": [np.random.SeedSequence([1, 2])] * 2}, InvalidValueError, "rng has .*SeedSequence.* twice"),
+        (Counted, {"rng": [[1, 2], [1, 2]]}, InvalidValueError, r"rng has \[1, 2\] twice"),
+        (Counted, {"rng": "12"}, InvalidValueError, "rng is '12'; expected a whole number, or a list of them"),
+        (Counted, {"rng": [1, -1]}, InvalidValueError, "rng is -1; expected a whole number of at least 0"),
+        (Counted, {"rng": np.random.RandomState(1)}, InvalidValueError, "rng is RandomState"),
+        (Counted, {"rng": [np.random.RandomState(1)]}, InvalidValueError, "rng is RandomState"),
+        (Counted, {"rng": np.random.default_rng(1)}, InvalidValueError, "rng has Generator.*, which runs would share"),
+        (Counted, {"parameters": {"odd": [1.0, 2.0, 1.0]}}, InvalidValueError, "odd in parameters has 1.0 twice"),
     ],
 )
 def test_wrong_values_are_refused_in_one_line_before_anything_runs(given, more, error, words):
@@ -120,3 +131,10 @@ def test_wrong_values_are_refused_in_one_line_before_anything_runs(given, more, 
         batch_run(given, **{"parameters": {}, **QUIET, **more})
     assert len(str(raised.value)) <= 300
     assert "\n" not in str(raised.value)
+
+
+def test_runs_that_nothing_can_repeat_may_be_many_and_children_of_a_seed_are_different_ones():
+    children = np.random.SeedSequence(5).spawn(2)
+    assert len(batch_run(Counted, {}, rng=[None, None], max_steps=1, **QUIET)) == 2
+    rows = batch_run(Counted, {}, rng=children, max_steps=1, **QUIET)
+    assert [row["place"] for row in rows] == [Counted(rng=child).run(1).place for child in children]

@@ -69,3 +69,15 @@ def test_dots_are_spread_evenly_and_a_single_one_is_not():
 def test_a_series_is_shown_as_means_of_windows_at_their_middles():
     middles, means = window_means(np.array([1, 3, 5, 7]), windows=2)
     assert (middles.tolist(), means.tolist()) == ([1.5, 3.5], [2.0, 6.0])
+
+
+@pytest.mark.parametrize("huge", [np.inf, -np.inf, 1e308, -1.7e308])
+def test_numbers_beyond_any_axis_stand_in_a_lane_that_is_labelled(huge):
+    columns = {"A": {"size": [1.0, 2.0, 3.0]}, "B": {"size": [2.0, huge, huge]}}
+    figure = comparison_figure(comparison_of(columns, find_model("fire_fighting"), "strategy", STEPS), ["size"])
+    FigureCanvasAgg(figure).draw()
+    for axes, (low, high) in zip(figure.axes, [(1.0, 3.0), (0.0, 1.0)], strict=True):
+        (lane,) = lanes_of(axes)
+        assert lane > high + 0.2 if huge > 0 else lane < low - 0.2
+        assert f"beyond {np.copysign(1e300, huge):g}" in [text.get_text() for text in axes.texts]
+        assert max(map(abs, ticks_of(axes)), default=0.0) < 10

@@ -6,14 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.statistics import (
     BOOTSTRAP_SEED,
     FEWEST,
     MOST_RESAMPLED,
     RESAMPLES,
     Interval,
+    bootstrap_interquartile_mean,
     bootstrap_mean,
     expanded,
+    interquartile_mean,
     mean_interval,
     pair_differences,
     paired_difference,
@@ -274,3 +277,122 @@ def test_unknown_limits_exclude_nothing_and_meet_everything():
     unknown = mean_interval([3.0])
     assert not unknown.excludes_zero
     assert unknown.meets(Interval(0.0, -1.0, 1.0))
+
+
+# ---- numbers of any size
+
+
+any_numbers = st.lists(
+    st.one_of(
+        st.floats(),
+        st.sampled_from([0.0, 5e-324, -5e-324, 1e-200, 1e154, 1e308, -1e308, math.inf, -math.inf, math.nan]),
+    ),
+    max_size=20,
+)
+ESTIMATES = [mean_interval, bootstrap_mean, bootstrap_interquartile_mean]
+# Rounding of a sum, and of numbers too small to be exact.
+SLACK, SMALLEST = 1e-12, 1e-322
+
+
+@pytest.mark.parametrize("estimate", ESTIMATES)
+@given(any_numbers)
+@settings(max_examples=100, deadline=None)
+def test_of_any_numbers_there_is_an_estimate_within_them_or_none(estimate, values):
+    interval = estimate(values)
+    if any(map(math.isnan, values)) or not values or {math.inf, -math.inf} <= set(values):
+        if estimate is not bootstrap_interquartile_mean or not values:
+            assert math.isnan(interval.estimate)
+        return
+    size = max((abs(x) for x in values if math.isfinite(x)), default=0.0)
+    slack = min(size, 1e308) * SLACK + SMALLEST
+    assert min(values) - slack <= interval.estimate <= max(values) + slack
+    if all(map(math.isfinite, values)) and len(values) >= FEWEST:
+        assert interval.low <= interval.estimate + slack
+        assert interval.high >= interval.estimate - slack
+    elif not all(map(math.isfinite, values)):
+        assert math.isnan(interval.low)
+        assert math.isnan(interval.high)
+
+
+@pytest.mark.parametrize("estimate", ESTIMATES)
+@given(st.lists(st.integers(-1000, 1000), min_size=FEWEST, max_size=12), st.sampled_from([-1000, -300, 300, 1013]))
+@settings(max_examples=50, deadline=None)
+def test_an_interval_of_huge_or_tiny_numbers_is_that_of_usual_ones_in_another_unit(estimate, values, power):
+    plain = estimate([float(x) for x in values])
+    scaled = estimate([math.ldexp(x, power) for x in values])
+    expected = [math.ldexp(number, power) for number in (plain.estimate, plain.low, plain.high)]
+    assert [scaled.estimate, scaled.low, scaled.high] == expected
+
+
+@given(st.floats(-1e300, 1e300), st.integers(FEWEST, 20), st.integers(1, 5))
+@settings(max_examples=50, deadline=None)
+def test_numbers_that_differ_by_rounding_alone_have_limits_among_them(value, n, others):
+    values = [value] * n + [math.nextafter(value, math.inf)] * others
+    interval = bootstrap_mean(values)
+    slack = abs(value) * 1e-15 + SMALLEST
+    assert values[0] - slack <= interval.low <= interval.high <= values[-1] + slack
+
+
+def test_an_infinite_number_makes_the_mean_infinite_and_the_limits_unknown():
+    for values in ([1.0, math.inf], [1.0] * 7 + [math.inf]):
+        interval = bootstrap_mean(values)
+        assert interval.estimate == math.inf
+        assert math.isnan(interval.low)
+        assert not interval.excludes_zero
+    assert math.isnan(mean_interval([math.inf, -math.inf]).estimate)
+
+
+def test_masked_numbers_are_no_numbers_of_a_sample():
+    assert math.isnan(mean_interval(np.ma.array([1.0, 2.0], mask=[False, True])).estimate)
+
+
+@given(st.floats(), st.floats(), st.floats())
+@settings(max_examples=200, deadline=None)
+def test_a_share_is_one_of_runs_or_it_is_refused(happened, runs, confidence):
+    possible = runs >= 0 and float(runs).is_integer() and runs < 2**31 and 0 <= happened <= runs and 0 < confidence < 1
+    if possible:
+        share = share_interval(happened, runs, confidence)
+        assert math.isnan(share.estimate) if runs == 0 else 0 <= share.low <= share.estimate <= share.high <= 1
+    else:
+        with pytest.raises(InvalidValueError, match=r"^(happened|runs|confidence) is .*; expected "):
+            share_interval(happened, runs, confidence)
+
+
+REFUSED = {
+    "happened is 6; expected a finite number at least 0 and at most 5": lambda: share_interval(6, 5),
+    "happened is 1;": lambda: share_interval(1, 0),
+    "runs is -1;": lambda: share_interval(0, -1),
+    "confidence is 1;": lambda: mean_interval([1.0, 2.0], 1),
+    "confidence is 0;": lambda: bootstrap_mean([1.0, 2.0], 0),
+    "confidence is nan;": lambda: bootstrap_interquartile_mean([1.0, 2.0], math.nan),
+    "n is 1;": lambda: expanded(1),
+    "values is 3; expected a list of numbers": lambda: mean_interval(3),
+    "values is [[1.0]]; expected a list": lambda: bootstrap_mean([[1.0]]),
+    "values is ['a']; expected a list": lambda: bootstrap_interquartile_mean(["a"]),
+    "1 and 2 numbers are not pairs": lambda: pair_differences([1.0], [1.0, 2.0]),
+    "2 and 1 numbers are not pairs": lambda: superiority([1.0, 2.0], [1.0]),
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_is_no_sample_or_no_share_is_refused_in_one_line(words):
+    with pytest.raises(InvalidValueError) as caught:
+        REFUSED[words]()
+    assert str(caught.value).startswith(words)
+
+
+def test_a_result_that_is_not_a_number_counts_as_missing():
+    assert pair_differences([1.0, math.nan, 3.0], [2.0, 1.0, math.nan]) == [1.0]
+    assert superiority([1.0, math.nan], [2.0, 1.0])[1] == 1
+    assert superiority([1.0, math.nan], [2.0, 1.0], times=True)[0].estimate == 0.5
+    assert summarised([1.0, math.nan]).happened == 1
+
+
+def test_results_that_are_infinite_alike_have_no_difference_but_tie():
+    assert pair_differences([math.inf, 1.0, math.inf], [math.inf, 3.0, 1.0]) == [2.0, -math.inf]
+    assert superiority([math.inf], [math.inf])[0].estimate == 0.5
+
+
+def test_the_interquartile_mean_of_nothing_is_nan():
+    assert math.isnan(interquartile_mean(np.empty(0)))
+    assert np.isnan(interquartile_mean(np.empty((3, 0)))).all()

@@ -15,6 +15,11 @@ from mesa_swarm.experiments.tables import aligned, csv_text, fitting, percent, w
         (Interval(0.123, 0.05, 0.2), True, "+0.123 [+0.050, +0.200]"),
         (Interval(7.0, math.nan, math.nan), False, "7"),
         (Interval(math.nan, math.nan, math.nan), False, "-"),
+        (Interval(0.0, 0.0, 0.0), True, "+0 [+0, +0]"),
+        (Interval(math.inf, math.nan, math.nan), True, "+inf"),
+        (Interval(1e308, -1e308, math.inf), False, "1e+308 [-1e+308, inf]"),
+        (Interval(1.5e-9, 1.25e-9, 2e-9), False, "1.5e-09 [1.25e-09, 2e-09]"),
+        (Interval(0.5, 0.5, 0.500000001), False, "0.500000 [0.500000, 0.500000]"),
     ],
 )
 def test_an_estimate_has_digits_according_to_the_width_of_its_interval(interval, signed, text):

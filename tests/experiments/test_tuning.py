@@ -117,3 +117,10 @@ def test_wrong_arguments_are_refused_before_anything_runs(wrong):
 def test_a_goal_out_of_its_ranges_is_refused(wrong):
     with pytest.raises(SwarmError):
         LearningGoal(**wrong)
+
+
+@pytest.mark.parametrize("missing", [math.nan, None, math.inf])
+def test_a_run_without_a_speed_or_a_count_has_no_cost(missing):
+    for wrong in ({"collisions": missing, "speed": 0.5}, {"collisions": 1.0, "speed": missing}):
+        with pytest.raises(SwarmError, match=r"^(collisions|speed) is .*; expected a finite number"):
+            SHORT.cost(**wrong)
