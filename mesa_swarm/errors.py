@@ -79,6 +79,10 @@ class UnstoredStateWarning(UserWarning):
     """A model is recorded without checkpoints; the message names what cannot be stored."""
 
 
+class MapWarning(UserWarning):
+    """A map file is read, though a bracket is missing; the message names the file, the line and what was assumed."""
+
+
 class ExportWarning(UserWarning):
     """An export shows less than the run."""
 
