@@ -119,7 +119,9 @@ class Camera:
         colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
         for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):
             self._disc(pixels, centre, radius, colour)
-        commanded = getattr(world, "commanded", 0)
+        commanded, roster = getattr(world, "commanded", 0), getattr(world, "roster", None)
+        if roster is not None:
+            commanded = roster().remaining(commanded)
         for i in range(len(world.swarm)):
             self._robot(pixels, robots, i, rim=i < commanded < len(world.swarm))
         return pixels[::-1].round().astype(np.uint8)
