@@ -196,7 +196,9 @@ def _model_verdict(trial: _Trial, seeds: Sequence[int]) -> Verdict:
     except CheckError as error:
         return _broken(error)
     except Exception as error:  # every error of a learner becomes a sentence
-        return _not_judged(trial.authors.in_words(error, surely=trial.decisive))
+        # Errors of rules are raised from within the model, whose code is that of the check.
+        of_rule = trial.without is not None and isinstance(error, SwarmError)
+        return _not_judged(trial.authors.in_words(error, surely=trial.decisive or of_rule))
     return verdict_on(trial.criteria, list(zip(*rows, strict=True)), seeds)
 
 

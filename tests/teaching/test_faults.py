@@ -184,6 +184,13 @@ ANSWERS_THAT_FAIL = {
         f"{HALL}check_rule(rule, {CALM}, world=hall, steps=5)",
         "Rule rule failed",
     ),
+    "a rule that fails in a model with a step of its own": (
+        "def rule(me):\n    return float('nan'), 0.0",
+        "class Hall(SwarmModel):\n    def step(self):\n        super().step()\n"
+        "def hall(rng):\n    model = Hall(rng=rng)\n    model.add_robots(AGENT9, 2)\n    return model\n"
+        f"check_rule(rule, {CALM}, world=hall, steps=5)",
+        "Rule rule failed for robot 1 of 2 in step 1",
+    ),
     "a function with a misspelt name": (
         "def mine(x):\n    return y",
         "check_function(mine, abs, lambda rng: (rng,))",
