@@ -87,6 +87,10 @@ class DegreesWarning(UserWarning):
     """Headings are larger than radians usually are: probably degrees."""
 
 
+class MapWarning(UserWarning):
+    """A map file is read, though a bracket is missing; the message names the file, the line and what was assumed."""
+
+
 class ExportWarning(UserWarning):
     """An export shows less than the run."""
 

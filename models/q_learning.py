@@ -10,11 +10,11 @@ T falls from 1 to 0.2: robots first explore, then use what they have learned.
 
 HOW TO USE IT. `reward` (a) is the mean wheel speed, (b) rewards driving straight ahead only, (c) is as (b) without the
 jump at the critical distance. `critical` is that distance, as a share of the range: the thesis's 0.4 has no unit; 0.08
-is 0.4 of a robot's diameter, chosen because collisions then fall with T as there, to its levels with `reward_of` "next
-state" and to about twice these by default. `reward_of` is the state that is rewarded: in which the action was chosen,
-or the next. `beta` is the rate at which T falls, `gamma` the discount factor. `memory` "table" replaces the networks by
-a look-up table of coarse readings, without `encoding`, `eta` and `self_adjusting`. `shared` lets robots learn together,
-`self_adjusting` lets each adapt T, and gamma, to its collisions, and `typed` distinguishes kinds of bodies.
+is 0.4 of a robot's diameter, chosen because collisions then fall with T, as its text states without numbers.
+`reward_of` is the state that is rewarded: in which the action was chosen, or the next. `beta` is the rate at which T
+falls, `gamma` the discount factor. `memory` "table" replaces the networks by a look-up table of coarse readings,
+without `encoding`, `eta` and `self_adjusting`. `shared` lets robots learn together, `self_adjusting` lets each adapt T,
+and gamma, to its collisions, and `typed` distinguishes kinds of bodies.
 
 THINGS TO NOTICE. Collisions become rarer as T falls, yet recur: a network that learns of one situation changes others.
 

@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     with warnings.catch_warnings():
-        warnings.showwarning = _show_warning
+        warnings.showwarning = _shown_once()
         status = _status(lambda: _run_command(words), debug)
     sys.exit(status)
 
@@ -94,8 +94,16 @@ def _range_of(error: Exception) -> str:
     return "" if low is None or high is None else f"; expected {low:,} to {high:,}"
 
 
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    _complain(f"warning: {message}")
+def _shown_once() -> Callable[..., None]:
+    """Return what shows warnings of one command: many runs with the same file warn of it once."""
+    shown: set[str] = set()
+
+    def show_warning(message: Warning | str, *_: object, **__: object) -> None:
+        if str(message) not in shown:
+            shown.add(str(message))
+            _complain(f"warning: {message}")
+
+    return show_warning
 
 
 def _print_version(requested: bool) -> None:

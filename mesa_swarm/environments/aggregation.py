@@ -73,28 +73,32 @@ class AggregationScore:
     def __init__(self, model: SwarmModel, *, link: float, collision_cost: float) -> None:
         self._model = model
         self._rule = link, collision_cost
-        self._sizes = np.zeros(len(model.swarm), np.int64)
         self._largest = array("d")
+
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Do nothing: rewards depend on the last step only."""
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         columns, (link, cost) = self._model.swarm.columns, self._rule
-        cluster_sizes(columns["position"], link, self._sizes)
-        self._largest.append(self._sizes.max() / len(self._sizes))
+        sizes = np.zeros(len(columns["position"]), np.int64)
+        cluster_sizes(columns["position"], link, sizes)
+        self._largest.append(sizes.max() / len(sizes))
         k = len(out)
-        out[:] = (self._sizes[:k] - 1) / max(len(self._sizes) - 1, 1) - cost * columns["collided"][:k]
+        out[:] = (sizes[:k] - 1) / max(len(sizes) - 1, 1) - cost * columns["collided"][:k]
 
     def measures(self) -> dict[str, float]:
         """Return the share of all robots in the largest cluster, its mean over the last quarter of the steps, and more.
 
-        The last is the mean distance of all robots to the nearest other one, map units; NaN for a single robot.
+        All are of the robots that are there. The last is the mean distance of all robots to the nearest other one, map
+        units; NaN for a single robot.
         """
         position = self._model.swarm.position
         sizes = np.zeros(len(position), np.int64)
         cluster_sizes(position, self._rule[0], sizes)
         last = self._largest[len(self._largest) * 3 // 4 :]
         return {
-            "largest cluster": float(sizes.max() / len(sizes)),
+            "largest cluster": float(sizes.max() / len(sizes)) if len(sizes) else np.nan,
             "largest cluster, last quarter": float(np.mean(last)) if len(last) else np.nan,
             "neighbour distance": float(np.mean(nearest_neighbour_distances(position))) if len(sizes) > 1 else np.nan,
         }

@@ -1,5 +1,6 @@
 """Pictures of a world as arrays of pixels, with NumPy alone, and a window that shows them, with pygame."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -106,23 +107,35 @@ class Camera:
         self._scale = longest_side / max(map.width, map.height)
         self._size = tuple(max(round(side * self._scale), 1) for side in (map.height, map.width))
         self._ground: np.ndarray | None = None
+        self._drawn: Sequence[Shape] = ()
 
     def picture(self, world: SwarmModel) -> np.ndarray:
         """Return the world as it is, uint8, shape (height, width, 3)."""
-        if self._ground is None:
-            self._ground = self._drawn_ground()
+        shapes = [body.shape for body in world.obstacle_list]
+        of_map, added = self._divided(shapes)
+        if self._ground is None or of_map != self._drawn:
+            self._ground, self._drawn = self._drawn_ground(of_map), of_map
         pixels = self._ground.copy()
-        added = [body.shape for body in world.obstacle_list[len(self.map.obstacles) :]]
         for shape in sorted(added, key=lambda shape: shape.contact):  # ground marks below what is moved
             self._fill(pixels, shape, MOVED if shape.contact else MARK)
         fires, robots = world.fires.columns, world.swarm.columns
         colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
         for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):
             self._disc(pixels, centre, radius, colour)
-        commanded = getattr(world, "commanded", 0)
+        commanded, roster = getattr(world, "commanded", 0), getattr(world, "roster", None)
+        if roster is not None:
+            commanded = roster().remaining(commanded)
         for i in range(len(world.swarm)):
             self._robot(pixels, robots, i, rim=i < commanded < len(world.swarm))
         return pixels[::-1].round().astype(np.uint8)
+
+    def _divided(self, shapes: Sequence[Shape]) -> tuple[Sequence[Shape], Sequence[Shape]]:
+        """Return the shapes of the map's own obstacles that are still there, and the others."""
+        own = self.map.obstacles
+        if all(shape is first for shape, first in zip(own, shapes, strict=False)) and len(shapes) >= len(own):
+            return own, shapes[len(own) :]
+        still = tuple(shape for shape in own if shape in shapes)
+        return still, [shape for shape in shapes if shape not in still]
 
     def _robot(self, pixels: np.ndarray, robots: dict[str, np.ndarray], i: int, *, rim: bool) -> None:
         centre, radius, heading = robots["position"][i], robots["radius"][i], robots["heading"][i]
@@ -145,9 +158,9 @@ class Camera:
         window = pixels[slice(*rows), slice(*columns)]
         window += cover[..., None] * (np.asarray(colour) - window)
 
-    def _drawn_ground(self) -> np.ndarray:
+    def _drawn_ground(self, obstacles: Sequence[Shape]) -> np.ndarray:
         pixels = np.full((*self._size, 3), GROUND, np.float32)
-        for shape in sorted(self.map.obstacles, key=lambda shape: shape.contact):  # ground marks below obstacles
+        for shape in sorted(obstacles, key=lambda shape: shape.contact):  # ground marks below obstacles
             self._fill(pixels, shape, SOLID if shape.contact else MARK)
         return pixels
 

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -200,7 +201,7 @@ class Foraging(Task):
         place = self.nest_place()
         model.state[NEST] = np.array(place)
         model.add_obstacle(disc(place, float(self.nest_radius), contact=False))
-        delivering = Delivering(self.food_space(), float(self.nest_radius), len(model.swarm))
+        delivering = Delivering(self.food_space(), float(self.nest_radius), model.swarm.unique_ids.tolist())
         for _ in range(self.items):
             delivering.add_food(model)
         model.add_process(delivering)
@@ -232,12 +233,13 @@ class Foraging(Task):
 class Delivering:
     """The process by which food that robots carry into the nest is delivered, and appears elsewhere again.
 
-    `delivered` (n,) counts the items of each robot.
+    `delivered` (n,) counts the items of each robot with which the world began.
     """
 
-    def __init__(self, space: shapely.Geometry, nest_radius: float, robots: int) -> None:
+    def __init__(self, space: shapely.Geometry, nest_radius: float, robots: Sequence[int]) -> None:
         self._space, self._radius = space, nest_radius
-        self.delivered = np.zeros(robots, np.int64)
+        self._number = {unique_id: number for number, unique_id in enumerate(robots)}
+        self.delivered = np.zeros(len(robots), np.int64)
 
     def checkpoint(self) -> dict[str, np.ndarray]:
         """Return what later steps depend on."""
@@ -257,7 +259,7 @@ class Delivering:
             robot = body.carrier
             if np.hypot(*(robot.position - nest)) < self._radius - FOOD_RADIUS:
                 model.event("delivered", robot=robot)
-                self.delivered[robot.row] += 1
+                self.delivered[self._number[robot.unique_id]] += 1
                 body.remove()
                 self.add_food(model)
 
@@ -286,26 +288,32 @@ class ForagingScore:
         self._worth = delivery, pick_up, step_cost
         self._process = next(one for one in model.processes if isinstance(one, Delivering))
         self._carried, self._delivered = np.zeros(count), np.zeros(count)
-        self._begun = model.steps
+        self._count, self._numbers = count, np.arange(count)  # of robots with rewards, those that are left
+        self._robot_steps = 0
+
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Forget what removed robots carried, not what they delivered: those behind them move up."""
+        self._carried, self._delivered = np.delete(self._carried, rows), np.delete(self._delivered, rows)
+        self._numbers = np.delete(self._numbers, rows)
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         delivery, pick_up, step_cost = self._worth
         k = len(out)
-        delivered = self._process.delivered[:k].astype(float)
+        delivered = self._process.delivered[self._numbers].astype(float)
         carried = (self._model.swarm.columns[CARRIED][:k, 0] >= 0).astype(float)
         new = delivered - self._delivered
         # What was delivered in this step was picked up before, or in this very step, and is not put down.
         out[:] = delivery * new + pick_up * (carried - self._carried + new) - step_cost
         self._carried, self._delivered = carried, delivered
+        self._robot_steps += k
 
     def measures(self) -> dict[str, float]:
         """Return the number of items delivered, and that per 1,000 robot-steps, NaN without steps."""
-        items = float(self._delivered.sum())
-        robot_steps = (self._model.steps - self._begun) * len(self._delivered)
+        items, steps = float(self._process.delivered[: self._count].sum()), self._robot_steps
         return {
             "items delivered": items,
-            "items per 1,000 robot-steps": 1000.0 * items / robot_steps if robot_steps else math.nan,
+            "items per 1,000 robot-steps": 1000.0 * items / steps if steps else math.nan,
         }
 
 

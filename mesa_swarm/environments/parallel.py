@@ -1,5 +1,8 @@
 """PettingZoo environment: a ParallelEnv whose agents are the robots of one world, and the same with turns (AEC)."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from mesa_swarm.environments.actions import checked_clip, shares
@@ -25,11 +28,15 @@ PROBE = {"options": 1}
 
 
 class ParallelSwarmEnv(ParallelEnv):
-    """Robots of one world as PettingZoo agents ``robot_0``, ``robot_1``, ...; all end together.
+    """Robots of one world as PettingZoo agents ``robot_0``, ``robot_1``, ...; all end together, unless removed before.
 
     Made by `parallel_env` in `collision_avoidance_v0` and the other modules of tasks. The columns of the current
     `world` can be read: ``env.world.swarm.collided``. Where the task's `Variation` draws numbers of robots, `agents`
     are the first of `possible_agents`.
+
+    The agent of a robot that is removed from `world` leaves `agents` in the step in which, or before which, that is
+    done: it is terminated, with its last observation again and a reward of 0. `reset` brings all back. A world to
+    which robots are added is refused.
 
     Parameters
     ----------
@@ -56,9 +63,11 @@ class ParallelSwarmEnv(ParallelEnv):
         self.task = task
         self.possible_agents = [f"robot_{i}" for i in range(task.most_robots)]
         self.agents: list[str] = []
+        self._numbers = {agent: number for number, agent in enumerate(self.possible_agents)}
         self.observation_spaces = {agent: observation_space(task, i) for i, agent in enumerate(self.possible_agents)}
         self.action_spaces = {agent: action_space(task) for agent in self.possible_agents}
         self.state_space = state_space(task)
+        self._seen: dict[str, np.ndarray] = {}
         self.world: TaskWorld | None = None
         self.conditions: Conditions | None = None
         self._width = task.observer().width
@@ -95,7 +104,8 @@ class ParallelSwarmEnv(ParallelEnv):
         self.agents = self.possible_agents[: self.world.commanded]
         self._unknown = dict.fromkeys(self.world.measures(), 0.0)
         self._screen.show(self.world)
-        return self._observations(self.world), self._infos(self.world, self._unknown)
+        self._seen = self._observations(self.world)
+        return dict(self._seen), self._infos(self.world, self._unknown)
 
     def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
         """Take a step, given an action of each agent.
@@ -105,25 +115,35 @@ class ParallelSwarmEnv(ParallelEnv):
         observations, rewards, terminations, truncations, infos : dicts by agent
             An info has "collided", whether the robot overlapped anything in this step, and the measures of the whole
             episode, the same for all agents: 0 until its last step, and then infinity for what has not happened in it.
+
+        Raises
+        ------
+        InvalidValueError
+            If an action is missing or wrong; none is needed of an agent whose robot was removed.
+        SwarmError
+            If no episode has begun, or robots were added to the world.
         """
-        world, agents = self._running(), self.agents
-        reward = np.empty(len(agents))
+        world = self._running()
+        reward = np.empty(world.commanded)
         world.advance(
-            shares(self.task.actions, self._ordered(actions), reward.shape, self._clip, self.task.numbers), reward
+            shares(self.task.actions, self._ordered(world, actions), reward.shape, self._clip, self.task.numbers),
+            reward,
         )
         finished, out_of_time = world.finished, world.out_of_time
         infos = self._infos(world, measures(world) if finished or out_of_time else self._unknown)
-        observations = self._observations(world)
+        observations, rewards = self._observations(world), self._by_agent(reward.tolist())
+        terminated = dict.fromkeys(self.agents, finished)
+        truncated = dict.fromkeys(self.agents, out_of_time and not finished)
+        removed = self._removed(world)
+        for agent in removed:
+            observations[agent], terminated[agent], truncated[agent] = self._seen[agent].copy(), True, False
         if finished or out_of_time:
             self.agents = []
+        elif removed:
+            self.agents = [agent for agent in self.agents if agent not in removed]
+        self._seen = observations
         self._screen.show(world)
-        return (
-            observations,
-            dict(zip(agents, reward.tolist(), strict=True)),
-            dict.fromkeys(agents, finished),
-            dict.fromkeys(agents, out_of_time and not finished),
-            infos,
-        )
+        return dict(observations), rewards, terminated, truncated, infos
 
     def state(self) -> np.ndarray:
         """Return the state of the world for a central critic, float32, one row; see `StateEncoder`."""
@@ -149,24 +169,50 @@ class ParallelSwarmEnv(ParallelEnv):
             raise SwarmError("the episode is over or not begun; call reset() before step()")
         return self.world
 
-    def _ordered(self, actions: dict) -> list:
-        """Return the actions in the order of the robots."""
-        if not isinstance(actions, dict) or len(actions) != len(self.agents):
+    def _ordered(self, world: TaskWorld, actions: dict) -> list:
+        """Return an action of each robot with which the episode began, 0 for those that were removed."""
+        removed = self._removed(world)
+        needed = [agent for agent in self.agents if agent not in removed] if removed else self.agents
+        if not isinstance(actions, dict) or (needed and not actions):
             raise InvalidValueError(f"actions are {shortened(actions)}; expected a dict of one for each agent")
         try:
-            return list(map(actions.__getitem__, self.agents))
+            acting = list(map(actions.__getitem__, needed))
         except KeyError as missing:
             raise InvalidValueError(f"actions lack {missing.args[0]}; expected one for each agent") from None
+        if len(actions) > len(needed) and not actions.keys() <= set(self.agents):
+            raise InvalidValueError(f"actions are {shortened(actions)}; expected a dict of one for each agent")
+        if len(acting) == world.commanded:
+            return acting
+        idle = (0.0,) * self.task.numbers if isinstance(self.task.actions, str) else 0
+        ordered: list = [idle] * world.commanded
+        for agent, action in zip(needed, acting, strict=True):
+            ordered[self._numbers[agent]] = action
+        return ordered
+
+    def _removed(self, world: TaskWorld) -> set[str]:
+        """Return the agents whose robots have been removed since the last step."""
+        roster = world.roster()
+        if roster.complete:
+            return set()
+        there = self._by_agent(roster.present(world.commanded).tolist())
+        return {agent for agent in self.agents if not there[agent]}
+
+    def _by_agent(self, values: Sequence[Any] | np.ndarray) -> dict[str, Any]:
+        """Return the values of the agents that there were before the step, of one for each robot of the episode."""
+        if len(values) == len(self.agents):
+            return dict(zip(self.agents, values, strict=True))
+        return {agent: values[self._numbers[agent]] for agent in self.agents}
 
     def _infos(self, world: TaskWorld, whole: dict[str, float]) -> dict[str, dict]:
         """Return an info of each agent, always with the same names: TorchRL has room for these only."""
-        collided = world.swarm.columns["collided"][: len(self.agents)].tolist()
-        return {agent: {"collided": hit, **whole} for agent, hit in zip(self.agents, collided, strict=True)}
+        collided = np.empty(world.commanded, np.bool_)
+        world.roster().spread(world.swarm.columns["collided"], collided)
+        return {agent: {"collided": hit, **whole} for agent, hit in self._by_agent(collided.tolist()).items()}
 
     def _observations(self, world: TaskWorld) -> dict[str, np.ndarray]:
-        observations = np.empty((len(self.agents), self._width), np.float32)
+        observations = np.empty((world.commanded, self._width), np.float32)
         world.observe(observations)
-        return {agent: row[: self._widths[agent]] for agent, row in zip(self.agents, observations, strict=True)}
+        return {agent: row[: self._widths[agent]] for agent, row in self._by_agent(observations).items()}
 
 
 def parallel_of(

@@ -1,6 +1,6 @@
 """Gymnasium environments: one commanded robot, or all commanded robots of several worlds as a vector."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import TASKS, Task
 from mesa_swarm.environments.variation import Options
 from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, by_worlds, check_seed, measures, new_world, stream
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, shortened
 from mesa_swarm.geometry.masks import unmasked
 
 need("gymnasium")
@@ -22,12 +22,17 @@ from gymnasium import Env  # noqa: E402 - the error above names what is missing
 from gymnasium.vector import AutoresetMode, VectorEnv  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
 
+# Gymnasium's option of `reset` that names the environments which start an episode.
+MASK = "reset_mask"
+
 
 class RobotEnv(Env):
     """The first robot of a world as a Gymnasium environment.
 
     Made by ``gymnasium.make("MesaSwarm/CollisionAvoidance-v0")``, or another of the registered names. The columns of
-    the current `world` can be read: ``env.unwrapped.world.swarm.collided``.
+    the current `world` can be read: ``env.unwrapped.world.swarm.collided``. If the robot itself is removed from the
+    world, the episode is terminated with its last observation again and a reward of 0. The others may be removed; none
+    may be added.
 
     Parameters
     ----------
@@ -50,6 +55,7 @@ class RobotEnv(Env):
         self.observation_space = observation_space(task)
         self.action_space = action_space(task)
         self.world: TaskWorld | None = None
+        self._seen = np.empty(0, np.float32)
         self._width = task.observer().width
         self._clip = checked_clip(task.actions, clip)
         self._screen = Display(self.render_mode)
@@ -87,7 +93,7 @@ class RobotEnv(Env):
             shares(self.task.actions, unmasked(action)[None], reward.shape, self._clip, self.task.numbers), reward
         )
         finished, out_of_time = world.finished, world.out_of_time
-        info: dict = {"collided": bool(world.swarm.columns["collided"][0])}
+        info: dict = {"collided": bool(world.roster().remaining(1) and world.swarm.columns["collided"][0])}
         if finished or out_of_time:
             info["measures"] = measures(world)
         self._screen.show(world)
@@ -107,9 +113,13 @@ class RobotEnv(Env):
         return self.world
 
     def _observation(self) -> np.ndarray:
-        rows = np.empty((1, self._width), np.float32)
-        self._running().observe(rows)
-        return rows[0]
+        """Return what the robot observes, or once it is removed what it last did."""
+        world = self._running()
+        if world.roster().remaining(1):
+            rows = np.empty((1, self._width), np.float32)
+            world.observe(rows)
+            self._seen = rows[0]
+        return self._seen.copy()
 
 
 def robot_env(
@@ -125,8 +135,11 @@ class RobotVectorEnv(VectorEnv):
 
     Environment w k + i is robot i of world w, where k robots of each world are commanded. With one commanded robot,
     environment 0 is what `RobotEnv` is with the same seed, and so is each one that has a seed of its own. A world
-    whose episode ends starts the next in the same step: ``infos["final_obs"]`` holds the last observations, and
-    ``infos["_final_obs"]`` which environments have ended.
+    whose episode ends starts the next in the same step, unless another `autoreset_mode` is chosen:
+    ``infos["final_obs"]`` holds the last observations, and ``infos["_final_obs"]`` which environments have ended.
+
+    A robot that is removed from its world terminates its environment; until the world's next episode its rows are 0
+    and ``infos["present"]`` is False.
 
     Parameters
     ----------
@@ -137,6 +150,9 @@ class RobotVectorEnv(VectorEnv):
     render_mode : "rgb_array" or None
     clip : bool
         Whether wheel speeds beyond -1 and 1 are clipped instead of refused.
+    autoreset_mode : gymnasium.vector.AutoresetMode or str
+        SAME_STEP ("SameStep"); NEXT_STEP ("NextStep"), which Gymnasium's NormalizeObservation needs; or DISABLED
+        ("Disabled"): worlds whose episode is over are reset by ``reset(options={"reset_mask": mask})``.
 
     Attributes
     ----------
@@ -161,11 +177,15 @@ class RobotVectorEnv(VectorEnv):
         commanded: int | None = None,
         render_mode: str | None = None,
         clip: bool = False,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
     ) -> None:
         if checked_mode(render_mode) == "human":
             raise InvalidValueError("render_mode is 'human'; expected 'rgb_array' or None: many worlds have no window")
         self.render_mode = render_mode
-        self.swarms = VectorSwarmEnv(task, n_worlds=n_worlds, commanded=commanded, clip=clip)
+        self.swarms = VectorSwarmEnv(
+            task, n_worlds=n_worlds, commanded=commanded, clip=clip, autoreset_mode=autoreset_mode
+        )
+        self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode(self.swarms.autoreset_mode)}
         self.num_envs = self.swarms.n_worlds * self.swarms.commanded
         self.single_observation_space, self.single_action_space = observation_space(task), action_space(task)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -177,27 +197,39 @@ class RobotVectorEnv(VectorEnv):
     ) -> tuple[np.ndarray, Infos]:
         """Start an episode in every world; `seed` and `options` are one for all worlds or a sequence of one each.
 
-        See `VectorSwarmEnv.reset`. The infos are the conditions of the episodes: "map", "n_robots", "speed",
-        "imperfection", and "present", whether an environment has a robot in this episode.
+        See `VectorSwarmEnv.reset`. Option "reset_mask", of one dict for all worlds, is a bool array: the environments
+        that start an episode, all of a world or none. The infos are the conditions of the episodes: "map", "n_robots",
+        "speed", "imperfection", and "present", whether an environment has a robot in this episode.
         """
-        observations = self._flat(self.swarms.reset(seed=seed, options=options))
-        return observations, self._conditions(np.ones(self.swarms.n_worlds, bool))
+        mask = None
+        if isinstance(options, Mapping) and MASK in options:
+            mask = self._mask_of_worlds(options[MASK])
+            options = {name: value for name, value in options.items() if name != MASK}
+        observations = self._flat(self.swarms.reset(seed=seed, options=options, mask=mask))
+        return observations, self._conditions()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Infos]:
         """Take a step in every world; all arrays have one row an environment.
 
         The infos are Gymnasium's, with masks whose names begin with "_": "collided" in each step; where an episode has
         ended "final_obs", "final_info" with "measures" of the whole episode, and what `reset` returns of the new one.
+        Where the next episode does not begin in the same step: "measures", and in the step in which it does what
+        `reset` returns.
         """
         shape = self.swarms.n_worlds, self.swarms.commanded
-        observations, reward, terminated, truncated, found = self.swarms.step(by_worlds(actions, *shape))
-        collided, ended = found["collided"].ravel(), terminated | truncated
-        again = np.repeat(~ended, shape[1])
-        infos = _masked({"collided": collided & again}, again) if again.any() else {}
-        if not again.all():
-            infos |= {**self._conditions(ended), **self._final(found, collided, ~again)}
+        observations, reward, *ends, raw = self.swarms.step(by_worlds(actions, *shape))
+        terminated, truncated, begun = (np.repeat(worlds, shape[1]) for worlds in (*ends, self.swarms.begun))
+        ended, collided = terminated | truncated, raw["collided"].ravel()
+        infos = _masked({"collided": collided & ~begun}, ~begun) if not begun.all() else {}
+        if begun.any():
+            infos |= self._conditions()
+        if ended.any():
+            infos |= self._final(raw, collided, ended)
+        if "removed" in raw:
+            removed = raw["removed"].ravel()
+            terminated, truncated = terminated | removed, truncated & ~removed
+            infos |= self._final_of_removed(observations, infos, removed)
         infos |= self._present()
-        terminated, truncated = np.repeat(terminated, shape[1]), np.repeat(truncated, shape[1])
         return self._flat(observations), reward.ravel(), terminated, truncated, infos
 
     def render(self) -> tuple[np.ndarray, ...] | None:
@@ -209,18 +241,45 @@ class RobotVectorEnv(VectorEnv):
         pictures = [self._screen.render(world) for world in self.swarms.worlds]
         return tuple(picture for picture in pictures if picture is not None)
 
-    def _final(self, found: Infos, collided: np.ndarray, ended: np.ndarray) -> Infos:
-        whole = {name: np.repeat(values, self.swarms.commanded) for name, values in found["measures"].items()}
-        last = {"collided": collided & ended, "measures": _masked(whole, ended)}
+    def _final(self, raw: Infos, collided: np.ndarray, ended: np.ndarray) -> Infos:
+        """Return the infos of episodes that have ended."""
+        whole = {name: np.repeat(values, self.swarms.commanded) for name, values in raw["measures"].items()}
+        measured = {"measures": _masked(whole, ended)}
+        if "final_obs" not in raw:
+            return _masked(measured, ended)
+        last = {"collided": collided & ended, **measured}
         return {
-            "final_obs": self._flat(found["final_obs"]),
+            "final_obs": self._flat(raw["final_obs"]),
             "_final_obs": ended,
             **_masked({"final_info": _masked(last, ended)}, ended),
         }
 
-    def _conditions(self, begun: np.ndarray) -> Infos:
-        """Return the conditions of the episodes that have just begun in these worlds, as Gymnasium merges infos."""
-        infos = self._present()
+    def _final_of_removed(self, observations: np.ndarray, infos: Infos, removed: np.ndarray) -> Infos:
+        """Return the final observations, 0, of removed robots beside those of episodes that have ended."""
+        if self.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
+            return {}
+        zeros = np.zeros_like(self._flat(observations))
+        ended = infos.get("_final_obs", np.zeros(self.num_envs, bool))
+        return {"final_obs": infos.get("final_obs", zeros), "_final_obs": ended | removed}
+
+    def _mask_of_worlds(self, mask: object) -> np.ndarray:
+        """Return which worlds a mask of environments resets: all environments of a world or none."""
+        if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (self.num_envs,):
+            raise InvalidValueError(
+                f"option {MASK} is {shortened(mask)}; expected a bool array of {self.num_envs}, one an environment"
+            )
+        rows = mask.reshape(self.swarms.n_worlds, -1)
+        split = rows.any(axis=1) & ~rows.all(axis=1)
+        if split.any():
+            raise InvalidValueError(
+                f"option {MASK} has some environments of world {split.argmax()} only; expected all of its "
+                f"{rows.shape[1]} or none: they share the world"
+            )
+        return np.asarray(rows.all(axis=1))
+
+    def _conditions(self) -> Infos:
+        """Return the conditions of the episodes that have just begun, as Gymnasium merges infos."""
+        begun, infos = self.swarms.begun, self._present()
         rows = [one.info if new else {} for one, new in zip(self.swarms.conditions, begun.tolist(), strict=True)]
         for name, kind in (("map", object), ("n_robots", int), ("speed", float), ("imperfection", float)):
             blank = None if kind is object else 0
@@ -248,12 +307,20 @@ def robot_vector_env(
     clip: bool = False,
     n_robots: int = 1,
     commanded: int = 1,
+    autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
     **parameters: object,
 ) -> RobotVectorEnv:
     """Return the environment that ``gymnasium.make_vec`` makes, of `num_envs` worlds.
 
     The first `commanded` robots of each world are commanded: with several of them the environments are as many times
-    more.
+    more. ``autoreset_mode=AutoresetMode.NEXT_STEP``, or "NextStep", begins the next episode a step later.
     """
     chosen = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
-    return RobotVectorEnv(chosen, n_worlds=num_envs, commanded=commanded, render_mode=render_mode, clip=clip)
+    return RobotVectorEnv(
+        chosen,
+        n_worlds=num_envs,
+        commanded=commanded,
+        render_mode=render_mode,
+        clip=clip,
+        autoreset_mode=autoreset_mode,
+    )

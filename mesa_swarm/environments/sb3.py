@@ -113,6 +113,7 @@ class SharedPolicyVecEnv:
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
         """Take the step; return observations, rewards (float32), which environments have ended, and their infos."""
         observations, reward, terminated, truncated, found = self.swarms.step(self._actions)
+        _check_none_missing(found, terminated | truncated)
         infos = [{"collided": hit} for hit in found["collided"].ravel().tolist()]
         if "measures" in found:
             self._close_episodes(infos, found, truncated)
@@ -177,6 +178,16 @@ def _with_base(cls: Any) -> Any:
     if issubclass(cls, VecEnv):
         return cls
     return type(cls.__name__, (cls, VecEnv), {"__module__": cls.__module__, "__doc__": cls.__doc__})
+
+
+def _check_none_missing(infos: Infos, ended: np.ndarray) -> None:
+    """Refuse that robots are removed from a world whose episode goes on."""
+    if "removed" in infos and (absent := infos["removed"] & ~ended[:, None]).any():
+        w, i = np.argwhere(absent)[0].tolist()
+        raise SwarmError(
+            f"robot {i} of world {w} was removed during an episode; Stable-Baselines3 has no mask for absent robots: "
+            "let commanded robots stay, or use PettingZoo"
+        )
 
 
 def _check_present(task: Task, commanded: int) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from mesa_swarm.analysis.coverage import cells_from_places
-from mesa_swarm.errors import InvalidValueError, check_choice
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.rewards import REWARDS, rewarded
@@ -30,11 +30,16 @@ CELLS = (40, 40)
 TALLIED = itemgetter("command", "max_speed", "collided", "position")
 
 
-def within_reach(model: SwarmModel, places: np.ndarray) -> np.ndarray:
-    """Return which cells (40, 40) robots of a model can reach from these places (n, 2), as if each were alone."""
+def within_reach(model: SwarmModel, places: np.ndarray, radius: float | None = None) -> np.ndarray:
+    """Return which cells (40, 40) robots can reach from these places (n, 2), as if each were alone.
+
+    The radius is by default that of the smallest robot that there is.
+    """
+    if radius is None:
+        radius = float(model.swarm.radius.min())
     solids = [(body.shape.geometry, body.shape.radius) for body in model.obstacle_list if body.contact]
     solids += [(shapely.Point(x, y), radius) for x, y, radius in model.fires.discs.tolist()]
-    return cells_from_places(model.map.bounds, solids, float(model.swarm.radius.min()), places, CELLS)
+    return cells_from_places(model.map.bounds, solids, radius, places, CELLS)
 
 
 class ObservationEncoder:
@@ -160,7 +165,15 @@ class TeamEncoder:
     def __init__(self, encoders: Sequence[tuple[ObservationEncoder, int]]) -> None:
         self._encoders = tuple(encoders)
         self.widths = tuple(encoder.width for encoder, count in encoders for _ in range(count))
-        self.width = max(self.widths)
+        self.width = max(encoder.width for encoder, _ in encoders)
+
+    def without(self, rows: np.ndarray) -> "TeamEncoder":
+        """Return the encoder of the team without the robots of these rows, of the same width."""
+        ends = np.cumsum([count for _, count in self._encoders])
+        block = np.searchsorted(ends, rows, side="right")
+        fewer = np.bincount(block, minlength=len(ends)).tolist()
+        pairs = zip(self._encoders, fewer, strict=True)
+        return TeamEncoder([(encoder, count - less) for (encoder, count), less in pairs])
 
     def observe(self, columns: dict[str, np.ndarray], out: np.ndarray) -> None:
         """Write the observations of the first robots, as many as `out` (k, width) has rows."""
@@ -207,7 +220,8 @@ def observe(
 class Score(Protocol):
     """Rewards for the steps of one world.
 
-    It may also have `measures`, which returns the task's own measures of the episode so far, numbers by name.
+    It may also have `measures`, which returns the task's own measures of the episode so far, numbers by name, and
+    `remove_robots`, which takes the rows of rewarded robots that were removed from the world: without it none may be.
     """
 
     @property
@@ -222,7 +236,8 @@ class EpisodeTally:
     """Sums over the steps of an episode for the first `count` robots of a world, and which cells they were in.
 
     `sums` (count, 2) are of forward speeds as shares of the greatest, and of collisions; `fresh` (count,) is 1 for
-    the robots that were first in a cell of 40 x 40 in the last step, else 0.
+    the robots that were first in a cell of 40 x 40 in the last step, else 0. Sums of robots that were removed are kept
+    apart with the steps that each has taken.
     """
 
     def __init__(self, count: int, bounds: tuple[float, float, float, float]) -> None:
@@ -231,24 +246,43 @@ class EpisodeTally:
         self.fresh = np.zeros(count)
         self.visited = np.zeros(CELLS, np.bool_)
         self._bounds = bounds
+        self._removed = np.zeros((0, 3))  # their two sums, and their steps
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
         """Add the last step from the swarm's columns."""
         tally_step(*TALLIED(columns), self._bounds, self.visited, self.fresh, self.sums)
         self.steps += 1
 
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Keep the sums of robots, by their rows, that were removed apart: those behind them move up."""
+        removed = np.column_stack([self.sums[rows], np.full(len(rows), float(self.steps))])
+        self._removed = np.vstack([self._removed, removed])
+        self.sums, self.fresh = np.delete(self.sums, rows, axis=0), np.delete(self.fresh, rows)
+
+    @property
+    def mean_steps(self) -> float:
+        """How many steps robots have taken in the mean: all, but for those that were removed."""
+        return float(self._by_robot()[:, 2].mean())
+
+    def _by_robot(self) -> np.ndarray:
+        """Return the sums and the steps of all robots, shape (count, 3)."""
+        return np.vstack([np.column_stack([self.sums, np.full(len(self.sums), float(self.steps))]), self._removed])
+
     def measures(self, reachable: np.ndarray) -> dict[str, float]:
         """Return collisions per 1,000 steps of the mean and the worst robot, the mean speed ahead, and the coverage.
 
         The coverage is of the `reachable` cells (40, 40). Without steps all others are NaN.
         """
-        visited, steps = int((self.visited & reachable).sum()), self.steps or math.nan
-        ahead, collided = self.sums.T
+        visited = int((self.visited & reachable).sum())
+        ahead, collided, steps = self._by_robot().T
+        mean_steps = steps.mean() or math.nan
+        moved = steps > 0  # a robot that was removed before its first step has no rate
+        rates = 1000.0 * collided[moved] / steps[moved]
         return {
             "steps": float(self.steps),
-            "collisions": float(1000.0 * collided.mean() / steps),
-            "worst robot": float(1000.0 * collided.max() / steps),
-            "speed ahead": float(ahead.mean() / steps),
+            "collisions": float(1000.0 * collided.mean() / mean_steps),
+            "worst robot": float(rates.max()) if len(rates) else math.nan,
+            "speed ahead": float(ahead.mean() / mean_steps),
             "coverage": visited / max(int(reachable.sum()), 1),
         }
 
@@ -261,6 +295,9 @@ class DrivingScore:
     def __init__(self, model: SwarmModel, *, collision_cost: float) -> None:
         self._model = model
         self._cost = collision_cost
+
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Do nothing: rewards depend on the last step only."""
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
@@ -278,6 +315,9 @@ class ThesisScore:
         self._rule = REWARDS.index(kind), float(critical)
         self._ranges = ranges_of(model.swarm.table.proximity)
 
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Do nothing: rewards depend on the last step only."""
+
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         columns = self._model.swarm.columns
@@ -292,23 +332,34 @@ class FindingScore:
         self._model = model
         self._worth = arrival, step_cost
         self._steps_to_end = math.nan
+        self._fires = ids_of_fires(model)
         self.found = np.zeros((count, len(model.fires)), bool)
+        self._found_before = np.zeros(len(model.fires), bool)  # by robots that were removed
 
     @property
     def finished(self) -> bool:
         """Whether each fire was found by a rewarded robot."""
-        return bool(self.found.any(axis=0).all())
+        return bool(self._any_found().all())
+
+    def _any_found(self) -> np.ndarray:
+        """Return which fires were found."""
+        return self.found.any(axis=0) | self._found_before
+
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Keep which fires removed robots have found: those behind them move up."""
+        self._found_before |= self.found[rows].any(axis=0)
+        self.found = np.delete(self.found, rows, axis=0)
 
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
+        check_fires(self._model, self._fires)
         finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
         if math.isnan(self._steps_to_end) and self.finished:
             self._steps_to_end = float(self._model.steps)
 
     def measures(self) -> dict[str, float]:
         """Return the share of fires found, and the steps until all were, NaN before that."""
-        found = float(self.found.any(axis=0).mean())
-        return {"fires found": found, "steps until all found": self._steps_to_end}
+        return {"fires found": float(self._any_found().mean()), "steps until all found": self._steps_to_end}
 
 
 class ExtinguishingScore:
@@ -318,6 +369,7 @@ class ExtinguishingScore:
         self._model = model
         self._worth = put_out, work, step_cost
         self._steps_to_end = math.nan
+        self._fires = ids_of_fires(model)
         self._fought = np.full(count, -1)
 
     @property
@@ -325,8 +377,13 @@ class ExtinguishingScore:
         """Whether all fires are out."""
         return bool(self._model.fires.out.all())
 
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Forget what removed robots fought: those behind them move up."""
+        self._fought = np.delete(self._fought, rows)
+
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
+        check_fires(self._model, self._fires)
         out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
         extinguishing(fire, out_now, *self._worth, self._fought, out)
         if math.isnan(self._steps_to_end) and self.finished:
@@ -341,6 +398,20 @@ class ExtinguishingScore:
             "largest fire out": float(largest),
             "steps until all out": self._steps_to_end,
         }
+
+
+def ids_of_fires(model: SwarmModel) -> tuple[int, ...]:
+    """Return the unique_id of each fire."""
+    return tuple(fire.unique_id for fire in model.fires)
+
+
+def check_fires(model: SwarmModel, ids: tuple[int, ...]) -> None:
+    """Refuse that fires were added or removed since the episode began: which was found or fought would be another."""
+    if ids_of_fires(model) != ids:
+        raise SwarmError(
+            f"the episode began with {len(ids)} fires, and some were added or removed; expected the same ones: "
+            "extinguish one by its put_out(), or choose another map"
+        )
 
 
 @compiled

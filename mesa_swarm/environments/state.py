@@ -22,7 +22,7 @@ class StateEncoder:
     - for each fire: 1; x and y likewise; its temperature, at most 1; 1 or 0 for: it is out;
     - for each thing that the task has added, such as the nest and the items of `Foraging`: 1; x and y likewise.
 
-    Rows of robots, fires and things that an episode does not have are 0.
+    Rows of robots, fires and things that an episode does not have, and of robots that were removed, are 0.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ class StateEncoder:
         Raises
         ------
         InvalidValueError
-            If the world has more fires than the row has room for.
+            If the world has more fires or things than the row has room for.
         """
-        n, fires = len(world.swarm), len(world.fires)
+        fires = len(world.fires)
         if fires > self.fires:
             raise InvalidValueError(
                 f"map {world.map.name} has {fires} fires; the state has room for {self.fires}: give the task a map "
@@ -62,8 +62,12 @@ class StateEncoder:
         out.fill(0.0)
         out[0] = world.steps / self._task.max_steps
         robots, burning, things = np.split(out[1:], np.cumsum((OF_ROBOT * self.robots, OF_FIRE * self.fires)))
-        self._write_robots(world, robots.reshape(self.robots, OF_ROBOT)[:n])
+        self._write_robots(world, robots.reshape(self.robots, OF_ROBOT))
         places = world.task.things(world)
+        if len(places) > self.things:
+            raise InvalidValueError(
+                f"the world has {len(places)} things; the state has room for {self.things}: add none during an episode"
+            )
         rows = things.reshape(self.things, OF_THING)[: len(places)]
         rows[:, 0], rows[:, 1:] = 1.0, _shares(world, places)
         table, columns = burning.reshape(self.fires, OF_FIRE)[:fires], world.fires.columns
@@ -72,8 +76,10 @@ class StateEncoder:
         table[:, 3] = np.minimum(columns["temperature"][:fires], 1.0)
         table[:, 4] = columns["out"][:fires]
 
-    def _write_robots(self, world: SwarmModel, table: np.ndarray) -> None:
-        columns = world.swarm.columns
+    def _write_robots(self, world: TaskWorld, out: np.ndarray) -> None:
+        """Write each robot's numbers where they were when the episode began."""
+        columns, numbers = world.swarm.columns, world.roster().numbers
+        table = np.empty((len(numbers), OF_ROBOT))
         fastest = columns["max_speed"][:, None]
         table[:, 0] = 1.0
         table[:, 1:3] = _shares(world, columns["position"])
@@ -81,6 +87,7 @@ class StateEncoder:
         table[:, 5:7] = columns["command"][:, :2] / np.where(fastest > 0, fastest, 1.0)
         table[:, 7] = columns["collided"]
         table[:, 8] = np.minimum(columns["temperature"] / self._leave, 1.0)
+        out[numbers] = table
 
 
 def _maps(task: Task) -> list:

@@ -11,9 +11,10 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key
 from mesa_swarm.environments.actions import shares
-from mesa_swarm.environments.scores import MESSAGE, EpisodeTally, within_reach
+from mesa_swarm.environments.roster import Roster
+from mesa_swarm.environments.scores import MESSAGE, EpisodeTally, TeamEncoder, within_reach
 from mesa_swarm.environments.task import Task
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError, check_count, shortened
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed
@@ -63,6 +64,12 @@ class Commanded:
             )
         return self._wheels
 
+    def remove_robots(self, rows: np.ndarray) -> None:
+        """Forget the commands of robots, by their rows, that were removed: those behind them move up."""
+        self._wheels = np.delete(self.wheels, rows, axis=0)
+        self.acts, self.sends = np.delete(self.acts, rows, axis=0), np.delete(self.sends, rows, axis=0)
+        self.count = len(self._wheels)
+
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Copy the commands; this is the uppermost layer."""
         if len(layer) < self.count:
@@ -91,6 +98,10 @@ class TaskWorld(SwarmModel):
     commanded, rules drive all robots, and all of them are rewarded and measured. Its DataCollector collects
     nothing, so that memory does not grow with the steps.
 
+    Robots may be removed from the world, but none be added. All arrays by robot keep a row for each robot with which
+    the episode began: those of removed robots are 0, and what they did counts in the measures. The world is
+    finished when no rewarded robot is left.
+
     Parameters
     ----------
     task : Task
@@ -104,6 +115,8 @@ class TaskWorld(SwarmModel):
     ------
     InvalidValueError
         If robots are to be commanded and driven by `control` at once.
+    SwarmError
+        By the methods: if robots were added; if some were removed and the task's score cannot do without them.
 
     Examples
     --------
@@ -140,7 +153,9 @@ class TaskWorld(SwarmModel):
         self._observer = task.observer()
         self._score = task.score(self, self.rewarded)
         self._tally = EpisodeTally(self.rewarded, self.map.bounds)
+        self._roster = Roster(self.swarm)
         self._begun_at = np.empty((0, 2))
+        self._radius = float(self.swarm.radius.min())
         self.sense()
 
     def _driver(self) -> Arbiter:
@@ -153,8 +168,8 @@ class TaskWorld(SwarmModel):
 
     @property
     def finished(self) -> bool:
-        """Whether the task is done."""
-        return self._score.finished
+        """Whether the task is done, or no rewarded robot left to do it."""
+        return self._score.finished or not self._roster.remaining(self.rewarded)
 
     @property
     def out_of_time(self) -> bool:
@@ -165,14 +180,25 @@ class TaskWorld(SwarmModel):
         """Take a step, and write the rewards (k,) of the robots that are rewarded.
 
         `shares` (k, w) are, of each commanded robot, the wheel speeds as shares of the greatest and the other numbers
-        of the task's actions; None where none is commanded.
+        of the task's actions; None where none is commanded. Robots that were removed before or in the step receive 0.
         """
+        roster = self.roster()
         if not self._tally.steps:
-            self._begun_at = self.swarm.position.copy()
+            self._begun_at = self.swarm.position[: roster.remaining(self.rewarded)].copy()
         if shares is not None and self._commands is not None:
-            self._command(self._commands, shares)
+            there = shares if roster.complete else shares[roster.numbers[: self._commands.count]]
+            self._command(self._commands, there)
         self.step()
+        roster = self.roster()  # without those that were removed in the step
         self._tally.add(self.swarm.columns)
+        own = reward if roster.complete else np.zeros(roster.remaining(self.rewarded))
+        if len(own):
+            self._reward(own)
+        if own is not reward:
+            roster.spread(own, reward)
+
+    def _reward(self, reward: np.ndarray) -> None:
+        """Read the sensors, and write the rewards of the rewarded robots that are there."""
         if self.task.rewards_state:
             self._score.reward(reward)
             self._perceive()
@@ -186,7 +212,7 @@ class TaskWorld(SwarmModel):
 
     def _command(self, commands: Commanded, shares: np.ndarray) -> None:
         """Set wheels, actuators and messages of the commanded robots."""
-        fastest = self.swarm.columns["max_speed"][: self.commanded, None]
+        fastest = self.swarm.columns["max_speed"][: commands.count, None]
         np.multiply(shares[:, :2], fastest, out=commands.wheels)
         if commands.acts.size:
             self.task.set_acts(self, shares, commands.acts)
@@ -200,8 +226,46 @@ class TaskWorld(SwarmModel):
             self._exchange(self._channel)
 
     def observe(self, out: np.ndarray) -> None:
-        """Write the observations of the first robots, as many as `out` (k, width) has rows."""
-        self._observer.observe(self.swarm.columns, out)
+        """Write the observations of the first robots, as many as `out` (k, width) has rows; 0 for removed ones."""
+        roster = self.roster()
+        if roster.complete:
+            self._observer.observe(self.swarm.columns, out)
+            return
+        rows = np.empty((roster.remaining(len(out)), out.shape[1]), out.dtype)
+        self._observer.observe(self.swarm.columns, rows)
+        roster.spread(rows, out)
+
+    def roster(self) -> Roster:
+        """Return which robots are still there, once those that were removed are dropped from all that is kept of them.
+
+        Raises
+        ------
+        SwarmError
+            If robots were added, or if some were removed and the task's score cannot do without them.
+        """
+        if self.swarm.unique_ids is not self._roster.ids:  # which is the same array until robots change
+            gone = self._roster.gone(self.swarm)
+            if len(gone):
+                self._drop(gone)
+        return self._roster
+
+    def _drop(self, gone: np.ndarray) -> None:
+        """Drop robots, by their rows before they were removed, from the commands, the score and the measures."""
+        rewarded = gone[gone < self._roster.remaining(self.rewarded)]
+        score: Any = self._score
+        if len(rewarded) and not hasattr(score, "remove_robots"):
+            raise SwarmError(
+                f"robot {self._roster.numbers[gone[0]]} was removed from the world, and {type(score).__name__} has no "
+                "remove_robots(rows); define it, or let the robots stay"
+            )
+        if self._commands is not None:
+            self._commands.remove_robots(gone[gone < self._commands.count])
+        if len(rewarded):
+            score.remove_robots(rewarded)
+        self._tally.remove_robots(rewarded)
+        if isinstance(self._observer, TeamEncoder):
+            self._observer = self._observer.without(gone)
+        self._roster.drop(gone)
 
     def measures(self) -> dict[str, float]:
         """Return measures of the episode so far, of the robots that are rewarded.
@@ -213,8 +277,9 @@ class TaskWorld(SwarmModel):
             steps; "speed ahead", the mean share of max_speed; "coverage", the visited share of the cells, of 40 x 40,
             that robots can reach from where they begin; then the task's own. NaN stands for what is not known yet.
         """
-        begun_at = self._begun_at if self._tally.steps else self.swarm.position
-        reachable = within_reach(self, begun_at[: self.rewarded])
+        rewarded = self.roster().remaining(self.rewarded)
+        begun_at = self._begun_at if self._tally.steps else self.swarm.position[:rewarded]
+        reachable = within_reach(self, begun_at, self._radius)
         own = getattr(self._score, "measures", dict)
         return {**self._tally.measures(reachable), **own()}
 
@@ -240,7 +305,7 @@ class TaskWorld(SwarmModel):
                 command = shares(self.task.actions, policy(seen), (self.commanded,), numbers=self.task.numbers)
             self.advance(command, reward)
             total += reward
-        return {"reward": float(total.mean()) / max(self._tally.steps, 1), **self.measures()}
+        return {"reward": float(total.mean()) / max(self._tally.mean_steps, 1.0), **self.measures()}
 
 
 def _checked_commanded(task: Task, commanded: int | None, control: Control | None) -> int:

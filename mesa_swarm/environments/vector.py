@@ -14,7 +14,7 @@ from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Conditions, Options, Variation, checked_options
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_count, shortened
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
 from mesa_swarm.geometry.masks import unmasked
 
 if TYPE_CHECKING:  # optional
@@ -23,16 +23,20 @@ if TYPE_CHECKING:  # optional
 LARGEST_SEED = 2**63
 # The stream of what varies from episode to episode, apart from that of the episodes' seeds.
 VARYING = 1
+# When the next episode of a world begins, in Gymnasium's words (the values of its AutoresetMode).
+SAME_STEP, NEXT_STEP, DISABLED = "SameStep", "NextStep", "Disabled"
+AUTORESET_MODES = (SAME_STEP, NEXT_STEP, DISABLED)
 Infos = dict[str, Any]
 
 
 class VectorSwarmEnv:
     """Several worlds of one task, stepped together; needs neither Gymnasium nor PettingZoo.
 
-    A world whose episode ends starts the next one in the same step: its row of the observations is then the first
-    of the new episode, and ``infos["final_obs"]`` holds the last observations of the old one. Where the task's
-    `Variation` draws numbers of robots, the arrays have room for the most of them; rows of robots that an episode does
-    not have are 0, what is done with their actions is nothing, and `present` is False.
+    A world whose episode ends starts the next one in the same step, unless another `autoreset_mode` is chosen: its row
+    of the observations is then the first of the new episode, and ``infos["final_obs"]`` holds the last observations of
+    the old one. Where the task's `Variation` draws numbers of robots, the arrays have room for the most of them; rows
+    of robots that an episode does not have are 0, what is done with their actions is nothing, and `present` is False.
+    So it is with robots that are removed from a world, to which none may be added.
 
     Parameters
     ----------
@@ -44,6 +48,11 @@ class VectorSwarmEnv:
         How many robots of each world are commanded, the first ones; all by default. The task's rules drive the others.
     clip : bool
         Whether wheel speeds beyond -1 and 1 are clipped instead of refused.
+    autoreset_mode : str or gymnasium.vector.AutoresetMode
+        "SameStep"; "NextStep": the step in which an episode ends returns its last observations, and the next step, in
+        which the actions for that world do nothing, the first ones of the new episode, with rewards of 0; "Disabled":
+        as far as the end the same, and then `reset` has to begin the next episode by its `mask`. The episodes
+        themselves are the same in all modes.
 
     Attributes
     ----------
@@ -53,6 +62,8 @@ class VectorSwarmEnv:
         Map, number of robots, speed and imperfection of the current episodes.
     present : bool ndarray, shape (worlds, robots), read-only
         Which commanded robots the current episodes have.
+    begun : bool ndarray, shape (worlds,)
+        Which worlds have begun an episode in the last `reset` or step.
     observed : bool ndarray, shape (robots, width), read-only
         Which numbers the robots observe; of teams of several designs, the rows of others than the widest end in 0.
 
@@ -66,11 +77,21 @@ class VectorSwarmEnv:
     ((3, 5, 9), (3, 5), (3,), (3, 46))
     """
 
-    def __init__(self, task: Task, *, n_worlds: int, commanded: int | None = None, clip: bool = False) -> None:
+    def __init__(
+        self,
+        task: Task,
+        *,
+        n_worlds: int,
+        commanded: int | None = None,
+        clip: bool = False,
+        autoreset_mode: Any = SAME_STEP,
+    ) -> None:
         if not isinstance(task, Task):
             raise InvalidValueError(f"task is {shortened(task)}; expected a task such as CollisionAvoidance()")
         self.task = task
         self.n_worlds = check_count("n_worlds", n_worlds, minimum=1)
+        mode = getattr(autoreset_mode, "value", autoreset_mode)
+        self.autoreset_mode = check_choice("autoreset_mode", mode, AUTORESET_MODES)
         most = task.most_robots
         self.commanded = check_count("commanded", most if commanded is None else commanded, minimum=1, maximum=most)
         observer = task.observer()
@@ -81,6 +102,8 @@ class VectorSwarmEnv:
         self.worlds: list[TaskWorld] = []
         self.conditions: list[Conditions] = []
         self.present = np.zeros((self.n_worlds, self.commanded), bool)
+        self.begun = np.zeros(self.n_worlds, bool)
+        self._over = np.zeros(self.n_worlds, bool)
         self._returns = np.zeros((self.n_worlds, self.commanded))
         self._clip = checked_clip(task.actions, clip)
         self._states: StateEncoder | None = None
@@ -88,7 +111,11 @@ class VectorSwarmEnv:
         self._generators = [np.random.default_rng() for _ in range(self.n_worlds)]
 
     def reset(
-        self, *, seed: int | Sequence[int] | None = None, options: Options | Sequence[Options] | None = None
+        self,
+        *,
+        seed: int | Sequence[int] | None = None,
+        options: Options | Sequence[Options] | None = None,
+        mask: ArrayLike | None = None,
     ) -> np.ndarray:
         """Start an episode in every world and return the observations (worlds, robots, width), float32.
 
@@ -101,14 +128,17 @@ class VectorSwarmEnv:
         options : dict or sequence of dict, optional
             Of the episodes that begin now, in all worlds or in each: "map", "n_robots", "speed" and "imperfection"
             are what they are given to be instead of drawn.
+        mask : bool array_like, shape (worlds,), optional
+            Which worlds start an episode: all by default. Seeds and options of the others change nothing.
         """
-        given = self._options(options)
+        given, begun = self._options(options), self._mask(mask)
         if seed is not None:
-            self._generators = generators(seed, self.n_worlds)
-        made = [self._new_world(w, given[w]) for w in range(self.n_worlds)]
-        self.worlds, self.conditions = [world for world, _ in made], [drawn for _, drawn in made]
-        self._returns[:] = 0.0
-        self._note_present()
+            seeded = generators(seed, self.n_worlds)
+            self._generators = [seeded[w] if begun[w] else old for w, old in enumerate(self._generators)]
+        made = {w: self._new_world(w, given[w]) for w in np.flatnonzero(begun).tolist()}
+        self.worlds = [made[w][0] if w in made else self.worlds[w] for w in range(self.n_worlds)]
+        self.conditions = [made[w][1] if w in made else self.conditions[w] for w in range(self.n_worlds)]
+        self._note_begun(begun)
         return self._observations()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Infos]:
@@ -129,34 +159,58 @@ class VectorSwarmEnv:
             "collided" (worlds, robots): which overlapped anything in this step; "present": which there were. If an
             episode has ended: "final_obs" (worlds, robots, width); "_final_obs" (worlds,): which have ended; and of
             these, 0 for others, "returns" (worlds, robots), the sums of rewards, and "measures", a dict of arrays
-            (worlds,): steps, collisions and what else the task measures; infinity for what has not happened.
+            (worlds,): steps, collisions and what else the task measures; infinity for what has not happened. The
+            final observations are there only where `observations` are those of a new episode. If robots were removed:
+            "removed" (worlds, robots), which were in this step or before it.
+
+        Raises
+        ------
+        InvalidValueError
+            If an action is wrong.
+        SwarmError
+            If a world has no episode, or robots were added to it.
         """
-        if not self.worlds:
-            raise SwarmError("the environment has no episode yet; call reset() before step()")
+        self._check_running()
         commands = shares(self.task.actions, actions, (self.n_worlds, self.commanded), self._clip, self.task.numbers)
         reward = np.zeros((self.n_worlds, self.commanded))
         collided = np.zeros((self.n_worlds, self.commanded), bool)
         observations = np.zeros((self.n_worlds, self.commanded, self.width), np.float32)
+        begun, present = self._over.copy(), self.present
+        for w in np.flatnonzero(begun).tolist():
+            self._renew(w, observations[w])
         # All that is of one world at once, while its arrays are in the processor's cache.
-        for world, command, row, hit, seen in zip(self.worlds, commands, reward, collided, observations, strict=True):
-            k = world.commanded
-            if k < self.commanded:
-                command, row, hit, seen = command[:k], row[:k], hit[:k], seen[:k]  # noqa: PLW2901 - of those present
-            world.advance(command, row)
-            hit[:] = world.swarm.columns["collided"][:k]
-            world.observe(seen)
+        for w, world in enumerate(self.worlds):
+            if not begun[w]:
+                k = world.commanded
+                world.advance(commands[w, :k], reward[w, :k])
+                world.observe(observations[w, :k])
+                world.roster().spread(world.swarm.columns["collided"], collided[w, :k])
+        self._note_begun(begun)
         self._returns += reward
-        terminated = np.array([world.finished for world in self.worlds])
-        truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated
-        infos = {"collided": collided, "present": self.present}
+        terminated = np.array([world.finished for world in self.worlds]) & ~begun
+        truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated & ~begun
+        infos: Infos = {"collided": collided, **self._removed(present & ~begun[:, None])}
         if terminated.any() or truncated.any():
-            infos |= self._renew(terminated | truncated, observations)
+            infos |= self._end(terminated | truncated, observations)
+        infos["present"] = self.present
         return observations, reward, terminated, truncated, infos
+
+    def _check_running(self) -> None:
+        """Refuse a step of worlds without an episode."""
+        if not self.worlds:
+            raise SwarmError("the environment has no episode yet; call reset() before step()")
+        if self.autoreset_mode == DISABLED and self._over.any():
+            raise SwarmError(
+                f"the episode of world {self._over.argmax()} is over; before step() call reset(mask=...), with "
+                'Gymnasium reset(options={"reset_mask": ...}), of the worlds whose episodes are over'
+            )
+        for world in self.worlds:
+            world.roster()  # refuses robots that were added, before any world advances
 
     def state(self) -> np.ndarray:
         """Return the states of all worlds for a central critic, float32, shape (worlds, numbers); see `StateEncoder`.
 
-        A world whose episode has just ended has the state of the new one.
+        A world whose episode has just ended has the state of the new one if that has begun.
         """
         if not self.worlds:
             raise SwarmError("the environment has no episode yet; call reset() before state()")
@@ -176,34 +230,55 @@ class VectorSwarmEnv:
             self._space = state_space(self.task)
         return self._space
 
-    def _renew(self, ended: np.ndarray, observations: np.ndarray) -> Infos:
-        """Start the next episode where one has ended; write its first observations and return what the last was."""
-        rows = np.flatnonzero(ended).tolist()
-        found = {w: measures(self.worlds[w]) for w in rows}
-        table = {name: np.zeros(self.n_worlds) for name in found[rows[0]]}
-        for w, values in found.items():
+    def _end(self, ended: np.ndarray, observations: np.ndarray) -> Infos:
+        """Return what the episodes were that have ended, and start the next ones if that is due in this step."""
+        of_worlds = {w: measures(self.worlds[w]) for w in np.flatnonzero(ended).tolist()}
+        table = {name: np.zeros(self.n_worlds) for name in next(iter(of_worlds.values()))}
+        for w, values in of_worlds.items():
             for name, value in values.items():
                 table[name][w] = value
-        infos = {
-            "final_obs": observations.copy(),
-            "_final_obs": ended,
-            "returns": np.where(ended[:, None], self._returns, 0.0),
-            "measures": table,
-        }
-        self._returns[ended] = 0.0
-        for w in rows:
-            self.worlds[w], self.conditions[w] = self._new_world(w, None)
-            self._observe(w, observations[w])
-        self._note_present()
+        infos: Infos = {"returns": np.where(ended[:, None], self._returns, 0.0), "measures": table}
+        if self.autoreset_mode != SAME_STEP:
+            self._over = ended
+            return infos
+        infos = {"final_obs": observations.copy(), "_final_obs": ended, **infos}
+        for w in of_worlds:
+            self._renew(w, observations[w])
+        self._note_begun(ended)
         return infos
+
+    def _renew(self, w: int, rows: np.ndarray) -> None:
+        """Start the next episode of a world and write its first observations."""
+        self.worlds[w], self.conditions[w] = self._new_world(w, None)
+        k = self.worlds[w].commanded
+        rows[k:] = 0.0
+        self.worlds[w].observe(rows[:k])
 
     def _new_world(self, w: int, options: Options | None) -> tuple[TaskWorld, Conditions]:
         return new_world(self.task, self.commanded, self._generators[w], options)
 
+    def _note_begun(self, begun: np.ndarray) -> None:
+        """Note which worlds have begun an episode, and which robots these have."""
+        self.begun = begun
+        if begun.any():
+            self._over = self._over & ~begun
+            self._returns[begun] = 0.0
+            self._note_present()
+
     def _note_present(self) -> None:
-        counts = np.array([world.commanded for world in self.worlds])
-        self.present = np.arange(self.commanded) < counts[:, None]
-        self.present.flags.writeable = False
+        present = np.zeros((self.n_worlds, self.commanded), bool)
+        for world, row in zip(self.worlds, present, strict=True):
+            row[: world.commanded] = world.roster().present(world.commanded)
+        present.flags.writeable = False
+        self.present = present
+
+    def _removed(self, before: np.ndarray) -> Infos:
+        """Return which robots of those before have been removed, if any."""
+        if all(world.roster().complete for world in self.worlds):
+            return {}
+        self._note_present()
+        removed = before & ~self.present
+        return {"removed": removed} if removed.any() else {}
 
     def _observations(self) -> np.ndarray:
         observations = np.zeros((self.n_worlds, self.commanded, self.width), np.float32)
@@ -211,10 +286,19 @@ class VectorSwarmEnv:
             self.worlds[w].observe(rows[: self.worlds[w].commanded])
         return observations
 
-    def _observe(self, w: int, rows: np.ndarray) -> None:
-        k = self.worlds[w].commanded
-        rows[k:] = 0.0
-        self.worlds[w].observe(rows[:k])
+    def _mask(self, mask: ArrayLike | None) -> np.ndarray:
+        """Return which worlds are to start an episode."""
+        if mask is None:
+            return np.ones(self.n_worlds, bool)
+        begun = np.array(mask)
+        if begun.dtype != bool or begun.shape != (self.n_worlds,) or not begun.any():
+            raise InvalidValueError(
+                f"mask is {shortened(mask)}; expected True or False for each of the {self.n_worlds} worlds, at least "
+                "one of them True"
+            )
+        if not self.worlds and not begun.all():
+            raise SwarmError("the environment has no episode yet; call reset() of all worlds first")
+        return begun
 
     def _options(self, options: Options | Sequence[Options] | None) -> list[Options | None]:
         if options is None or isinstance(options, Mapping):

@@ -223,7 +223,7 @@ class QLearning(Learner):
     critical : float
         Reading, as a share of the range, below which the reward depends on nearness only; above 0, at most 1. The
         thesis's d_crit of 0.4 has no unit. The default is 0.4 of a robot's diameter of 10 with a range of 50, chosen
-        because collisions then fall with T as in the thesis's curves: see the page on readings.
+        because collisions then fall with T, as the thesis states: see the page on readings.
     reward_of : str
         "state", as in the thesis: the reward is r(s, a), of the readings with which the action was chosen; or
         "next state": r(s', a), of the readings that follow it.

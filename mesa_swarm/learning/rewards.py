@@ -36,7 +36,7 @@ def reward(kind: str, nearest: float, left: float, right: float, critical: float
         Wheel commands as shares of max_speed, -1 to 1.
     critical : float
         d, a share of the range, above 0, at most 1. The thesis's 0.4 has no unit; the default, 0.4 of a robot's
-        diameter of 10 with a range of 50, was chosen because collisions then fall with T as in the thesis's curves.
+        diameter of 10 with a range of 50, was chosen because collisions then fall with T, as the thesis states.
 
     Returns
     -------

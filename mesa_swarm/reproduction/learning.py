@@ -78,12 +78,6 @@ LEARNING = (
 FALL = 0.25
 # Controls: T stays what it is at first, or in the end.
 HOT, COOL = ({"first_temperature": heat, "last_temperature": heat} for heat in (1.0, 0.2))
-# Collisions of 15 robots per robot and 1,000 steps in the thesis's curve, as we read it: at first, and in the end.
-LEVELS = (20.0, 30.0), (3.0, 6.0)
-LEVELS_READ = (
-    "The levels of the curve come out where the state after the action is rewarded, r(s', a), not with r(s, a), as the "
-    "thesis writes its equations, by which collisions are about twice as many (see the page on readings).",
-)
 ROUNDING = 1e-9
 
 
@@ -227,32 +221,15 @@ def judged_controls(rows: list[dict], hot: list[dict], cool: list[dict]) -> tupl
     )
 
 
-def judged_levels(rows: list[dict]) -> tuple[Check, ...]:
-    """Judge whether rates of collisions of 15 robots are those of the thesis's curve."""
-    names = ("first 1,000 steps", "early"), ("last 3,000 steps", "late")
-    return tuple(
-        judged_mean(
-            f"collisions per robot and 1,000 steps, {when}",
-            f"{low:g} to {high:g} in the curve, as we read it",
-            column(rows, name),
-            low=low,
-            high=high,
-            main=False,
-        )
-        for (when, name), (low, high) in zip(names, LEVELS, strict=True)
-    )
-
-
 def frequency(laboratory: Laboratory, robots: int, beta: float) -> Result:
     """Make one of figures 8.2 to 8.4: how often robots collide, with T."""
     rows = runs_of(laboratory, robots, beta)
     hot, cool = (runs_of(laboratory, robots, beta, reading={**READING, **control}) for control in (HOT, COOL))
-    read = robots > 1 and beta == SLOW
     return Result(
-        checks=(*judged_frequency(rows), *judged_controls(rows, hot, cool), *(judged_levels(rows) if read else ())),
+        checks=(*judged_frequency(rows), *judged_controls(rows, hot, cool)),
         pictures={"": frequency_figure(rows, robots, beta, laboratory.pick(STEPS, 3_300))},
         settings=f"{LEARNING}; {quantity(robots, 'robot')}, beta {beta:g}",
-        remarks=(below_share(rows), *(LEVELS_READ if read else ())),
+        remarks=(below_share(rows),),
     )
 
 

@@ -1,6 +1,5 @@
 """How much the verdicts of figures 8.2 to 8.5 depend on how the thesis is read."""
 
-from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Any
@@ -17,10 +16,8 @@ from mesa_swarm.reproduction.judging import PASSED, Check, Result, judged_differ
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.learning import (
     FAST,
-    LEVELS,
     SLOW,
     judged_frequency,
-    judged_levels,
     judged_totals,
     runs_of,
 )
@@ -154,22 +151,7 @@ def frequency(laboratory: Laboratory, robots: int, figure: str) -> Result:
     """Repeat the runs of figure 8.2 or 8.3, T falling slowly, with every way to read the thesis."""
     rows = runs_by_reading(laboratory, robots, SLOW)
     claims = {reading: judged_frequency(each) for reading, each in rows.items()}
-    made = result(rows, {figure: claims}, f"{quantity(robots, 'robot')}, beta {SLOW:g}")
-    return made if robots == 1 else replace(made, remarks=(*made.remarks, levels(rows)))
-
-
-def levels(rows: Rows) -> str:
-    """Return with which readings rates of collisions are those of the thesis's curve."""
-    (early, most), (late, last) = LEVELS
-    held = [
-        name_of(reading)
-        for reading, each in rows.items()
-        if {check.outcome for check in judged_levels(each)} == {PASSED}
-    ]
-    return (
-        f"The levels of the thesis's curve, as we read it, {early:g} to {most:g} collisions at first and {late:g} to "
-        f"{last:g} in the end, come out with {len(held)} of {len(rows)} readings: {'; '.join(held) or 'none'}."
-    )
+    return result(rows, {figure: claims}, f"{quantity(robots, 'robot')}, beta {SLOW:g}")
 
 
 def fast(laboratory: Laboratory) -> Result:

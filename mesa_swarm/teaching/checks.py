@@ -1,17 +1,18 @@
 """Exercises that check themselves over several seeds, and what they require.
 
-A hint may have several stages, the first of which reveals least: the first failed check of an exercise shows the first
-one, the next check the second. An exercise that passes begins anew.
+A hint may have several stages, the first of which reveals least: the first answer that does not pass shows the first
+one, the next answer the second. An answer that could not be judged, such as one with a misspelt name, uses none up. An
+exercise that passes begins anew. Errors of the check itself are not shown as the learner's.
 """
 
-import linecache
+import inspect
 import math
 import re
-import traceback
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from pathlib import Path
+from functools import partial
+from importlib.metadata import version
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,33 +20,23 @@ import numpy as np
 from mesa_swarm.control.arbiter import Subsumption
 from mesa_swarm.control.behaviour import Behaviour, behaviour
 from mesa_swarm.control.explore import Explore
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.errors import InvalidValueError, SwarmError, shortened, unknown_name
 from mesa_swarm.moved import moved_name
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.swarm_model import SwarmModel
-
-PACKAGE = str(Path(__file__).parent.parent)
-LIBRARIES = ("site-packages", "dist-packages", "<frozen")
-
-
-def in_words(error: BaseException) -> str:
-    """Return an error as one sentence, with the line of the learner's own code at which it happened."""
-    message = " ".join(str(error).split())
-    if isinstance(error, SwarmError):
-        return message
-    line = own_line(error)
-    where = f", at the line: {line}" if line else ""
-    return f"it stopped with {type(error).__name__}: {message or 'no details'}{where}"
-
-
-def own_line(error: BaseException) -> str:
-    """Return the last line of the learner's own code in the traceback, or ""."""
-    for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        foreign = frame.filename.startswith(PACKAGE) or any(part in frame.filename for part in LIBRARIES)
-        line = (frame.line or linecache.getline(frame.filename, frame.lineno or 0)).strip()
-        if line and not foreign:
-            return line
-    return ""
+from mesa_swarm.teaching.faults import Authors, CheckError, also_without, part_of_check, report
+from mesa_swarm.teaching.hints import forget, next_stage, stages_of
+from mesa_swarm.teaching.verdicts import (
+    CHECK_FAILED,
+    JUDGED,
+    NOT_JUDGED,
+    Criterion,
+    Verdict,
+    rounding,
+    seeds_in_words,
+    shown,
+    verdict_on,
+)
 
 
 def is_missing(answer: object) -> bool:
@@ -53,163 +44,42 @@ def is_missing(answer: object) -> bool:
     return answer is None or answer is ...
 
 
-@dataclass(frozen=True, slots=True)
-class Criterion:
-    """A criterion for one number of every run.
-
-    Parameters
-    ----------
-    what : str
-        Name of the number: of a model's `results`, of an attribute of it, or of an entry of a mapping. With
-        `measure` it is only a label.
-    at_least, at_most : float
-        Limits, both included; at least one of them is given.
-    measure : callable, optional
-        Takes what a run gave, such as the model, and returns the number.
-    misses : int
-        The number of seeds on which it may fail, at least 0.
-
-    Raises
-    ------
-    InvalidValueError
-        If no limit is given.
-
-    Examples
-    --------
-    >>> print(Criterion("fires out", at_least=7))
-    fires out: required >= 7
-    >>> Criterion("fires out", at_least=7).is_met(6)
-    False
-    """
-
-    what: str
-    _: KW_ONLY
-    at_least: float = -math.inf
-    at_most: float = math.inf
-    measure: Callable[[Any], float] | None = None
-    misses: int = 0
-
-    def __post_init__(self) -> None:
-        check_count("misses", self.misses)
-        if self.at_least == -math.inf and self.at_most == math.inf:
-            raise InvalidValueError(f"{self.what!r} has no limit; give at_least, at_most or both")
-
-    def __str__(self) -> str:
-        low = f">= {self.at_least:,g}" if self.at_least > -math.inf else ""
-        high = f"<= {self.at_most:,g}" if self.at_most < math.inf else ""
-        return f"{self.what}: required {' and '.join(part for part in (low, high) if part)}"
-
-    def is_met(self, number: float | None) -> bool:
-        """Return whether a number is within the limits, but for rounding; None is not."""
-        if number is None:
-            return False
-        return self.at_least - _rounding(self.at_least) <= number <= self.at_most + _rounding(self.at_most)
-
-    def number_of(self, outcome: Any) -> float | None:
-        """Return the number that a run gave."""
-        if self.measure is not None:
-            return self.measure(outcome)
-        results = outcome if isinstance(outcome, Mapping) else getattr(outcome, "results", dict)()
-        if self.what in results:
-            return results[self.what]
-        if not isinstance(outcome, Mapping) and hasattr(outcome, self.what):
-            return getattr(outcome, self.what)
-        raise UnknownNameError(unknown_name("result", self.what, results))
-
-
-def _rounding(limit: float) -> float:
-    """Return by how much a number may miss a limit that it meets on paper."""
-    return ROUNDING * max(1.0, abs(limit)) if math.isfinite(limit) else 0.0
-
-
-ROUNDING = 1e-6
-PASSED = "All criteria met."
-NOT_YET = "Not yet."
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class Verdict:
-    """Whether an answer passes, and why: one line of text or more."""
-
-    passed: bool
-    text: str
-    hint: str = ""
-
-    def __repr__(self) -> str:
-        if self.passed:
-            return f"{PASSED}\n{self.text}"
-        text = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
-        return f"{text}\nHint: {self.hint}{'' if self.hint.endswith(('.', '?')) else '.'}" if self.hint else text
-
-    __str__ = __repr__
-
-    def _sentence(self) -> str:
-        return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
-
-
-# How often in a row each exercise was not passed, by its hints.
-_failures: Counter[tuple[str, ...]] = Counter()
-
-
-def _hinted(verdict: Verdict, hint: str | Sequence[str]) -> Verdict:
+def _hinted(verdict: Verdict, hint: str | Sequence[str], answer: object) -> Verdict:
     """Return a verdict with the next stage of its exercise's hint, if it did not pass."""
-    stages = (hint,) if isinstance(hint, str) else tuple(hint)
-    if verdict.passed or not any(stages):
-        _failures.pop(stages, None)
+    if verdict.passed:
+        forget(stages_of(hint))
+    if verdict.passed or verdict.status == CHECK_FAILED:
         return verdict
-    stage = min(_failures[stages], len(stages) - 1)
-    _failures[stages] += 1
-    number = f"({stage + 1} of {len(stages)}) " if len(stages) > 1 else ""
-    return replace(verdict, hint=number + stages[stage])
+    return replace(verdict, hint=next_stage(hint, answer, judged=verdict.status == JUDGED))
+
+
+def _not_judged(text: str) -> Verdict:
+    return Verdict(False, text, status=NOT_JUDGED)
+
+
+def _broken(error: CheckError) -> Verdict:
+    """Return that the check has failed, and what to send to the teacher."""
+    return Verdict(False, report(error, version("mesa-swarm")), status=CHECK_FAILED)
 
 
 def _refused(answer: object, expected: str) -> Verdict:
-    return Verdict(False, f"your answer is {shortened(answer)}; expected {expected}")
+    return _not_judged(f"your answer is {shortened(answer)}; expected {expected}")
 
 
 def _refusal(answer: object, expects: str, accepts: Callable[[Any], bool] | None) -> Verdict | None:
     """Return why an answer cannot be checked, if it cannot."""
     if is_missing(answer):
-        return Verdict(False, NO_ANSWER)
+        return _not_judged(NO_ANSWER)
     if accepts is None:
         return None
     try:
-        accepted = bool(accepts(answer))
+        with part_of_check(Authors(answer, (accepts,)), uses_answer=True):
+            accepted = bool(accepts(answer))
+    except CheckError as error:
+        return _broken(error)
     except Exception:  # an answer of any type may be given
         accepted = False
     return None if accepted else _refused(answer, expects)
-
-
-def verdict_on(
-    criteria: Sequence[Criterion], numbers: Sequence[Sequence[float | None]], seeds: Sequence[int]
-) -> Verdict:
-    """Return the verdict on measured numbers, a row a criterion."""
-    rows = list(zip(criteria, numbers, strict=True))
-    passed = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
-    return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows))
-
-
-def _line(criterion: Criterion, row: Sequence[float | None], seeds: Sequence[int]) -> str:
-    met, runs = sum(map(criterion.is_met, row)), len(row)
-    measured = ", ".join(map(shown, row))
-    enough = f" ({runs - criterion.misses} required)" if criterion.misses else ""
-    return f"  {criterion}; measured {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
-
-
-def shown(number: float | None) -> str:
-    """Return a number for a reader, "undefined" for None and NaN."""
-    if number is None or math.isnan(number):
-        return "undefined"
-    return f"{float(number):,.4g}" if abs(number) < 1000 else f"{number:,.0f}"
-
-
-def seeds_in_words(seeds: Sequence[int]) -> str:
-    """Return which seeds these are."""
-    first, last, count = seeds[0], seeds[-1], len(seeds)
-    if count > 2 and list(seeds) == list(range(first, last + 1)):
-        return f"seeds {first} to {last}"
-    names = ", ".join(map(str, seeds[:-1]))
-    return f"seeds {names} and {last}" if count > 1 else f"seed {first}"
 
 
 # Other seeds than the notebooks show: an answer is tested on seeds that it was not made for.
@@ -257,29 +127,86 @@ def check_model(
     All criteria met.
       seed: required <= 4; measured 3, 4 with seeds 3 and 4; 2 of 2 seeds pass
     """
-    return _hinted(_model_verdict(make, criteria, (answer, expects, accepts), steps, seeds), hint)
+    refusal = _refusal(make, "a function that takes a seed", callable) or _refusal(answer, expects, accepts)
+    is_answer = answer is GIVEN
+    checked = make if is_answer else answer
+    trial = _Trial(make, criteria, checked, () if is_answer else (make,), steps=steps, makes_outcome=is_answer)
+    return _hinted(refusal or _model_verdict(trial, seeds), hint, checked)
 
 
-def _model_verdict(
-    make: Callable[[int], Any], criteria: Sequence[Criterion], given: tuple, steps: int, seeds: Sequence[int]
-) -> Verdict:
-    refusal = _refusal(make, "a function that takes a seed", callable) or _refusal(*given)
-    if refusal is not None:
-        return refusal
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """How an answer becomes numbers.
+
+    `make` takes a seed and returns the outcome, which the answer itself has made where `makes_outcome`; `parts` are the
+    functions of the check besides the measures. `without` does the same for some steps without the answer: what fails
+    there too is not the answer's fault. Where it is `decisive`, everything else is.
+    """
+
+    make: Callable[[int], Any]
+    criteria: Sequence[Criterion]
+    answer: Any
+    parts: tuple[Any, ...] = ()
+    _: KW_ONLY
+    steps: int = 0
+    makes_outcome: bool = False
+    without: Callable[[int, int], Any] | None = None
+    decisive: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.criteria:
+            raise InvalidValueError("a check without a criterion passes every answer; give it one or more")
+
+    @property
+    def authors(self) -> Authors:
+        """Who wrote what."""
+        return Authors(self.answer, (*self.parts, *(criterion.measure for criterion in self.criteria)))
+
+    def numbers(self, seed: int) -> list[float | None]:
+        """Return the number of each criterion with a seed."""
+        steps = 0
+        try:
+            with part_of_check(self.authors, seed, uses_answer=True):
+                outcome = self.make(seed)
+                steps = 0 if isinstance(outcome, Mapping) or is_missing(outcome) else self.steps
+                if steps:
+                    _run(outcome, steps)
+        except CheckError:
+            raise
+        except Exception:
+            if self.without is not None:
+                also_without(partial(self.without, seed, steps), seed)
+            raise
+        with part_of_check(self.authors, seed, uses_answer=self.makes_outcome):
+            if is_missing(outcome):
+                raise ValueError(f"it returned {outcome}; return what you made")
+            return [_number(criterion, outcome) for criterion in self.criteria]
+
+
+def _number(criterion: Criterion, outcome: Any) -> float | None:
+    number = criterion.number_of(outcome)
+    if number is None or isinstance(number, (Real, np.bool_)) or (isinstance(number, np.ndarray) and not number.ndim):
+        return number
+    raise InvalidValueError(f"{criterion.what} is {shortened(number)}; expected a number, or None for undefined")
+
+
+def _model_verdict(trial: _Trial, seeds: Sequence[int]) -> Verdict:
     try:
-        rows = [_numbers(make, criteria, steps, seed) for seed in seeds]
+        rows = [trial.numbers(seed) for seed in checked_seeds(seeds)]
+    except CheckError as error:
+        return _broken(error)
     except Exception as error:  # every error of a learner becomes a sentence
-        return Verdict(False, in_words(error))
-    return verdict_on(criteria, list(zip(*rows, strict=True)), seeds)
+        # Errors of rules are raised from within the model, whose code is that of the check.
+        of_rule = trial.without is not None and isinstance(error, SwarmError)
+        return _not_judged(trial.authors.in_words(error, surely=trial.decisive or of_rule))
+    return verdict_on(trial.criteria, list(zip(*rows, strict=True)), seeds)
 
 
-def _numbers(make: Callable[[int], Any], criteria: Sequence[Criterion], steps: int, seed: int) -> list[float | None]:
-    outcome = make(seed)
-    if is_missing(outcome):
-        raise ValueError(f"it returned {outcome}; return what you made")
-    if not isinstance(outcome, Mapping):
-        _run(outcome, steps)
-    return [criterion.number_of(outcome) for criterion in criteria]
+def checked_seeds(seeds: Sequence[int]) -> Sequence[int]:
+    """Return the seeds of a check, of which there is at least one."""
+    if not len(seeds):
+        raise CheckError from InvalidValueError("seeds is empty; expected at least one")
+    return seeds
 
 
 def _run(model: Any, steps: int) -> None:
@@ -293,7 +220,8 @@ def _run(model: Any, steps: int) -> None:
             number = int(named[1])
             return f"robot {ids.index(number) + 1} of {len(ids)}" if number in ids else named[0]
 
-        raise SwarmError(re.sub(r"\brobot (\d+)\b", place, str(error))) from error
+        text = re.sub(r"\brobot (\d+)\b", place, str(error))
+        raise SwarmError(text).with_traceback(error.__traceback__) from error
 
 
 def check_rule(
@@ -330,14 +258,23 @@ def check_rule(
     >>> print(check_rule(..., Criterion("total_collisions", at_most=0), world=world))
     Not yet. There is no answer yet; put yours where the dots are.
     """
+    others = (*above, *below)
 
     def make(seed: int) -> SwarmModel:
-        model = world(seed)
+        with part_of_check(Authors(rule, (world,)), seed):
+            model = world(seed)
+            Subsumption(*others)
         model.control = Subsumption(*above, _layer(rule), *below)
         return model
 
-    given = rule, "a function of me with @behaviour, or a layer such as Avoid()", _is_rule
-    return _hinted(_model_verdict(make, criteria, given, steps, seeds), hint)
+    def without(seed: int, steps: int) -> None:
+        model = world(seed)
+        model.control = Subsumption(*others)
+        model.run(steps)
+
+    refusal = _refusal(rule, "a function of me with @behaviour, or a layer such as Avoid()", _is_rule)
+    trial = _Trial(make, criteria, rule, (world, *others), steps=steps, without=without)
+    return _hinted(refusal or _model_verdict(trial, seeds), hint, rule)
 
 
 def _is_rule(rule: Any) -> bool:
@@ -379,19 +316,37 @@ def check_settings(
     Not yet. Unknown parameter 'memry'; did you mean 'memory'? known: memory.
     """
     known = [name for name in parameters_of(model) if not only or name in only]
-    verdict = _settings_refusal(settings, known) or _model_verdict(
-        lambda rng: model(**settings, rng=rng), criteria, (GIVEN, "", None), steps, seeds
-    )
-    return _hinted(verdict, hint)
+
+    def make(seed: int) -> Any:
+        return model(**settings, rng=seed)
+
+    def without(seed: int, steps: int) -> None:
+        outcome = model(rng=seed)
+        if not isinstance(outcome, Mapping):
+            outcome.run(steps)
+
+    has_defaults = _has_defaults(model)
+    defaults = without if has_defaults else None
+    trial = _Trial(make, criteria, settings, (model,), steps=steps, without=defaults, decisive=has_defaults)
+    return _hinted(_settings_refusal(settings, known) or _model_verdict(trial, seeds), hint, settings)
+
+
+def _has_defaults(model: Callable[..., Any]) -> bool:
+    """Return whether a model can be made without settings."""
+    try:
+        inspect.signature(model).bind(rng=0)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _settings_refusal(settings: Any, known: Sequence[str]) -> Verdict | None:
     if is_missing(settings) or (isinstance(settings, Mapping) and any(map(is_missing, settings.values()))):
-        return Verdict(False, NO_ANSWER)
+        return _not_judged(NO_ANSWER)
     if not isinstance(settings, Mapping):
         return _refused(settings, f"settings by name, such as dict({known[0]}=...)")
     unknown = [name for name in settings if name not in known]
-    return Verdict(False, unknown_name("parameter", unknown[0], known)) if unknown else None
+    return _not_judged(unknown_name("parameter", unknown[0], known)) if unknown else None
 
 
 def check_estimate(
@@ -423,7 +378,7 @@ def check_estimate(
     Not yet. You expected 3 for it; the mean of seeds 1 and 2 is 1.5 (1 to 2); required: within 1.
     """
     verdict = _refusal(guess, "a number", _is_number) or _estimate_verdict(float(guess), run, within, what, seeds)
-    return _hinted(verdict, hint)
+    return _hinted(verdict, hint, guess)
 
 
 def _is_number(guess: Any) -> bool:
@@ -433,12 +388,19 @@ def _is_number(guess: Any) -> bool:
 def _estimate_verdict(
     expected: float, run: Callable[[int], float], within: float, what: str, seeds: Sequence[int]
 ) -> Verdict:
-    measured = np.array([run(seed) for seed in seeds], dtype=float)
+    numbers = []
+    try:
+        for seed in checked_seeds(seeds):
+            with part_of_check(Authors(expected, (run,)), seed):
+                numbers.append(float(run(seed)))
+    except CheckError as error:
+        return _broken(error)
+    measured = np.array(numbers)
     text = (
         f"you expected {shown(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {shown(measured.mean())} "
         f"({shown(measured.min())} to {shown(measured.max())}); required: within {within:g}"
     )
-    near = bool(abs(expected - measured.mean()) <= within + _rounding(within))
+    near = bool(abs(expected - measured.mean()) <= within + rounding(within))
     return Verdict(near, f"  {text}" if near else text)
 
 
@@ -475,27 +437,43 @@ def check_function(
     Not yet. It returned 9 where 6 was expected, with seed 3.
     """
     refusal = _refusal(function, "a function", callable) or _refusal(answer, expects, accepts)
-    return _hinted(refusal or _function_verdict(function, twin, inputs, tolerance, seeds), hint)
+    authors = Authors(function, (twin, inputs)) if answer is GIVEN else Authors(answer, (function, twin, inputs))
+    verdict = refusal or _function_verdict(_Twins(function, twin, inputs, tolerance), authors, seeds)
+    return _hinted(verdict, hint, function if answer is GIVEN else answer)
 
 
-def _function_verdict(
-    function: Callable[..., Any],
-    twin: Callable[..., Any],
-    inputs: Callable[[int], tuple],
-    tolerance: float,
-    seeds: Sequence[int],
-) -> Verdict:
-    for seed in seeds:
-        expected = twin(*inputs(seed))
+@dataclass(frozen=True, slots=True)
+class _Twins:
+    """A function to be checked, the correct one, what makes their arguments, and by which numbers may differ."""
+
+    function: Callable[..., Any]
+    twin: Callable[..., Any]
+    inputs: Callable[[int], tuple]
+    tolerance: float
+
+    def same(self, got: Any, expected: Any) -> bool:
+        """Return whether results are the same."""
         try:
-            got = function(*inputs(seed))
-            same = not is_missing(got) and np.shape(got) == np.shape(expected)
-            same = same and np.allclose(got, expected, rtol=0, atol=tolerance, equal_nan=True)
-        except Exception as error:  # every error of a learner becomes a sentence
-            return Verdict(False, in_words(error))
-        if not same:
-            text = f"it returned {_short(got)} where {_short(expected)} was expected, with {seeds_in_words([seed])}"
-            return Verdict(False, text)
+            alike = np.shape(got) == np.shape(expected)
+            return alike and np.allclose(got, expected, rtol=0, atol=self.tolerance, equal_nan=True)
+        except (TypeError, ValueError):  # of a text, or of a list of lists of different lengths
+            return False
+
+
+def _function_verdict(twins: _Twins, authors: Authors, seeds: Sequence[int]) -> Verdict:
+    try:
+        for seed in checked_seeds(seeds):
+            with part_of_check(authors, seed):
+                expected, given = twins.twin(*twins.inputs(seed)), twins.inputs(seed)
+            with part_of_check(authors, seed, uses_answer=True):
+                got = twins.function(*given)
+            if not twins.same(got, expected):
+                text = f"it returned {_short(got)} where {_short(expected)} was expected, with {seeds_in_words([seed])}"
+                return Verdict(False, text, status=NOT_JUDGED if is_missing(got) else JUDGED)
+    except CheckError as error:
+        return _broken(error)
+    except Exception as error:  # every error of a learner becomes a sentence
+        return _not_judged(authors.in_words(error))
     return Verdict(True, f"  it returned what was expected with {seeds_in_words(seeds)}")
 
 

@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib import resources
@@ -11,8 +12,17 @@ from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, MapError, check_choice, check_number, shortened, unknown_name
+from mesa_swarm.errors import (
+    InvalidValueError,
+    MapError,
+    MapWarning,
+    check_choice,
+    check_number,
+    shortened,
+    unknown_name,
+)
 from mesa_swarm.files import check_present_format, shown_path, write_whole
+from mesa_swarm.wording import quantity
 from mesa_swarm.world.map_parts import (
     LARGEST_FILE,
     RADIUS_OF_UNIT_AREA,
@@ -141,6 +151,11 @@ class Map:
         ------
         MapError
             On one line: the file, the place in it, and the mistake.
+
+        Warns
+        -----
+        MapWarning
+            If the list of a `.map` file is not closed, as in the thesis's Listing 4.1, and read as if it were.
 
         Examples
         --------
@@ -319,22 +334,23 @@ def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
 
     The text looks like Python and is parsed as such, but never executed: only the listed calls with plain numbers,
     in a list that may be assigned to a name as in the thesis's Listing 4.1, are recognised, everything else is refused.
-    Lines may be indented, and quotation marks be those of print. The map spans from (0, 0) to the far corner of all its
-    bodies; y is turned to point up.
+    Lines may be indented, and quotation marks be those of print. The bracket that closes the list may be missing, as in
+    print, which is warned of (MapWarning); no other may. The map spans from (0, 0) to the far corner of all its bodies;
+    y is turned to point up.
     """
     entries = []
-    for call in _calls(_tree(_typed(text), source), source):
+    tree, unclosed = _tree(_typed(text), source)
+    for call in _calls(tree, source):
         with naming(source, f"line {call.lineno}"):
             entries.append(_entry(call))
     with naming(source):
         bounds = _bounds(entries)
     parts = [_part(entry, bounds, source) for entry in entries]
-    return {
-        "name": name,
-        "bounds": bounds,
-        "obstacles": tuple(part for part in parts if isinstance(part, Shape)),
-        "fires": tuple(part for part in parts if isinstance(part, FireSpot)),
-    }
+    obstacles = tuple(part for part in parts if isinstance(part, Shape))
+    fires = tuple(part for part in parts if isinstance(part, FireSpot))
+    if unclosed:
+        _warn_of_end(source, unclosed, len(obstacles), len(fires))
+    return {"name": name, "bounds": bounds, "obstacles": obstacles, "fires": fires}
 
 
 def _typed(text: str) -> str:
@@ -344,8 +360,8 @@ def _typed(text: str) -> str:
     return "\n".join(line.replace("\xa0", " ").lstrip(" \t") for line in lines)
 
 
-def _tree(text: str, source: str) -> ast.Module:
-    """Parse the text, which builds a tree and executes nothing."""
+def _tree(text: str, source: str) -> tuple[ast.Module, int]:
+    """Parse the text, which executes nothing; return the tree, and the line of a list that is never closed or 0."""
     if len(text) > LARGEST_LEGACY_FILE:
         raise refusal(source, "", f"has more than {LARGEST_LEGACY_FILE} characters")
     words = sum(1 for _ in _WORD.finditer(text))
@@ -353,12 +369,38 @@ def _tree(text: str, source: str) -> ast.Module:
         raise refusal(source, "", f"has {words:,} words, brackets and lines; expected at most {MOST_WORDS:,}")
     _refuse_computed_strings(text, source)
     try:
-        return ast.parse(text)
+        return ast.parse(text), 0
     except (RecursionError, MemoryError):  # of Python's parser, for bombs of nested brackets or signs
         raise refusal(source, "", "is nested too deeply") from None
     except (SyntaxError, ValueError) as error:
+        if closed := _with_end(text):
+            return closed
         line = getattr(error, "lineno", None) or 1
         raise refusal(source, f"line {line}", getattr(error, "msg", error)) from None
+
+
+def _with_end(text: str) -> tuple[ast.Module, int] | None:
+    """Return the tree and the line of the last list if its bracket at the end, and nothing else, is missing."""
+    try:
+        tree = ast.parse(f"{text}\n]")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return None
+    match tree.body[-1]:
+        case ast.Expr(ast.List() as listed) | ast.Assign(value=ast.List() as listed):
+            return tree, listed.lineno
+    return None
+
+
+def _warn_of_end(source: str, line: int, obstacles: int, fires: int) -> None:
+    """Warn of a list that is never closed; a file may also have been cut off there."""
+    bodies = f"{quantity(obstacles, 'obstacle')} and {quantity(fires, 'fire')}"
+    text = (
+        f"'[' is never closed; read as if ']' stood at the end of the file, which has {bodies}: add it there, and "
+        "check that none is missing"
+    )
+    # As Python's own `warn`, but of a place in the map: once in a process, not in every run with the same file.
+    registry = globals().setdefault("__warningregistry__", {})
+    warnings.warn_explicit(str(refusal(source, f"line {line}", text)), MapWarning, source, line, registry=registry)
 
 
 def _refuse_computed_strings(text: str, source: str) -> None:

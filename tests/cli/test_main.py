@@ -159,10 +159,11 @@ def test_output_that_is_printed_to_a_full_disk_is_named():
     assert done.returncode == 2
 
 
-def test_warnings_are_one_line(typed, monkeypatch):
+def test_a_warning_is_one_line_once_in_a_command(typed, monkeypatch):
     def warn():
         cli.warnings.simplefilter("always")
-        cli.warnings.warn("this\nis odd", UserWarning, stacklevel=1)
+        for _ in range(3):
+            cli.warnings.warn("this\nis odd", UserWarning, stacklevel=1)
         return []
 
     monkeypatch.setattr(listing, "model_names", warn)

@@ -45,6 +45,18 @@ def test_everything_is_to_scale_with_y_up():
     assert colour(picture, -20, 92) == LIGHT.ground
 
 
+def test_an_obstacle_that_was_removed_is_gone_from_the_picture_and_one_that_was_added_is_in_it():
+    world, camera = World(map=HALL, rng=1), Camera(HALL, longest_side=400)
+    assert colour(camera.picture(world), -20, 80) == LIGHT.obstacle
+    world.obstacles[2].remove()
+    world.add_obstacle(disc((80, 80), 8))
+    picture = camera.picture(world)
+    assert colour(picture, -20, 80) == LIGHT.ground
+    assert colour(picture, 80, 80) == LIGHT.load
+    assert colour(picture, 20, 30) == LIGHT.obstacle
+    assert np.array_equal(camera.picture(World(map=HALL, rng=1)), pictured())
+
+
 def test_areas_are_right_to_a_hundredth():
     grey = (pictured() == rgb(LIGHT.obstacle)).all(axis=2).sum() / 4
     assert grey == pytest.approx(80 * 40 - 20 * 20 + np.pi * 100, rel=0.01)

@@ -81,13 +81,13 @@ def test_make_vec_makes_what_make_makes(name):
     assert vector.observation_space.contains(seen)
 
 
-def test_it_agrees_with_gymnasium_s_own_vector_environment_over_ends_of_episodes():
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_it_agrees_with_gymnasium_s_own_vector_environment_over_ends_of_episodes(mode):
     variation = Variation(maps=("original", "sparse"), speed=(0.5, 1.0), imperfection=(0.0, 0.5))
     name, parameters = IDS[0], {"n_robots": 40, "max_steps": 90, "variation": variation}
-    ours = gymnasium.make_vec(name, num_envs=2, **parameters)
-    theirs = gymnasium.vector.SyncVectorEnv(
-        [lambda: gymnasium.make(name, **parameters)] * 2, autoreset_mode=AutoresetMode.SAME_STEP
-    )
+    ours = gymnasium.make_vec(name, num_envs=2, autoreset_mode=mode, **parameters)
+    theirs = gymnasium.vector.SyncVectorEnv([lambda: gymnasium.make(name, **parameters)] * 2, autoreset_mode=mode)
+    assert ours.metadata["autoreset_mode"] is mode
     (seen, infos), (their_seen, their_infos) = ours.reset(seed=[3, 9]), theirs.reset(seed=[3, 9])
     assert np.array_equal(seen, their_seen)
     assert without_present(infos) == plain(their_infos)
@@ -99,6 +99,10 @@ def test_it_agrees_with_gymnasium_s_own_vector_environment_over_ends_of_episodes
         if "final_obs" in infos:
             their_infos["final_obs"] = np.stack(their_infos["final_obs"])
         assert without_present(infos) == plain(their_infos)
+        if mode == AutoresetMode.DISABLED and (over := mine[2] | mine[3]).any():
+            again = [env.reset(options={"reset_mask": over.copy()}) for env in (ours, theirs)]
+            assert np.array_equal(again[0][0], again[1][0])
+            assert without_present(again[0][1]) == plain(again[1][1])
         collisions += "collided" in infos and infos["collided"].sum()
     assert collisions > 0
 

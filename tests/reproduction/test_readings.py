@@ -19,7 +19,6 @@ from mesa_swarm.reproduction.readings import (
     REWARDED,
     compared,
     holding,
-    levels,
     readings_figure,
     remark,
     settings_of,
@@ -80,14 +79,6 @@ def test_a_remark_lists_the_readings_with_which_all_main_claims_hold():
     assert remark("8.3", claims) == "All main claims of figure 8.3 hold with 0 of 12 readings."
     claims[DEFAULT] = (held,)
     assert remark("8.3", claims).endswith("hold with 1 of 12 readings: 0.4 of a diameter, 8 actions, r(s, a).")
-
-
-def test_the_levels_of_the_curve_are_counted_among_the_readings():
-    rows = rows_of()
-    assert levels(rows).endswith("come out with 0 of 12 readings: none.")
-    for place, row in enumerate(rows[DEFAULT]):
-        row |= {"early": 25.0 + 0.1 * place, "late": 4.0 + 0.1 * place}
-    assert levels(rows).endswith("come out with 1 of 12 readings: 0.4 of a diameter, 8 actions, r(s, a).")
 
 
 def test_a_figure_has_a_line_for_every_reading():

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm.errors import UnknownNameError
-from mesa_swarm.reproduction.judging import VERDICTS
+from mesa_swarm.reproduction.judging import PASSED, REFUTED, VERDICTS, Check, verdict
 from mesa_swarm.reproduction.laboratory import Laboratory
 from mesa_swarm.reproduction.registry import Made, find_item, items, report
 
@@ -25,7 +25,8 @@ FIGURES = [
 SECTIONS = ["5.2.2", "5.3.4", "10.2", "6.4", "7.3.2", "tuning", "req9.2", "9.4", "9.5"]
 # These take no runs; the others are made in the slow tests.
 FAST = ("8.1", "B.1", "D.1", "D.2", "D.3", "D.4")
-PAGE = Path(__file__).parents[2] / "docs" / "reproduction.md"
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = DOCS / "reproduction.md"
 
 
 def test_the_registry_has_exactly_the_figures_of_the_thesis_that_a_computer_can_make():
@@ -122,3 +123,30 @@ def test_the_page_has_every_figure_once_with_its_verdict_and_was_made_with_all_s
     verdicts = "|".join(map(str.capitalize, VERDICTS))
     assert len(re.findall(rf"^Thesis .*\*\*({verdicts})\.\*\*$", page, re.M)) == len(sections)
     assert "--quick" not in page
+
+
+def checks_in(section):
+    """Return the checks of the first table of a section: claims in italics are not main ones."""
+    lines = section.split("| detectable |\n", 1)[1].split("\n\n")[0].splitlines()[1:]
+    rows = [re.split(r"(?<!\\) \| ", line.strip("| ")) for line in lines]
+    return [
+        Check(claim=row[0].strip("*"), reported="", measured="", criterion="", outcome=row[-2], main=row[0][0] != "*")
+        for row in rows
+    ]
+
+
+@pytest.mark.parametrize("name", ["reproduction", "readings", "published", "validation"])
+def test_the_verdicts_and_counts_of_a_page_follow_from_its_checks(name):
+    summary, *sections = re.split(r"^## (?!All results)", (DOCS / f"{name}.md").read_text(), flags=re.M)
+    lines = {row[0]: row for row in re.findall(r"^\| (\S+) \| .* \| \*\*(.+?)\*\* \| (.*) \|$", summary, re.M)}
+    verdicts = []
+    for section in sections:
+        _, stated, failed = lines[section.split(":")[0]]
+        checks = checks_in(section)
+        assert stated == verdict(checks, reason="stated" if stated == REFUTED else "")
+        assert f"**{stated.capitalize()}.**" in section
+        assert failed == ("; ".join(check.claim for check in checks if check.outcome != PASSED) or "-")
+        verdicts.append(stated)
+    counted = ", ".join(f"{verdicts.count(each)} {each}" for each in VERDICTS)
+    assert f"\n{counted}.\n" in summary
+    assert len(verdicts) == len(lines)

@@ -1,10 +1,12 @@
 """Map files of the thesis: their contents, and that nothing in them is ever run."""
 
+import warnings
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import MapError
+from mesa_swarm.errors import MapError, MapWarning
 from mesa_swarm.world.map import FireSpot, Map, read_legacy
 from mesa_swarm.world.shapes import disc, rectangle
 from support.pace import work_within
@@ -58,6 +60,52 @@ def test_the_listing_loads_as_it_is_printed_and_copied(tmp_path, text):
     assert Map.load(path) == Map.load("original")
 
 
+WITHOUT_END = {
+    "as printed": f"map = {ORIGINAL}".removesuffix("]\n"),
+    "without its last comma": f"map = {ORIGINAL}".removesuffix(",\n]\n"),
+    "a bare list": ORIGINAL.removesuffix("]\n"),
+    "with a remark after it": ORIGINAL.removesuffix("]\n") + "# [the end",
+    "after a list that ends": ORIGINAL.removesuffix("]\n").replace("]),\n", "])]\nrest = [\n", 1),
+}
+
+
+@pytest.mark.parametrize("text", WITHOUT_END.values(), ids=WITHOUT_END)
+def test_the_listing_loads_without_its_closing_bracket_too_with_one_warning(tmp_path, text):
+    path = tmp_path / "original.map"
+    path.write_text(text)
+    with pytest.warns(MapWarning) as caught:
+        assert Map.load(path) == Map.load("original")
+    (warning,) = caught
+    opened = 1 + text[: text.rindex("[\n")].count("\n")
+    assert (warning.filename, warning.lineno) == (str(path), opened)
+    message = str(warning.message)
+    assert len(message) <= 300
+    assert message.endswith(
+        f"original.map: line {opened}: '[' is never closed; read as if ']' stood at the end of the file, which has 11 "
+        "obstacles and 0 fires: add it there, and check that none is missing"
+    )
+
+
+@pytest.mark.parametrize(
+    "end", ["[", "(", "Obstacle(", "Obstacle('cir', [[5, 5], 2]", "Obstacle('cir', [[5, 5], 2", "9"]
+)
+def test_a_list_that_breaks_off_within_a_body_is_refused(end):
+    with pytest.raises(MapError, match="line"):
+        read(f"map = [\n  Obstacle('rec', [[0, 0], [9, 9]]),\n  {end}")
+
+
+@pytest.mark.parametrize("cut", [1, 2, 3, 4])
+def test_no_other_bracket_may_be_missing(cut):
+    """Brackets are left out one by one, from the outermost end of the last body inwards."""
+    whole = "map = [\n  Obstacle('rec', [[0, 0], [9, 9]])\n]"
+    ends = [place for place, letter in enumerate(whole) if letter in "])"][::-1]
+    text = whole[: ends[cut]] + whole[ends[cut] + 1 :]
+    with pytest.raises(MapError, match="line 2"):
+        read(text)
+    with pytest.raises(MapError, match="line"):
+        read(text.removesuffix("\n]"))
+
+
 def test_a_mistake_in_an_indented_listing_is_named_by_its_line():
     right, wrong = "Obstacle(\u201crec\u201d, [[0, 0], [20, 600]])", "Obstacle(\u201crec\u201d, [[0, 0], [9]])"
     with pytest.raises(MapError, match="line 3: rec has 3 numbers"):
@@ -106,7 +154,10 @@ def test_flat_lists_signs_floats_and_bare_calls_are_tolerated():
         ("x = y = [Obstacle('rec', [[0, 0], [9, 9]])]", "expected a list"),
         ("x.y = [Obstacle('rec', [[0, 0], [9, 9]])]", "expected a list"),
         ("x = Obstacle('rec', [[0, 0], [9, 9]])", "expected a list"),
-        ("map = [\n  Obstacle('rec', [[0, 0], [9, 9]]),", "line 1: '[' was never closed"),
+        ("map = (\n  Obstacle('rec', [[0, 0], [9, 9]]),", "line 1: '(' was never closed"),
+        ("map = [[\n  Obstacle('rec', [[0, 0], [9, 9]])]", "line 1: expected Obstacle"),
+        ("map = walls[\n  Obstacle('rec', [[0, 0], [9, 9]])", "line 1: '[' was never closed"),
+        ("map = [", "no obstacles"),
         ("\0", "hall.map"),
         ("[" * 100_000, "hall.map"),
         ("[Obstacle('rec', " + "[" * 150 + "]" * 150 + ")]", "plain numbers"),
@@ -167,6 +218,8 @@ def test_code_in_a_legacy_map_is_refused_and_never_run(tmp_path, attack):
 @given(st.text(max_size=60) | st.text("[](),Obstacle\"'rec0123 .-", max_size=60))
 def test_any_text_is_a_map_or_a_map_error(text):
     try:
-        read(text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MapWarning)  # of a list that is not closed
+            read(text)
     except MapError as error:
         assert "\n" not in str(error)

@@ -102,6 +102,23 @@ careful = Avoid(distance=0.5)
 def careful(me, distance=15.0):
     if 0 <= me.distance[me.left] < distance:
         me.max_speed, -me.max_speed
+# %% exercise-1 wrong: drive on blindly for a time, then stand for ever
+@behaviour(memory={"steps": 0})
+def careful(me):
+    me.memory.steps += 1
+    if me.memory.steps < 460:
+        return 1.0, 1.0
+    return 0.0, 0.0
+# %% exercise-1 wrong: turning now and then, by chance, without looking
+@behaviour
+def careful(me):
+    if me.chance < 0.05:
+        return -me.max_speed, me.max_speed
+    return PASS
+# %% exercise-1 wrong: driving in circles
+@behaviour
+def careful(me):
+    return 0.8 * me.max_speed, me.max_speed
 # %% exercise-2 right: a share of the maximal speed for each wheel
 @behaviour
 def circle(me):
@@ -167,3 +184,28 @@ def circle(me):
     if me.memory.steps % 100 < 91:
         return 1.0, 1.0
     return -1.0, 1.0
+# %% exercise-2 wrong: standing still after four steps
+@behaviour(memory={"steps": 0})
+def circle(me):
+    me.memory.steps += 1
+    if me.memory.steps > 4:
+        return 0.0, 0.0
+    return 0.9 / 1.1, 1.0
+# %% exercise-2 wrong: standing still after a quarter of the circle
+@behaviour(memory={"steps": 0})
+def circle(me):
+    me.memory.steps += 1
+    if me.memory.steps > 87:
+        return 0.0, 0.0
+    return 0.9 / 1.1, 1.0
+# %% exercise-2 wrong: hardly moving at all
+@behaviour
+def circle(me):
+    return 0.0009, 0.0011
+# %% exercise-2 wrong: to and fro on the arc
+@behaviour(memory={"steps": 0})
+def circle(me):
+    me.memory.steps += 1
+    if me.memory.steps % 20 < 13:
+        return 0.9 / 1.1, 1.0
+    return -0.9 / 1.1, -1.0

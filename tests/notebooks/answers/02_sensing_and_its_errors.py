@@ -36,6 +36,12 @@ answer = dict(distance=30, turn="left")
 answer = 30
 # %% exercise-1 wrong: exact sensors
 answer = dict(distance=15, period=1)
+# %% exercise-1 wrong: a little farther than the distance between two readings
+answer = dict(distance=20, turn="translational")
+# %% exercise-1 wrong: nearer
+answer = dict(distance=10, turn="translational")
+# %% exercise-1 wrong: nearly as far as the sensors reach
+answer = dict(distance=47, turn="translational")
 # %% exercise-2 right: the square root of half of 36
 deviation = np.sqrt(18)
 # %% exercise-2 right: rounded
@@ -64,3 +70,9 @@ deviation = 0.1414
 deviation = np.std([30, 30, 24, 36], ddof=1)
 # %% exercise-2 wrong: a text
 deviation = "4.24"
+# %% exercise-2 wrong: the sum of squares
+deviation = (36 + 36) ** 0.5
+# %% exercise-2 wrong: a third of the readings each
+deviation = np.std([24, 30, 36])
+# %% exercise-2 wrong: negative
+deviation = -(18**0.5)

@@ -132,6 +132,33 @@ def turn_away(me, distance=8.0):
     if 0 <= me.distance[me.front] < distance:
         return -me.tendency * me.max_speed, me.tendency * me.max_speed
     return PASS
+# %% exercise-1 wrong: blind, by a count of steps
+@behaviour(memory={"steps": 0})
+def turn_away(me):
+    me.memory.steps += 1
+    if me.memory.steps <= 70:
+        return 1.0, 1.0
+    if me.memory.steps <= 70 + 16:
+        return -1.0, 1.0
+    if me.memory.steps <= 70 + 16 + 150:
+        return 1.0, 1.0
+    return 0.0, 0.0
+# %% exercise-1 wrong: turning for ever once something was near
+@behaviour(memory={"met": 0})
+def turn_away(me):
+    for sensor in (me.front, me.left, me.right):
+        if 0 <= me.distance[sensor] < 15.0:
+            me.memory.met = 1
+    if me.memory.met == 1:
+        return -me.max_speed, me.max_speed
+    return PASS
+# %% exercise-1 wrong: stopping
+@behaviour
+def turn_away(me, distance=15.0):
+    for sensor in (me.front, me.left, me.right):
+        if 0 <= me.distance[sensor] < distance:
+            return 0.0, 0.0
+    return PASS
 # %% exercise-2 right: six
 distance = 6
 # %% exercise-2 right: seven and a half
@@ -162,3 +189,9 @@ distance = 50
 distance = {"distance": 8}
 # %% exercise-2 wrong: a text
 distance = "8"
+# %% exercise-2 wrong: 3 units
+distance = 3
+# %% exercise-2 wrong: 16 units
+distance = 16
+# %% exercise-2 wrong: the width of the corridor
+distance = 30

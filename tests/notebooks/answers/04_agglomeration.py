@@ -27,6 +27,12 @@ groups_of_100 = 1
 groups_of_100 = (20, 30)
 # %% exercise-1 wrong: a text
 groups_of_100 = "24"
+# %% exercise-1 wrong: half as many again
+groups_of_100 = 20
+# %% exercise-1 wrong: a few too many
+groups_of_100 = 28
+# %% exercise-1 wrong: half of them
+groups_of_100 = 8
 # %% exercise-2 right: robots never stay, and touch
 answer = dict(stop_distance=0, avoid_distance=0)
 # %% exercise-2 right: half of that hinted
@@ -53,3 +59,9 @@ answer = dict(stop_distance=-1, avoid_distance=1)
 answer = (4, 1)
 # %% exercise-2 wrong: one of two is open
 answer = dict(stop_distance=4, avoid_distance=...)
+# %% exercise-2 wrong: only a smaller distance to avoid
+answer = dict(stop_distance=12, avoid_distance=1)
+# %% exercise-2 wrong: both larger
+answer = dict(stop_distance=20, avoid_distance=8)
+# %% exercise-2 wrong: no distance to avoid
+answer = dict(stop_distance=12, avoid_distance=0)

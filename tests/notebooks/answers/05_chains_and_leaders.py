@@ -60,6 +60,18 @@ def leaders(leader):
 # %% exercise-1 wrong: counted from 1
 def leaders(leader):
     return [i + 1 for i in range(len(leader)) if i in leader and leader[i] < 0]
+# %% exercise-1 wrong: once for each follower
+def leaders(leader):
+    return sorted(i for i in leader.tolist() if i >= 0 and leader[i] < 0)
+# %% exercise-1 wrong: for thirty robots only
+def leaders(leader):
+    return [i for i in range(30) if leader[i] < 0 and i in leader]
+# %% exercise-1 wrong: without the last robot
+def leaders(leader):
+    return [i for i in range(len(leader) - 1) if leader[i] < 0 and i in leader]
+# %% exercise-1 wrong: heads of long chains only
+def leaders(leader):
+    return [i for i in range(len(leader)) if leader[i] < 0 and (leader == i).sum() > 1]
 # %% exercise-2 right: the leader rule alone
 answer = {"head_on": "on"}
 # %% exercise-2 right: the leader rule and sight of 40
@@ -86,3 +98,9 @@ answer = dict(gap=15, head_on="off", cruise_speed=0.7, sight=100)
 answer = dict(gap=15, head_on=True, cruise_speed=0.7, sight=50)
 # %% exercise-2 wrong: no dictionary
 answer = ("on", 15, 0.7, 50)
+# %% exercise-2 wrong: standing still
+answer = dict(gap=15, head_on="off", cruise_speed=0, sight=50)
+# %% exercise-2 wrong: at full speed
+answer = dict(gap=15, head_on="off", cruise_speed=1.0, sight=50)
+# %% exercise-2 wrong: no gap
+answer = dict(gap=0, head_on="off", cruise_speed=0.7, sight=50)

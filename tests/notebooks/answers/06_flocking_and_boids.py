@@ -55,6 +55,15 @@ def my_polarization(heading):
 # %% exercise-1 wrong: the mean vector
 def my_polarization(heading):
     return np.cos(heading).mean(), np.sin(heading).mean()
+# %% exercise-1 wrong: for forty headings only
+def my_polarization(heading):
+    return np.hypot(np.cos(heading).sum(), np.sin(heading).sum()) / 40
+# %% exercise-1 wrong: from the variance
+def my_polarization(heading):
+    return np.exp(-np.var(heading) / 2)
+# %% exercise-1 wrong: along one direction
+def my_polarization(heading):
+    return np.cos(heading - 3.0).mean()
 # %% exercise-2 right: only the two weights that matter
 answer = {"alignment_weight": 0, "cruise_weight": 4}
 # %% exercise-2 right: twice the weight of the own course
@@ -81,3 +90,9 @@ answer = dict(separation_weight=3.0, alignment_weight=-3.0, cohesion_weight=0.5,
 answer = dict(separation_weight=3.0, alignment_weight=0.0, cohesion_weight=0.5, cruise_weight=20.0)
 # %% exercise-2 wrong: two boids that hardly meet
 answer = dict(n_robots=2, alignment_weight=0.0, cruise_weight=3.0)
+# %% exercise-2 wrong: nothing but cohesion
+answer = dict(separation_weight=0.0, alignment_weight=0.0, cohesion_weight=5.0, cruise_weight=0.0)
+# %% exercise-2 wrong: nothing but separation
+answer = dict(separation_weight=5.0, alignment_weight=0.0, cohesion_weight=0.0, cruise_weight=0.0)
+# %% exercise-2 wrong: more of the alignment rule
+answer = dict(separation_weight=0.0, alignment_weight=5.0, cohesion_weight=0.0, cruise_weight=1.0)

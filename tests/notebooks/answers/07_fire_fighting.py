@@ -29,6 +29,12 @@ answer = dict(stay_time=100, rest_time=60, strategy="B")
 answer = dict(stay_time=float("inf"), rest_time=60)
 # %% exercise-1 wrong: two values without names
 answer = (1_000, 60)
+# %% exercise-1 wrong: twice as long
+answer = dict(stay_time=200, rest_time=60)
+# %% exercise-1 wrong: exchanged
+answer = dict(stay_time=60, rest_time=100)
+# %% exercise-1 wrong: a little longer
+answer = dict(stay_time=120, rest_time=60)
 # %% exercise-2 right: five
 answer = dict(strategy="B", n_robots=5)
 # %% exercise-2 right: six
@@ -57,3 +63,9 @@ answer = dict(strategy="A", n_robots=6)
 answer = dict(strategy="B", n_robots=4, communication="goal")
 # %% exercise-2 wrong: a bare number
 answer = 5
+# %% exercise-2 wrong: A with six
+answer = dict(strategy="A", n_robots=6)
+# %% exercise-2 wrong: A with five
+answer = dict(strategy="A", n_robots=5)
+# %% exercise-2 wrong: seven
+answer = dict(strategy="B", n_robots=7)

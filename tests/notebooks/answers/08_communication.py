@@ -122,6 +122,33 @@ def come_home(me):
     if bearing > 0:
         return -me.max_speed, me.max_speed
     return me.max_speed, -me.max_speed
+# %% exercise-1 wrong: drives whatever is ahead
+@behaviour
+def come_home(me):
+    if me.goal_x > 0:
+        return me.max_speed, me.max_speed
+    return -me.max_speed, me.max_speed
+# %% exercise-1 wrong: the arguments of the angle exchanged
+@behaviour
+def come_home(me):
+    if np.isnan(me.goal_x):
+        return PASS
+    if np.hypot(me.goal_x, me.goal_y) < 30.0:
+        return 0.0, 0.0
+    if abs(np.arctan2(me.goal_x, me.goal_y)) < 0.3:
+        return me.max_speed, me.max_speed
+    side = 1.0 if me.goal_y > 0.0 else -1.0
+    return -side * me.max_speed, side * me.max_speed
+# %% exercise-1 wrong: it stops wherever the beacon is beside it
+@behaviour
+def come_home(me):
+    if np.isnan(me.goal_x):
+        return PASS
+    if abs(me.goal_x) < 30.0:
+        return 0.0, 0.0
+    if me.goal_x > 0.0:
+        return me.max_speed, me.max_speed
+    return -me.max_speed, me.max_speed
 # %% exercise-2 right: goal, as far as permitted
 answer = dict(strategy="A", communication="goal", communication_range=170)
 # %% exercise-2 right: state, as far as permitted
@@ -148,3 +175,9 @@ answer = dict(strategy="A", communication="none", communication_range=170)
 answer = dict(strategy="A", communication="goal", communication_range=170, n_robots=40)
 # %% exercise-2 wrong: a range below 0
 answer = dict(strategy="A", communication="goal", communication_range=-170)
+# %% exercise-2 wrong: goals over 120 units
+answer = dict(strategy="A", communication="goal", communication_range=120)
+# %% exercise-2 wrong: states over 120 units
+answer = dict(strategy="A", communication="state", communication_range=120)
+# %% exercise-2 wrong: states over 100 units
+answer = dict(strategy="A", communication="state", communication_range=100)

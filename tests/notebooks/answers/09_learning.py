@@ -63,8 +63,18 @@ def probabilities(values, temperature):
 def probabilities(values, temperature):
     weights = np.exp(values / temperature)
     weights / weights.sum()
-
-
+# %% exercise-1 wrong: for four actions only
+def probabilities(values, temperature):
+    w = [np.exp(values[i] / temperature) for i in range(4)]
+    return np.array(w) / sum(w)
+# %% exercise-1 wrong: powers of two
+def probabilities(values, temperature):
+    weights = 2.0 ** (values / temperature)
+    return weights / weights.sum()
+# %% exercise-1 wrong: divided by the largest
+def probabilities(values, temperature):
+    weights = np.exp(values / temperature)
+    return weights / weights.max()
 # %% exercise-2 right: beta alone
 answer = dict(beta=0.005)
 # %% exercise-2 right: a slow one
@@ -93,3 +103,9 @@ answer = dict(beta=0.005, reward="a")
 answer = dict(beta=2.0)
 # %% exercise-2 wrong: a number without its name
 answer = 0.005
+# %% exercise-2 wrong: never cooler
+answer = dict(beta=0.0, first_temperature=1.0, last_temperature=0.2)
+# %% exercise-2 wrong: cold from the start
+answer = dict(beta=0.0001, first_temperature=0.01, last_temperature=0.01)
+# %% exercise-2 wrong: far too hot
+answer = dict(beta=0.005, first_temperature=5.0, last_temperature=1.0)

@@ -19,7 +19,7 @@ def reward_b(nearest, left, right, critical=0.08):
     near = np.log((np.exp(1) - 1) / critical * nearest + 1) - 1
     far = np.where((left >= 1) & (right >= 1), 1.0, -1.0)
     return np.where(nearest < critical, near, far)
-# %% exercise-1 right: the critical distance is fixed
+# %% exercise-1 wrong: without the critical distance as a parameter
 def reward_b(nearest, left, right):
     q = 1.718281828 / 0.08
     if nearest < 0.08:
@@ -78,8 +78,22 @@ def reward_b(nearest, left, right, critical=0.08):
     if nearest < critical:
         return np.log((np.e - 1) / critical * nearest + 1) - 1
     return float(left == right == 1.0)
-
-
+# %% exercise-1 wrong: 0.08 written into it
+def reward_b(nearest, left, right, critical=0.08):
+    if nearest < 0.08:
+        return np.log((np.e - 1) / 0.08 * nearest + 1) - 1
+    return 1.0 if left == right == 1.0 else -1.0
+# %% exercise-1 wrong: q as a number
+def reward_b(nearest, left, right, critical=0.08):
+    if nearest < critical:
+        return np.log(21.4785 * nearest + 1) - 1
+    return 1.0 if left == right == 1.0 else -1.0
+# %% exercise-1 wrong: a table of the shown distances
+def reward_b(nearest, left, right, critical=0.08):
+    table = {0.0: -1.0, 0.03: -0.5025, 0.06: -0.1718, 0.079: -0.00794}
+    if nearest in table:
+        return np.log((np.e - 1) / 0.08 * nearest + 1) - 1
+    return 1.0 if left == right == 1.0 else -1.0
 # %% exercise-2 right: as numbers with a point, in another order
 leaps = {
     ("c", "turning"): 0.0,
@@ -160,3 +174,23 @@ leaps = {("a", "ahead"): 1, ("a", "turning"): 0, ("b", "ahead"): 1, ("b", "turni
 leaps = [1, 0, 1, -1, 0, 0]
 # %% exercise-2 wrong: words
 leaps = dict.fromkeys([(kind, action) for kind in "abc" for action in ("ahead", "turning")], "up")
+# %% exercise-2 wrong: no jump anywhere
+leaps = {("a", "ahead"): 0, ("a", "turning"): 0, ("b", "ahead"): 0, ("b", "turning"): 0, ("c", "ahead"): 0, ("c", "turning"): 0}
+# %% exercise-2 wrong: (a) for turning as for driving ahead
+leaps = {
+    ("a", "ahead"): 1,
+    ("a", "turning"): 1,
+    ("b", "ahead"): 1,
+    ("b", "turning"): -1,
+    ("c", "ahead"): 0,
+    ("c", "turning"): 0,
+}
+# %% exercise-2 wrong: from -1 to 1
+leaps = {
+    ("a", "ahead"): 2,
+    ("a", "turning"): 1,
+    ("b", "ahead"): 2,
+    ("b", "turning"): 0,
+    ("c", "ahead"): 0,
+    ("c", "turning"): 0,
+}

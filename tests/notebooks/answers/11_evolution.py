@@ -45,8 +45,12 @@ weights = [[0, -5], [0, -5], [-5, 0]]
 weights = [[0, -5], [0, -5], [-5, 0], [float("nan"), 2]]
 # %% exercise-1 wrong: words
 weights = [["slow", "fast"]] * 4
-
-
+# %% exercise-1 wrong: blind, at full speed
+weights = [[0, 0], [0, 0], [0, 0], [2, 2]]
+# %% exercise-1 wrong: one side only
+weights = [[0, 0], [0, -5], [0, 0], [2, 2]]
+# %% exercise-1 wrong: hardly any weight
+weights = [[0, -0.2], [0, -0.2], [-0.2, 0], [2, 2]]
 # %% exercise-2 right: step by step
 import math
 
@@ -92,3 +96,12 @@ def fitness(left, right, nearest):
 # %% exercise-2 wrong: the absolute value of the mean
 def fitness(left, right, nearest):
     return abs(left + right) / 2 * (1 - (abs(left - right) / 2) ** 0.5) * (1 - nearest)
+# %% exercise-2 wrong: dv squared
+def fitness(left, right, nearest):
+    return (abs(left) + abs(right)) / 2 * (1 - (abs(left - right) / 2) ** 2) * (1 - nearest)
+# %% exercise-2 wrong: nearness squared
+def fitness(left, right, nearest):
+    return (abs(left) + abs(right)) / 2 * (1 - (abs(left - right) / 2) ** 0.5) * (1 - nearest**2)
+# %% exercise-2 wrong: the larger of the two speeds
+def fitness(left, right, nearest):
+    return max(abs(left), abs(right)) * (1 - (abs(left - right) / 2) ** 0.5) * (1 - nearest)

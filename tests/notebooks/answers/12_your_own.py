@@ -114,8 +114,23 @@ def one_eye(me):
 def one_eye(me):
     if me.line[0]:
         me.max_speed, 0.6 * me.max_speed
-
-
+# %% exercise-1 wrong: in a circle, without looking
+@behaviour
+def one_eye(me):
+    return 0.92 * me.max_speed, me.max_speed
+# %% exercise-1 wrong: at random
+@behaviour
+def one_eye(me):
+    if me.chance < 0.5:
+        return 0.5, 1.0
+    return 1.0, 0.5
+# %% exercise-1 wrong: waits on the line, then explores with turns
+@behaviour(memory={"steps": 0})
+def one_eye(me):
+    me.memory.steps += 1
+    if me.memory.steps < 420:
+        return 0.0, 0.0
+    return 0.93 * me.max_speed, me.max_speed
 # %% exercise-2 right: one sensor that looks everywhere
 watchman = RobotDesign(name="watchman", sensors=(ProximitySensor(field_of_view_degrees=360, range=30),))
 
@@ -217,3 +232,9 @@ watchman = RobotDesign(
 
 # %% exercise-2 wrong: blind
 watchman = RobotDesign(name="watchman")
+# %% exercise-2 wrong: three wide ones ahead
+watchman = RobotDesign(name="watchman", sensors=tuple(ProximitySensor(bearing_degrees=b, field_of_view_degrees=60, range=30) for b in (0, 60, -60)))
+# %% exercise-2 wrong: six sensors to one side
+watchman = RobotDesign(name="watchman", sensors=tuple(ProximitySensor(bearing_degrees=30 * k, field_of_view_degrees=70, range=30) for k in range(6)))
+# %% exercise-2 wrong: twelve narrow ones
+watchman = RobotDesign(name="watchman", sensors=tuple(ProximitySensor(bearing_degrees=30 * k, field_of_view_degrees=35, range=30) for k in range(12)))

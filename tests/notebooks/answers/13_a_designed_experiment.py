@@ -59,6 +59,15 @@ def mean_difference(first, second):
 # %% exercise-1 wrong: the difference is printed
 def mean_difference(first, second):
     print(paired_difference(first, second)[0].estimate)
+# %% exercise-1 wrong: 0 taken for None
+def mean_difference(first, second):
+    return np.mean([b - a for a, b in zip(first, second) if a and b])
+# %% exercise-1 wrong: 0 of one side taken for None
+def mean_difference(first, second):
+    return np.mean([b - a for a, b in zip(first, second) if a is not None and b])
+# %% exercise-1 wrong: ten pairs, however many there are
+def mean_difference(first, second):
+    return sum(b - a for a, b in zip(first, second) if a is not None and b is not None) / 10
 # %% exercise-2 right: forty
 pairs = 40
 # %% exercise-2 right: thirty-six
@@ -85,3 +94,9 @@ pairs = 50.5
 pairs = 201
 # %% exercise-2 wrong: a list
 pairs = [50]
+# %% exercise-2 wrong: twenty
+pairs = 20
+# %% exercise-2 wrong: sixteen
+pairs = 16
+# %% exercise-2 wrong: one
+pairs = 1

@@ -120,8 +120,33 @@ def ants_on_the_left(draws, k):
 # %% exercise-1 wrong: printed, not returned
 def ants_on_the_left(draws, k):
     print(sum(draw < 0.5 for draw in draws))
-
-
+# %% exercise-1 wrong: the sum squared
+def ants_on_the_left(draws, k):
+    left = right = 0
+    for draw in draws:
+        if draw < (k + left) ** 2 / (2 * k + left + right) ** 2:
+            left += 1
+        else:
+            right += 1
+    return left
+# %% exercise-1 wrong: k is always 1
+def ants_on_the_left(draws, k):
+    left = right = 0
+    for draw in draws:
+        if draw < (1 + left) ** 2 / ((1 + left) ** 2 + (1 + right) ** 2):
+            left += 1
+        else:
+            right += 1
+    return left
+# %% exercise-1 wrong: for 200 ants
+def ants_on_the_left(draws, k):
+    left = right = 0
+    for i in range(200):
+        if draws[i] < (k + left) ** 2 / ((k + left) ** 2 + (k + right) ** 2):
+            left += 1
+        else:
+            right += 1
+    return left
 # %% exercise-2 right: in proportion to the difference
 @behaviour
 def clean(me):
@@ -235,3 +260,24 @@ def clean(me):
 @behaviour
 def clean(me):
     return 0.0, 0.0
+# %% exercise-2 wrong: one antenna
+@behaviour
+def clean(me):
+    me.act.trail = 1.0
+    if me.trail[0] > 0.5:
+        return me.max_speed, 0.5 * me.max_speed
+    return PASS
+# %% exercise-2 wrong: always to the left of a mark
+@behaviour
+def clean(me):
+    me.act.trail = 1.0
+    if me.trail[0] + me.trail[1] > 0.0:
+        return 0.5 * me.max_speed, me.max_speed
+    return PASS
+# %% exercise-2 wrong: standing where a mark is
+@behaviour
+def clean(me):
+    me.act.trail = 1.0
+    if me.trail[0] > 0.0:
+        return 0.0, 0.0
+    return PASS

@@ -105,8 +105,37 @@ class Counter(mesa.Agent):
 
     def step(self):
         pass
-
-
+# %% exercise-1 wrong: moving robots away
+class Counter(mesa.Agent):
+    def __init__(self, model):
+        super().__init__(model)
+        self.near = 0
+    def step(self):
+        for k, robot in enumerate(self.model.robots):
+            robot.position = (20 + 15 * k, 20)
+# %% exercise-1 wrong: removing the robots
+class Counter(mesa.Agent):
+    def __init__(self, model):
+        super().__init__(model)
+        self.near = 0
+        for robot in list(model.robots):
+            robot.remove()
+    def step(self):
+        self.near = 0
+# %% exercise-1 wrong: the first six robots
+class Counter(mesa.Agent):
+    def __init__(self, model):
+        super().__init__(model)
+        self.near = 0
+    def step(self):
+        self.near = sum(np.hypot(*(self.model.swarm.position[i] - (200, 150))) < 60 for i in range(6))
+# %% exercise-1 wrong: with their rims
+class Counter(mesa.Agent):
+    def __init__(self, model):
+        super().__init__(model)
+        self.near = 0
+    def step(self):
+        self.near = int((np.hypot(*(self.model.swarm.position - (200, 150)).T) < 65).sum())
 # %% exercise-2 right: turn away from the nearest
 VISITOR = 4
 
@@ -245,3 +274,44 @@ def give_way(me):
 
 # %% exercise-2 wrong: the package's own layer, which uses three of the nine sensors
 give_way = Avoid(distance=20)
+# %% exercise-2 wrong: giving way to robots
+@behaviour
+def give_way(me, within=20.0):
+    for i in range(len(me.kind)):
+        if me.kind[i] == 1 and me.distance[i] < within and abs(me.bearing[i]) < 1.2:
+            if me.bearing[i] >= 0:
+                return me.max_speed, -me.max_speed
+            return -me.max_speed, me.max_speed
+    return PASS
+# %% exercise-2 wrong: standing for those that are very near
+VISITOR = 4
+
+
+@behaviour
+def give_way(me, within=8.0):
+    for i in range(len(me.kind)):
+        if me.kind[i] == VISITOR and me.distance[i] < within:
+            return 0.0, 0.0
+    return PASS
+# %% exercise-2 wrong: only when they touch
+VISITOR = 4
+
+
+@behaviour
+def give_way(me, within=1.0):
+    for i in range(len(me.kind)):
+        if me.kind[i] == VISITOR and me.distance[i] < within and abs(me.bearing[i]) < 1.2:
+            if me.bearing[i] >= 0:
+                return me.max_speed, -me.max_speed
+            return -me.max_speed, me.max_speed
+    return PASS
+# %% exercise-2 right: backing away
+VISITOR = 4
+
+
+@behaviour
+def give_way(me, within=20.0):
+    for i in range(len(me.kind)):
+        if me.kind[i] == VISITOR and me.distance[i] < within and abs(me.bearing[i]) < 1.2:
+            return -me.max_speed, -me.max_speed
+    return PASS
