@@ -36,7 +36,7 @@ class WarmUp:
         How many were compiled and stored, counted once for each set of types.
     seconds : float
     folder : Path
-        Where they are stored: beside the installation, or in the user's cache if nobody may write there.
+        Where they are stored: beside the installation, or in the user's cache if that cannot be written to.
     before : tuple of Path
         Where the code is stored that was compiled before.
 
@@ -145,7 +145,7 @@ def _compile_all(left: list[str], workers: int, show: Callable[[], object]) -> N
 
 def _text_file() -> IO[str]:
     """Return a file for what a process writes, which a pipe that is not read would block."""
-    return TemporaryFile("w+", errors="replace")
+    return TemporaryFile("w+", encoding="utf-8", errors="replace")
 
 
 def _check_ended(model: str, process: subprocess.Popen, errors: IO[str]) -> None:

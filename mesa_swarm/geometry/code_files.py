@@ -2,8 +2,7 @@
 
 Numba would load what a power cut left of a file, or call it: here each file begins with a digest of what follows, and
 one that does not match is as good as none. Numba would also write beside the sources or nowhere, and read only from
-where it can write: here the code of an installation that nobody may change is read, and new code goes to a folder of
-the user's.
+where it can write: here the code of a read-only installation is read, and new code goes to a folder of the user's.
 """
 
 import os
@@ -39,7 +38,7 @@ CURE = "set NUMBA_CACHE_DIR to a folder that can be written to"
 # Why code could not be stored by this process, each time.
 problems: list[str] = []
 # The variable that is set, for processes that this one starts, once a user has read such a line.
-SAID = "MESA_SWARM_CODE_IS_NOT_STORED"
+REPORTED = "MESA_SWARM_CODE_IS_NOT_STORED"
 # Numba finds its settings when it is imported, where no type checker sees them.
 settings: Any = numba.config
 
@@ -66,7 +65,7 @@ def places() -> tuple[Path, ...]:
 
 
 def _of_user() -> Path | None:
-    """Return the user's own folder for code, None if the system does not say where."""
+    """Return the user's own folder for code, None if the system does not define it."""
     folder = Path(AppDirs(appname="mesa_swarm", appauthor=False).user_cache_dir)
     return folder / FOLDER if folder.is_absolute() else None
 
@@ -76,7 +75,7 @@ def why_unwritable(folder: Path) -> str:
     """Return why no file can be written to a folder, which is made if it is missing; "" if one can."""
     try:
         if not folder.exists():
-            folder.mkdir(parents=True)
+            folder.mkdir(parents=True, exist_ok=True)
             _drop_old(folder)
         with TemporaryFile(dir=folder):
             return ""
@@ -147,7 +146,7 @@ def drop_damaged(folder: str) -> list[str]:
     files = {f"{folder}/{path.name}": path for place in places() for path in (place / folder).glob("*.nbc")}
     damaged = {name: path for name, path in files.items() if not is_stored(name)}
     for path in damaged.values():
-        with suppress(OSError):  # of an installation that nobody may change
+        with suppress(OSError):  # of a read-only installation
             path.unlink()
     return sorted(damaged)
 
@@ -164,12 +163,12 @@ def write(name: str, code: bytes) -> None:
         with suppress(OSError):
             draft.unlink()
         if not path.exists():  # Windows replaces no file that another process reads
-            _say(unstored() or f"machine code cannot be stored ({path.parent}: {error.strerror or error}); {CURE}")
+            _report(unstored() or f"machine code cannot be stored ({path.parent}: {error.strerror or error}); {CURE}")
 
 
-def _say(problem: str) -> None:
-    if not problems and SAID not in os.environ:
-        os.environ[SAID] = "1"
+def _report(problem: str) -> None:
+    if not problems and REPORTED not in os.environ:
+        os.environ[REPORTED] = "1"
         notice(f"{problem}; until then each start compiles anew")
     problems.append(problem)
 
@@ -249,11 +248,11 @@ class StoredCode(FunctionCache):
                     return self._impl.rebuild(target_context, code)
         return None
 
-    def save_overload(self, sig: Any, data: Any) -> None:
+    def save_overload(self, sig: Any, result: Any) -> None:
         """Store code."""
-        if self._impl.check_cachable(data) and self._accepts():
-            key = self._index_key(sig, data.codegen)
-            write(self._file(sig), dumps((key, self._impl.reduce(data))))
+        if self._impl.check_cachable(result) and self._accepts():
+            key = self._index_key(sig, result.codegen)
+            write(self._file(sig), dumps((key, self._impl.reduce(result))))
 
     def _file(self, sig: Any) -> str:
         return file_of(self._stem, types_named(getattr(sig, "args", sig)), self._more)

@@ -139,10 +139,10 @@ class CustomCode(StoredCode):
     def _index_key(self, sig: Any, codegen: Any) -> tuple:
         return sig, codegen.magic_tuple(), self._digest
 
-    def save_overload(self, sig: Any, data: Any) -> None:
+    def save_overload(self, sig: Any, result: Any) -> None:
         """Store code; where that cannot be, it is compiled in each process."""
         with suppress(Exception):  # of types that cannot be pickled, and of `accepts`
-            super().save_overload(sig, data)
+            super().save_overload(sig, result)
             _drop_old()
 
 

@@ -74,7 +74,7 @@ def test_damaged_code_of_rules_is_compiled_again_by_whatever_model_has_them(need
     assert (warm_up(jobs=1).functions, needed) == (0, [])
 
 
-def test_where_nothing_can_be_stored_nothing_is_begun_and_one_line_says_so(needed, monkeypatch):
+def test_where_nothing_can_be_stored_nothing_is_begun_and_the_reason_is_one_line(needed, monkeypatch):
     monkeypatch.setattr(module, "unstored", lambda: "machine code cannot be stored (here: denied); do this")
     with pytest.raises(InvalidValueError, match=r"^machine code cannot be stored \(here: denied\); do this$"):
         warm_up(jobs=1)

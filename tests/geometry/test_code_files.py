@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mesa_swarm.geometry import code_files
 from mesa_swarm.geometry.code_files import (
     MOST_CACHES,
-    SAID,
+    REPORTED,
     SEAL_BYTES,
     drop_damaged,
     file_of,
@@ -38,8 +38,8 @@ def folders(monkeypatch, tmp_path):
     monkeypatch.setattr(code_files, "HOME", tmp_path / "home")
     monkeypatch.setattr(code_files, "_of_user", lambda: tmp_path / "user")
     monkeypatch.setattr(code_files, "problems", [])
-    monkeypatch.setenv(SAID, "")  # is unset again after the test
-    monkeypatch.delenv(SAID)
+    monkeypatch.setenv(REPORTED, "")  # is unset again after the test
+    monkeypatch.delenv(REPORTED)
     for cached in (code_files.places, why_unwritable):
         cached.cache_clear()
     yield Folders(tmp_path / "home", tmp_path / "user")
@@ -123,9 +123,7 @@ def test_whole_code_that_is_of_another_function_or_no_code_is_compiled_anew(fold
     assert stored_anew(2) == (6, True)
 
 
-def test_code_of_an_installation_that_nobody_may_change_is_read_and_new_code_goes_to_the_users_folder(
-    folders, monkeypatch
-):
+def test_code_of_a_read_only_installation_is_read_and_new_code_goes_to_the_users_folder(folders, monkeypatch):
     stored_anew(2)
     monkeypatch.setattr(code_files, "why_unwritable", lambda folder: "denied" if folder == folders.home else "")
     code_files.places.cache_clear()
@@ -146,7 +144,7 @@ def test_damaged_code_that_cannot_be_replaced_is_replaced_in_the_users_folder(fo
     assert file.read_bytes() == b""
 
 
-def test_where_nothing_can_be_written_one_line_says_so_and_all_is_compiled(folders, capsys):
+def test_where_nothing_can_be_written_one_line_reports_it_and_all_is_compiled(folders, capsys):
     folders.forbid(folders.home)
     assert unstored() == ""
     folders.forbid(folders.user)
@@ -260,7 +258,7 @@ def test_a_user_of_an_installation_that_is_read_only_compiles_only_what_is_missi
         assert {path.name for path in tmp_path.rglob("*.nbc")} == {first.name, second.name}
         done = run(installation, {"XDG_CACHE_HOME": str(tmp_path)})
         assert (done.stdout.split(), done.stderr) == ([expected, "0"], "")
-        # Nowhere to write: it works, and one line says that nothing is stored.
+        # Nowhere to write: it works, and one line reports that nothing is stored.
         nowhere = {"XDG_CACHE_HOME": str(installation / "mesa_swarm" / "cache")}
         done = run(installation, nowhere)
         assert done.stdout.split() == [expected, "2"]

@@ -141,8 +141,8 @@ def test_a_damaged_file_is_compiled_again_and_replaced(folder, damage):
 def test_where_nothing_can_be_written_it_is_compiled_all_the_same(folder, capsys, monkeypatch):
     folder.write_text("")
     monkeypatch.setattr(code_files, "problems", [])
-    monkeypatch.setenv(code_files.SAID, "")  # is unset again after the test
-    monkeypatch.delenv(code_files.SAID)
+    monkeypatch.setenv(code_files.REPORTED, "")  # is unset again after the test
+    monkeypatch.delenv(code_files.REPORTED)
     assert [stored(made("x + 1"))(1), stored(made("x + 2"))(1)] == [2, 3]
     assert capsys.readouterr().err.count("machine code cannot be stored") == 1
 
