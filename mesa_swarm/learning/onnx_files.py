@@ -151,7 +151,12 @@ def onnx_session(path: str | os.PathLike[str]) -> "InferenceSession":
             raise ValueError(f"it has more than {LARGEST_BYTES >> 20} MB")
         content = file.read_bytes()
         _check_graph(content)
-        return _session_of(content)
+        session = _session_of(content)
+        if not all(
+            [(value.name, value.shape) for value in part] for part in (session.get_inputs(), session.get_outputs())
+        ):
+            raise ValueError("it has no inputs or no outputs")
+        return session
     except Exception as error:  # the runtime has many kinds of its own
         text = f"{shown_path(path)} is not a usable ONNX file: {' '.join(str(error).split())}"
         raise LearningError(without_middle(text)) from None

@@ -307,6 +307,7 @@ def _restore_control_state(model: FireModel, facts: dict, packed: ModelPacked) -
 def _restore_inner(owner: object, state: dict, packed: ModelPacked) -> None:
     if state and type(owner).__module__.startswith(OURS):
         raise RecordingError(f"{type(owner).__name__} has no state of its own")
+    refuse_attributes(owner, state)
     for name, content in state.items():
         object.__setattr__(owner, name, attribute_from_json(getattr(owner, name, None), name, content, packed))
 
@@ -376,6 +377,7 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
         return
     for name in [name for name in getattr(process, "__dict__", {}) if name not in state]:
         delattr(process, name)
+    refuse_attributes(process, state)
     for name, content in state.items():
         value = attribute_from_json(getattr(process, name, None), name, content, packed)
         object.__setattr__(process, name, value)
@@ -383,7 +385,7 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
 
 def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked) -> None:
     attributes = facts["attributes"]
-    refuse_attributes(declared(model, "_stored_apart") & attributes.keys())
+    refuse_attributes(model, attributes, declared(model, "_stored_apart"))
     for name in own_attributes(model).keys() - attributes.keys():
         del model.__dict__[name]
     for name, content in attributes.items():
@@ -404,7 +406,7 @@ def _restore_agents(model: FireModel, stored: dict[int, dict], packed: ModelPack
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in stored.items():
         agent = agents[unique_id]
-        refuse_attributes(apart_of_agent(agent) & values.keys())
+        refuse_attributes(agent, values, apart_of_agent(agent))
         for name, content in values.items():
             value = attribute_from_json(getattr(agent, name, None), name, content, packed)
             object.__setattr__(agent, name, value)

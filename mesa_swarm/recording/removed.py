@@ -59,7 +59,7 @@ def restore_removed(packed: ModelPacked, stored: list) -> None:
     """Restore the attributes of removed agents."""
     for unique_id, _, values in stored:
         agent: Any = (packed.removed or {})[unique_id]
-        refuse_attributes(apart_of_agent(agent) & values.keys())
+        refuse_attributes(agent, values, apart_of_agent(agent))
         for name, content in values.items():
             object.__setattr__(agent, name, attribute_from_json(None, name, content, packed))
 
