@@ -1,8 +1,6 @@
 """Consoles that lack letters: every command ends as it does elsewhere, and what they cannot show is replaced."""
 
 import io
-import os
-import subprocess
 import sys
 
 import pytest
@@ -150,22 +148,3 @@ def test_the_end_of_a_file_is_not_an_interruption(typed, monkeypatch):
     status, out, err = typed("list")
     assert (status, out) == (2, "")
     assert err == "mesa-swarm: a file ends too early: EOFError: Ran out of input (--debug shows where)\n"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "settings",
-    [
-        *({"PYTHONIOENCODING": encoding} for encoding in ENCODINGS),
-        {"LC_ALL": "C"},
-        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
-    ],
-    ids=str,
-)
-def test_a_program_on_such_a_console_prints_all_and_fails_nowhere(folder, settings):
-    for words in (["info", "task_allocation"], ["reproduce", "--list"], ["run", "./mine.py:Mine", "--steps", "2"]):
-        (folder / "mine.py").write_text(GREEK.replace("Θέμα", "Mine"), encoding="utf-8")
-        command = [sys.executable, "-m", "mesa_swarm.cli", *words]
-        done = subprocess.run(command, env=os.environ | settings, capture_output=True, check=False)
-        assert done.returncode == 0, done.stderr
-        assert len(done.stdout.splitlines()) > 3
