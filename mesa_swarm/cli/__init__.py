@@ -28,7 +28,7 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except EOFError as error:
-            raise OSError(f"a file ends too early: {in_words(error)} (--debug shows where)") from error
+            raise OSError(f"a file or the input ended too early: {in_words(error)} (--debug shows where)") from error
 
 
 app = typer.Typer(

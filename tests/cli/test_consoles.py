@@ -147,4 +147,4 @@ def test_the_end_of_a_file_is_not_an_interruption(typed, monkeypatch):
     monkeypatch.setattr("mesa_swarm.cli.listing.model_names", end)
     status, out, err = typed("list")
     assert (status, out) == (2, "")
-    assert err == "mesa-swarm: a file ends too early: EOFError: Ran out of input (--debug shows where)\n"
+    assert err == "mesa-swarm: a file or the input ended too early: EOFError: Ran out of input (--debug shows where)\n"
