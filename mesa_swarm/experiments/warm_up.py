@@ -53,11 +53,12 @@ class WarmUp:
 
     def __str__(self) -> str:
         """Return what was done, in one line."""
-        before = " and ".join(map(str, self.before))
         if not self.functions:
-            return f"everything is compiled already; the machine code is stored in {before}"
+            places = " and ".join(map(str, self.before))
+            return f"everything is compiled already; the machine code is stored in {places}"
         line = f"compiled {quantity(self.functions, 'function')} in {self.seconds:.0f} s; stored in {self.folder}"
-        return f"{line}, those of before in {before}" if before else line
+        others = " and ".join(str(place) for place in self.before if place != self.folder)
+        return f"{line}, those of before in {others}" if others else line
 
 
 def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:

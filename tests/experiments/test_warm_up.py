@@ -120,7 +120,7 @@ def test_a_model_is_compiled_for_by_its_first_steps(monkeypatch):
 def test_what_was_done_is_one_line(tmp_path):
     done = WarmUp(functions=3, seconds=1.2, folder=tmp_path)
     assert str(done) == f"compiled 3 functions in 1 s; stored in {tmp_path}"
-    more = WarmUp(functions=1, seconds=1.2, folder=Path("mine"), before=(Path("shared"),))
+    more = WarmUp(functions=1, seconds=1.2, folder=Path("mine"), before=(Path("shared"), Path("mine")))
     assert str(more) == "compiled 1 function in 1 s; stored in mine, those of before in shared"
     none = WarmUp(functions=0, seconds=1.2, folder=Path("mine"), before=(Path("shared"), Path("mine")))
     assert str(none) == "everything is compiled already; the machine code is stored in shared and mine"
