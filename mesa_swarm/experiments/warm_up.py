@@ -22,7 +22,7 @@ from mesa_swarm.wording import quantity
 LAYOUT = "compiling, once per installation: {n_fmt} of {total_fmt} |{bar:30}|"
 # Steps after which the models of the gallery have called all functions.
 STEPS = 60
-# Interval at which the list on disk is read, s.
+# Interval at which the folder is read, s.
 SHOWN_EVERY = 0.2
 
 
