@@ -117,7 +117,7 @@ def test_commands_end_as_they_do_where_all_letters_are_there(tmp_path, tally, am
         environment = {**os.environ, "PYTHONIOENCODING": "utf-8", **settings}
         return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
 
-    for words in COMMANDS[:: amount(2, 1)]:
+    for words in COMMANDS[:: amount(3, 1)]:
         expected, area = ended(words, {}), tally("consoles: commands")
         for settings in SETTINGS:
             done = ended(words, settings)
