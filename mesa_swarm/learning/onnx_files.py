@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -35,7 +36,7 @@ HEADER = "mesa_swarm policy"
 LARGEST_BYTES = 1 << 24
 # Bytes of memory for what all graphs of a process compute.
 LARGEST_MEMORY = 1 << 30
-MOST_NODES = 100_000
+MOST_PARTS, MOST_NODES = 300_000, 100_000
 # Memory units of a robot, sets of weights and training steps.
 MOST_UNITS, MOST_COPIES, MOST_STEPS = 10_000, 2**31 - 1, 2**62
 # Operators that repeat others as often as the numbers that they get demand.
@@ -190,6 +191,8 @@ def _check_graph(content: bytes) -> None:
     import onnx  # noqa: PLC0415 - optional
 
     model = onnx.ModelProto.FromString(content)
+    if sum(1 for _ in islice(_parts_of(model, object), MOST_PARTS + 1)) > MOST_PARTS:
+        raise ValueError(f"it has more than {MOST_PARTS:,} parts; expected a policy")
     if any(tensor.data_location == onnx.TensorProto.EXTERNAL for tensor in _parts_of(model, onnx.TensorProto)):
         raise ValueError("some of its numbers are in another file; export it as one file")
     if looping := next((node.op_type for node in _parts_of(model, onnx.NodeProto) if node.op_type in LOOPS), None):
