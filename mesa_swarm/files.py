@@ -4,7 +4,7 @@ import errno
 import os
 import shutil
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from hashlib import blake2b
 from io import FileIO
@@ -87,6 +87,31 @@ def checked_place(path: Path) -> Path:
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "it is not a regular file", str(path))
     return place
+
+
+def check_apart(
+    target: Path, sources: Iterable[str | os.PathLike[str]], error: type[SwarmError] = InvalidValueError
+) -> None:
+    """Refuse to write to a file that is read as well, under whatever name, also if files may be replaced.
+
+    Examples
+    --------
+    >>> check_apart(Path("out.toml"), ["in.toml"])  # one of them is not there
+    """
+    for source in sources:
+        if _are_one_file(target, source):
+            raise error(
+                without_middle(
+                    f"{shown_path(target)} is the file that is read, {shown_path(source)}; choose another name"
+                )
+            )
+
+
+def _are_one_file(one: Path, other: str | os.PathLike[str]) -> bool:
+    try:
+        return os.path.samefile(one, other)
+    except (OSError, ValueError):  # one is not there, or no file can have that name
+        return False
 
 
 def unwritable(path: Path, error: OSError, kind: type[SwarmError] = InvalidValueError, cure: str = CURE) -> SwarmError:

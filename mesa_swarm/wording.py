@@ -1,4 +1,34 @@
-"""Values as a reader sees them: numbers of things, values in brief, times."""
+"""Values as a reader sees them: numbers of things, values in brief, times; and text where letters are missing."""
+
+import unicodedata
+
+# By their names in Unicode, what has no plain letters within.
+PLAIN = {
+    "MINUS SIGN": "-",
+    "EN DASH": "-",
+    "EM DASH": "-",
+    "MULTIPLICATION SIGN": "x",
+    "MIDDLE DOT": "*",
+    "FRACTION SLASH": "/",
+    "PLUS-MINUS SIGN": "+/-",
+    "SQUARE ROOT": "sqrt ",
+    "LESS-THAN OR EQUAL TO": "<=",
+    "GREATER-THAN OR EQUAL TO": ">=",
+    "NOT EQUAL TO": "!=",
+    "ALMOST EQUAL TO": "~",
+    "RIGHTWARDS ARROW": "->",
+    "DEGREE SIGN": " degrees",
+    "INFINITY": "infinity",
+    "FULL BLOCK": "#",
+    "LEFT SINGLE QUOTATION MARK": "'",
+    "RIGHT SINGLE QUOTATION MARK": "'",
+    "LEFT DOUBLE QUOTATION MARK": '"',
+    "RIGHT DOUBLE QUOTATION MARK": '"',
+    "LATIN SMALL LETTER SHARP S": "ss",
+    "LATIN SMALL LETTER AE": "ae",
+    "LATIN SMALL LETTER O WITH STROKE": "o",
+    "LATIN SMALL LETTER L WITH STROKE": "l",
+}
 
 
 def quantity(count: int, what: str) -> str:
@@ -40,3 +70,37 @@ def time_text(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours:,} h {minutes} min {rest} s" if hours else f"{minutes} min {rest} s"
+
+
+def in_plain_letters(text: str) -> str:
+    r"""Return a text for whatever lacks some of its letters: Greek ones by name, others without their marks.
+
+    Parameters
+    ----------
+    text : str
+        Of any letters; those without a plain form are escaped.
+
+    Returns
+    -------
+    str
+        Of ASCII letters only.
+
+    Examples
+    --------
+    >>> in_plain_letters("\u0394x \u2264 2, Erd\u0151s, \u65e5")
+    'Deltax <= 2, Erdos, \\u65e5'
+    """
+    return "".join(letter if letter.isascii() else _plain(letter) for letter in text)
+
+
+def _plain(letter: str) -> str:
+    name = unicodedata.name(letter, "")
+    if name in PLAIN:
+        return PLAIN[name]
+    if name.startswith("GREEK ") and " LETTER " in name:
+        word = name.partition(" LETTER ")[2].partition(" ")[0]
+        return word.lower() if "SMALL" in name else word.capitalize()
+    parts = [part for part in unicodedata.normalize("NFKD", letter) if not unicodedata.combining(part)]
+    if parts in ([], [letter]):
+        return letter.encode("ascii", "backslashreplace").decode()
+    return in_plain_letters("".join(parts))

@@ -1,5 +1,6 @@
 """Files are written whole: beside their place, under a name that is cleaned up after a kill, and never over devices."""
 
+import ast
 import errno
 import os
 import signal
@@ -29,6 +30,7 @@ from mesa_swarm.viewing.export import export
 from mesa_swarm.world.map import Map
 from support.forks import forked
 
+ROOT = Path(__file__).parents[1]
 POSIX = pytest.mark.skipif(os.name == "nt", reason="needs POSIX")
 
 
@@ -254,3 +256,35 @@ def test_a_recording_may_have_any_name_and_a_long_name_leaves_room_for_the_cure(
         check_present_format("a" * 400 + ".sim")
     assert len(str(error.value)) <= LONGEST
     assert "mesa-swarm replay" in str(error.value)
+
+
+def texts_without_encoding(source):
+    """Yield the lines on which a text file is opened in the letters of the machine."""
+    for call in (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)):
+        name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+        words = {keyword.arg: keyword.value for keyword in call.keywords}
+        mode = [word for word in (*call.args, words.get("mode")) if isinstance(word, ast.Constant)]
+        modes = [word.value for word in mode if isinstance(word.value, str) and set(word.value) <= set("rwaxbt+")]
+        is_builtin = isinstance(call.func, ast.Name) and len(call.args) < 2 and "mode" not in words
+        is_text = name == "open" and (is_builtin or any("b" not in mode for mode in modes))
+        is_text |= name.endswith("TemporaryFile") and any("b" not in mode for mode in modes)
+        is_text |= name == "read_text" and not call.args
+        is_text |= name == "write_text" and len(call.args) < 2
+        if is_text and "encoding" not in words and "opener" not in words:
+            yield call.lineno
+
+
+@pytest.mark.parametrize(
+    "line", ["open(p)", "open(p, 'w')", "p.open('a')", "p.read_text()", "p.write_text(t)", "TemporaryFile('w+')"]
+)
+def test_a_text_file_of_which_the_encoding_is_the_machines_is_noticed(line):
+    assert list(texts_without_encoding(line)) == [1]
+    assert list(texts_without_encoding(f"{line[:-1]}, encoding='utf-8')".replace("(,", "("))) == []
+
+
+def test_text_files_are_read_and_written_in_utf_8_on_every_machine():
+    folders = [ROOT / name for name in ("mesa_swarm", "models", "release")]
+    paths = [path for folder in folders for path in folder.rglob("*.py")]
+    lines = {path: list(texts_without_encoding(path.read_text(encoding="utf-8"))) for path in paths}
+    assert {path: found for path, found in lines.items() if found} == {}
+    assert len(paths) > 300

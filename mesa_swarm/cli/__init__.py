@@ -9,15 +9,30 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, policies, run, studies
+from mesa_swarm.cli.lines import any_letters
 from mesa_swarm.errors import SwarmError, in_words
 from mesa_swarm.work_done import one_line
 
 INTERRUPTED = 130
 DISK_FULL = (errno.ENOSPC, errno.EFBIG)
 
+
+class Commands(TyperGroup):
+    """The commands, in which the end of a file is not the end of what a user types, as Typer takes it."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that is named."""
+        try:
+            return super().invoke(ctx)
+        except EOFError as error:
+            raise OSError(f"a file or the input ended too early: {in_words(error)} (--debug shows where)") from error
+
+
 app = typer.Typer(
+    cls=Commands,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -36,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
-    with warnings.catch_warnings():
+    with any_letters(), warnings.catch_warnings():
         warnings.showwarning = _shown_once()
         status = _status(lambda: _run_command(words), debug)
     sys.exit(status)

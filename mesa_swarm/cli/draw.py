@@ -16,10 +16,11 @@ from mesa_swarm.cli.options import (
     Seed,
     Settings,
     built_model,
+    files_of,
     prepare,
 )
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
-from mesa_swarm.files import checked_file, write_whole
+from mesa_swarm.files import check_apart, checked_file, write_whole
 from mesa_swarm.gallery import short_name
 from mesa_swarm.wording import quantity
 
@@ -57,6 +58,7 @@ def picture(
         raise InvalidValueError(f"robots is {robots}; stages show all of them; leave it out, or ask for another kind")
     chosen = parsed_steps(DEFAULT_STEPS[kind] if steps is None else steps, several=kind == "stages")
     path = checked_file(out or Path("results", f"{short_name(model)}_{kind}.png"), ".png")
+    check_apart(path, files_of(model, setting))
     figure = drawn(built_model(model, setting, rng), kind, chosen, robots, not quiet)
     from mesa_swarm.viewing.pictures import png
 
@@ -153,6 +155,7 @@ def import_map(
 
     world = Map.load(file)
     target = Path(f"{Path(file).stem}.toml") if out is None else out
+    check_apart(target, [file])
     if target.exists() and not force:
         raise InvalidValueError(f"{target} exists already; choose another name or add --force")
     world.save(target)
@@ -171,7 +174,7 @@ def show_map(
 
     world = Map.load(file)
     if out is not None:
-        checked_file(out, ".png")
+        check_apart(checked_file(out, ".png"), [file])
     print_lines([described(world)], 14)
     if out is not None:
         from mesa_swarm.swarm_model import SwarmModel

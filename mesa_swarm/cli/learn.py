@@ -8,7 +8,7 @@ import typer
 from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
 from mesa_swarm.errors import check_choice, check_number
-from mesa_swarm.files import check_writable, checked_file, write_all
+from mesa_swarm.files import check_apart, check_writable, checked_file, write_all
 from mesa_swarm.wording import quantity
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def learn_bench(
     only: Annotated[str | None, typer.Option(metavar="'A;B;...'", help="Contestants; all by default.")] = None,
     policy: Annotated[
         list[str] | None,
-        typer.Option(help="Controller from outside: .npz, .onnx, .zip of SB3 or module:callable; may be repeated."),
+        typer.Option(help="Controller from outside: .npz, .onnx, module:callable or .zip of SB3 (its code is run)."),
     ] = None,
     seeds: Annotated[int | None, typer.Option(min=1, max=1000, help="Trainings of each contestant; 10.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, max=10_000_000, help="Of each training; 33,000.")] = None,
@@ -185,6 +185,7 @@ def learn_bench(
 
     if report is not None:
         check_writable(checked_file(report, ".md", "report").parent / "pictures")
+        check_apart(report, policy or ())
     given = {"seeds": seeds, "steps": steps, "evaluation_steps": evaluation_steps, "maps": maps}
     benchmark = benchmarks.Benchmark(
         tasks=_names(task, ","),

@@ -1,13 +1,51 @@
-"""Lines that fit the terminal: text is wrapped, and tables are made narrower. Elsewhere nothing is shortened."""
+"""Lines that fit the terminal: text is wrapped, tables are made narrower, letters that it lacks are replaced.
 
+Elsewhere nothing is shortened.
+"""
+
+import codecs
 import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from mesa_swarm.wording import in_plain_letters
+
+# The name under which Python knows how letters are replaced.
+REPLACED = "mesa_swarm.plain"
 
 # Narrower than this, no more is done: words are longer.
 NARROWEST = 40
+
+
+def _replaced(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return in_plain_letters(error.object[error.start : error.end]), error.end
+
+
+codecs.register_error(REPLACED, _replaced)
+
+
+@contextmanager
+def any_letters() -> Iterator[None]:
+    """Let text of any letters be printed, whatever standard output and standard error can show.
+
+    Windows writes redirected output in the letters of one region: a Greek one would end a command in the middle.
+    """
+    streams: list[Any] = [stream for stream in (sys.stdout, sys.stderr) if hasattr(stream, "reconfigure")]
+    before = [stream.errors for stream in streams]
+    for stream in streams:
+        if stream.errors != "surrogateescape" or "utf" not in stream.encoding.lower():  # else it prints all there is
+            stream.reconfigure(errors=REPLACED)
+    try:
+        yield
+    finally:
+        for stream, errors in zip(streams, before, strict=True):
+            stream.reconfigure(errors=errors)
 
 
 def terminal_width() -> int | None:

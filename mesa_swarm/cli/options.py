@@ -76,6 +76,18 @@ def built_model(name: str, settings: Sequence[str] | None, rng: int) -> "SwarmMo
     return model_class(**parsed_settings(model_class, settings or ()), rng=rng)
 
 
+def files_of(model: str, settings: Sequence[str] | None = None) -> list[str]:
+    """Return the names of what may be files that a model is built from: its module, and values such as its map.
+
+    Examples
+    --------
+    >>> files_of("./mine.py:Mine", ["map=rooms.svg", "n_robots=5"])
+    ['./mine.py', 'rooms.svg', '5']
+    """
+    module = model.rpartition(":")[0] or model
+    return [module, *(text.partition("=")[2].strip() for text in settings or ())]
+
+
 @contextmanager
 def resumable(place: Path) -> Iterator[None]:
     """Print after Ctrl-C where finished runs are stored."""

@@ -8,7 +8,7 @@ import typer
 
 from mesa_swarm.cli.options import Force
 from mesa_swarm.errors import InvalidValueError, LearningError, UnknownNameError, check_choice, shortened, unknown_name
-from mesa_swarm.files import check_writable, shown_path
+from mesa_swarm.files import check_apart, check_writable, shown_path
 
 if TYPE_CHECKING:
     from mesa_swarm.control.state_machine import StateMachine
@@ -55,6 +55,7 @@ def export(
         raise InvalidValueError(f"copy is {copy}; a state machine has no sets of weights; leave --copy out")
     targets = [check_writable(out) / f"{stem}{ending}" for ending in ((".c", ".h") if to == "c" else (".onnx",))]
     for target in targets:
+        check_apart(target, [file])
         if target.exists() and not force:
             raise InvalidValueError(f"{target} exists already; choose another name or add --force")
     if file.suffix == ".txt":

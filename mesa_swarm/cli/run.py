@@ -20,11 +20,13 @@ from mesa_swarm.cli.options import (
     SeedOrNone,
     Settings,
     built_model,
+    files_of,
     known_model,
     prepare,
     print_pairs,
 )
 from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.files import check_apart
 from mesa_swarm.gallery import check_model, find_model, short_name
 
 JOB = ".toml"
@@ -58,6 +60,8 @@ def run(
     check_model(model)
     seed = 1 if rng is None else rng
     file = None if record is None else recording_named(record, short_name(model), seed)
+    if file:
+        check_apart(file, files_of(model, setting))
     built = built_model(model, setting, seed)
     with built.record(file, overwrite=force) if file else nullcontext():
         try:
@@ -120,7 +124,7 @@ def compile_all(*, jobs: Jobs = -1, quiet: Quiet = False) -> None:
 def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:
     """Run a job file, recorded to `record` or as it defines; print each run's results; return whether all succeeded."""
     prepare()
-    from mesa_swarm.experiments.jobs import read_job, recorded_to
+    from mesa_swarm.experiments.jobs import named_files, read_job, recorded_to
     from mesa_swarm.experiments.ledger import Outcome
     from mesa_swarm.experiments.reports import LEFT_OUT, OF, sum_of_left_out
     from mesa_swarm.experiments.run_records import recorded
@@ -134,6 +138,10 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
             )
     parts = zip(job.experiments, job.records, strict=True)
     queue = [(experiment, records, one) for experiment, records in parts for one in experiment.runs()]
+    sources = named_files(path)
+    for experiment, records, one in queue:
+        if records is not None:
+            check_apart(records.path(experiment.name, one.rng), sources)
     failed = 0
     for number, (experiment, records, one) in enumerate(queue):
         title = f"{experiment.name}, rng {one.rng}"

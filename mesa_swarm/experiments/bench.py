@@ -147,7 +147,7 @@ model.control = Subsumption(Avoid(distance=15), Explore())
 model.run(3)
 one, two, _ = paired_seconds(model, repetitions=5, budget=0.1)
 status = Path("/proc/self/status")
-lines = status.read_text().splitlines() if status.exists() else ["VmHWM: nan kB"]
+lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else ["VmHWM: nan kB"]
 peak = next(float(line.split()[1]) for line in lines if line.startswith("VmHWM"))
 print(placed, 1000 * few, 1000 * one, 1000 * two, peak / 1e6)
 """
@@ -308,7 +308,7 @@ def largest_world(n: int) -> Sequence[float]:
 def free_bytes() -> float:
     """Return how much memory is free, infinity where the system does not show it."""
     shown = Path("/proc/meminfo")
-    lines = shown.read_text().splitlines() if shown.exists() else []
+    lines = shown.read_text(encoding="utf-8").splitlines() if shown.exists() else []
     return next((1024 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")), math.inf)
 
 

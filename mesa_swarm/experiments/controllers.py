@@ -38,7 +38,7 @@ from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
 from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
 from mesa_swarm.learning.policy import Policy, PolicyLayer
-from mesa_swarm.learning.policy_files import load_policy
+from mesa_swarm.learning.policy_files import load_policy, unreadable_archive
 from mesa_swarm.streams import Seed
 
 Act = Callable[[np.ndarray], np.ndarray]
@@ -48,6 +48,11 @@ COLDEST = 1e-12
 FORMS = "file.npz, file.onnx, sb3.zip, package.module:callable or ./file.py:callable"
 # The algorithm of Stable-Baselines3 by the module of its policies.
 ALGORITHMS = {"sac": "SAC", "td3": "TD3", "dqn": "DQN"}
+# Parts and settings that every file of Stable-Baselines3 has: what lacks one is never given to it.
+SB3_PARTS = ("data", "policy.pth", "_stable_baselines3_version")
+SB3_SETTINGS = ("policy_class", "observation_space", "action_space")
+# It packs files without compressing them, and its settings are a few kB of JSON, which take 20 times as much memory.
+MOST_PARTS, MOST_TIMES, LARGEST_SB3, LARGEST_DATA = 64, 100, 1 << 30, 1 << 23
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -250,7 +255,7 @@ def _of_onnx(file: Path, greedy: bool) -> Controller:
         policy: Any = OnnxPolicy.of(session, shown_path(file))
         return Controller(name=_short_name(file), control=Subsumption(PolicyLayer(policy=policy, greedy=greedy)))
     inputs = session.get_inputs()
-    shape = list(inputs[0].shape) if len(inputs) == 1 else []
+    shape = list(inputs[0].shape or ()) if len(inputs) == 1 else []
     if len(shape) != 2 or inputs[0].type != "tensor(float)" or isinstance(shape[0], int):
         found = ", ".join(f"{value.name} {value.type} {value.shape}" for value in inputs)
         raise LearningError(
@@ -274,7 +279,7 @@ def _of_sb3(file: Path, greedy: bool) -> Controller:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of other versions of packages
             model = getattr(import_module("stable_baselines3"), algorithm).load(file, device="cpu")
-    except Exception as error:  # pickles raise anything
+    except (Exception, SystemExit) as error:  # pickles raise anything
         text = f"{shown_path(file)} cannot be loaded as {algorithm}: {in_words(error)}"
         raise LearningError(without_middle(text)) from None
     shape: Any = model.observation_space.shape
@@ -293,19 +298,42 @@ def algorithm_of(file: Path) -> str:
     Raises
     ------
     LearningError
-        If the file is missing or not one of its files.
+        If the file is missing or not one of its files, or unpacks to far more than it takes on disk.
     """
     try:
-        with zipfile.ZipFile(file) as archive:
-            saved = json.loads(archive.read("data"))
+        if why := unreadable_archive(file, LARGEST_SB3):
+            raise ValueError(why)
+        saved = _settings_of(file)
         module = str(saved["policy_class"]["__module__"])
     except FileNotFoundError:
         raise LearningError(f"there is no file {shown_path(file)}; expected one that Stable-Baselines3 saved") from None
-    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError) as error:
-        why = f"({type(error).__name__})"
-        raise LearningError(f"{shown_path(file)} is not a file that Stable-Baselines3 saved {why}") from None
+    except LearningError:
+        raise
+    except Exception as error:  # zip, zlib and JSON raise many kinds
+        why = str(error) if type(error) is ValueError else f"it is damaged ({type(error).__name__})"
+        text = f"{shown_path(file)} is not a file that Stable-Baselines3 saved: {why}"
+        raise LearningError(without_middle(text)) from None
     known = next((name for part, name in ALGORITHMS.items() if f".{part}." in module), None)
     return known or ("PPO" if "clip_range" in saved else "A2C")
+
+
+def _settings_of(file: Path) -> dict:
+    """Return the settings in a file of Stable-Baselines3; sizes are checked before anything is unpacked."""
+    with zipfile.ZipFile(file) as archive:
+        members = {member.filename: member for member in archive.infolist()}
+        if missing := [name for name in SB3_PARTS if name not in members]:
+            raise ValueError(f"it has no {missing[0]}")
+        if len(members) > MOST_PARTS or len(members) < len(archive.infolist()):
+            raise ValueError(f"it has more than {MOST_PARTS} parts, or two of one name")
+        unpacked, packed = sum(member.file_size for member in members.values()), file.stat().st_size
+        if unpacked > min(LARGEST_SB3, MOST_TIMES * packed) or members["data"].file_size > LARGEST_DATA:
+            raise ValueError(f"its {packed:,} bytes unpack to {unpacked:,}, or its settings to more than a few MB")
+        if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members.values()):
+            raise ValueError("it is compressed by another method")
+        saved = json.loads(archive.read("data"))
+    if not isinstance(saved, dict) or not all(isinstance(saved.get(name), dict) for name in SB3_SETTINGS):
+        raise ValueError(f"its settings have no {', '.join(SB3_SETTINGS)}")
+    return saved
 
 
 def _of_address(address: str) -> Controller:

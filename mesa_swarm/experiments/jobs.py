@@ -188,6 +188,22 @@ def read_job(path: str | os.PathLike[str]) -> Job:
         return _with_different_recordings(job)
 
 
+def named_files(path: str | os.PathLike[str]) -> list[Path]:
+    """Return the file of a job, and what its texts would name if they were files: a map, or a model's module."""
+    file = _found(path)
+    texts = _texts_in(parsed_toml(text_of(file_content(file, LARGEST_JOB), file.name), file.name))
+    return [file, *(file.parent / (text.rpartition(":")[0] or text) for text in texts)]
+
+
+def _texts_in(value: object) -> Iterator[str]:
+    """Yield the texts in a value, at any depth."""
+    if isinstance(value, str):
+        yield value
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    for part in parts:
+        yield from _texts_in(part)
+
+
 def job_text(model: str, about: Sequence[str] = (), **keys: Any) -> str:
     """Return the text of a job file with one run, which `read_job` reads back.
 

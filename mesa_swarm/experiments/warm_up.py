@@ -9,16 +9,20 @@ from tempfile import TemporaryFile
 from time import perf_counter, sleep
 from typing import IO
 
+from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.pool import checked_jobs, ending_with_us
 from mesa_swarm.experiments.workers import WorkerDiedError
 from mesa_swarm.gallery import find_model
-from mesa_swarm.geometry.compiling import COMPILED, compilation, listed_functions, needed_functions
+from mesa_swarm.geometry.code_files import drop_damaged, is_stored, places, problems, unstored
+from mesa_swarm.geometry.compiling import compilation, needed_functions, places_of, stored_functions
+from mesa_swarm.geometry.custom_code import FOLDER
 from mesa_swarm.progress import progress_bar
+from mesa_swarm.wording import quantity
 
 LAYOUT = "compiling, once per installation: {n_fmt} of {total_fmt} |{bar:30}|"
 # Steps after which the models of the gallery have called all functions.
 STEPS = 60
-# Interval at which the list on disk is read, s.
+# Interval at which the folder is read, s.
 SHOWN_EVERY = 0.2
 
 
@@ -29,26 +33,32 @@ class WarmUp:
     Attributes
     ----------
     functions : int
-        How many were compiled, counted once for each set of types.
+        How many were compiled and stored, counted once for each set of types.
     seconds : float
     folder : Path
-        Where the machine code is stored.
+        Where they are stored: beside the installation, or in the user's cache if that cannot be written to.
+    before : tuple of Path
+        Where the code is stored that was compiled before.
 
     Examples
     --------
     >>> print(WarmUp(functions=176, seconds=58.3, folder=Path("cache")))
-    compiled 176 functions in 58 s; they are stored in cache
+    compiled 176 functions in 58 s; stored in cache
     """
 
     functions: int
     seconds: float
     folder: Path
+    before: tuple[Path, ...] = ()
 
     def __str__(self) -> str:
         """Return what was done, in one line."""
         if not self.functions:
-            return f"everything is compiled already; the machine code is stored in {self.folder}"
-        return f"compiled {self.functions} functions in {self.seconds:.0f} s; they are stored in {self.folder}"
+            places = " and ".join(map(str, self.before))
+            return f"everything is compiled already; the machine code is stored in {places}"
+        line = f"compiled {quantity(self.functions, 'function')} in {self.seconds:.0f} s; stored in {self.folder}"
+        others = " and ".join(str(place) for place in self.before if place != self.folder)
+        return f"{line}, those of before in {others}" if others else line
 
 
 def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:
@@ -73,9 +83,10 @@ def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:
     Raises
     ------
     InvalidValueError
-        If `jobs` is not a whole number of at least 1, or -1.
+        If `jobs` is not a whole number of at least 1, or -1; or if something is to be compiled and can be stored
+        nowhere.
     WorkerDiedError
-        If a process fails; what others have compiled stays.
+        If a process fails, or cannot store what it has compiled; what others have compiled stays.
 
     Examples
     --------
@@ -84,19 +95,25 @@ def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:
     ...
     mesa_swarm.errors.InvalidValueError: jobs is 0; expected a whole number at least 1 and at most 1024, or -1 for ...
     """
-    workers = checked_jobs(jobs)
-    start, missing = perf_counter(), missing_functions()
-    left = set().union(*missing.values())
-    if left:
+    workers, start = checked_jobs(jobs), perf_counter()
+    missing, damaged = missing_functions(), drop_damaged(FOLDER)
+    left, before = set().union(*missing.values()), places_of(set().union(*needed_functions().values()))
+    # Damaged code of rules and sensors may be that of any model.
+    models = [*missing, *(model for model in needed_functions() if damaged and model not in missing)]
+    if models:
+        if reason := unstored():
+            raise InvalidValueError(reason)
         with progress_bar(len(left), "functions", progress, LAYOUT) as bar:
-            _compile_all(list(missing), workers, lambda: bar.update(len(left & listed_functions()) - bar.n))
-    return WarmUp(functions=len(left & listed_functions()), seconds=perf_counter() - start, folder=COMPILED.parent)
+            _compile_all(models, workers, lambda: bar.update(len(stored_functions(left)) - bar.n))
+    count = len(stored_functions(left)) + sum(map(is_stored, damaged))
+    return WarmUp(functions=count, seconds=perf_counter() - start, folder=places()[-1], before=before)
 
 
 def missing_functions() -> dict[str, set[str]]:
     """Return what is not compiled yet, by the names of the models that need it, those that need most first."""
-    listed = listed_functions()
-    missing = {model: set(names) - listed for model, names in needed_functions().items()}
+    needed = needed_functions()
+    stored = stored_functions(set().union(*needed.values()))
+    missing = {model: set(names) - stored for model, names in needed.items()}
     return {
         model: missing[model] for model in sorted(missing, key=lambda model: -len(missing[model])) if missing[model]
     }
@@ -129,7 +146,7 @@ def _compile_all(left: list[str], workers: int, show: Callable[[], object]) -> N
 
 def _text_file() -> IO[str]:
     """Return a file for what a process writes, which a pipe that is not read would block."""
-    return TemporaryFile("w+", errors="replace")
+    return TemporaryFile("w+", encoding="utf-8", errors="replace")
 
 
 def _check_ended(model: str, process: subprocess.Popen, errors: IO[str]) -> None:
@@ -142,6 +159,14 @@ def _check_ended(model: str, process: subprocess.Popen, errors: IO[str]) -> None
 
 
 def compile_for(model: str) -> None:
-    """Compile what a model of the gallery needs, in this process alone."""
+    """Compile what a model of the gallery needs, in this process alone.
+
+    Raises
+    ------
+    SwarmError
+        If some of it cannot be stored.
+    """
     compilation.alone = True
     find_model(model)(rng=1).run(STEPS)
+    for problem in problems:
+        raise SwarmError(problem)

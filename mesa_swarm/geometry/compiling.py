@@ -6,21 +6,16 @@ the gallery need is in `NEEDED`, a file that ``python tests/support/compiled_fun
 
 import gc
 import json
-import sys
 from collections.abc import Iterable
-from contextlib import suppress
 from functools import cache
-from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numba
 from numba.core import event
-from numba.core.registry import cpu_target
 
-from mesa_swarm.geometry import type_names
-from mesa_swarm.geometry.compiled import COMPILED, FUNCTIONS, PACKAGE
+from mesa_swarm.geometry.code_files import PACKAGE, file_of, is_stored, places, types_named, unstored
+from mesa_swarm.geometry.compiled import FUNCTIONS, stem_of
 from mesa_swarm.progress import note
 
 NEEDED = Path(__file__).with_name("needed.json")
@@ -50,7 +45,7 @@ class Compilation(event.Listener):
     def lacks(self, model_class: type) -> bool:
         """Return whether something that a model of the gallery needs is not compiled; of others it is not known."""
         names, exact = needed_by(base.__module__ for base in model_class.__mro__)
-        return exact and not listed_functions().union(self.compiled).issuperset(names)
+        return exact and not stored_functions(names).union(self.compiled).issuperset(names)
 
     def on_start(self, event: Any) -> None:
         """Show how far it is, before a function is compiled."""
@@ -60,15 +55,12 @@ class Compilation(event.Listener):
             self._show()
 
     def on_end(self, event: Any) -> None:
-        """Count and list a function that has been compiled."""
+        """Count a function that has been compiled."""
         self._resume_collection()
         dispatcher = event.data["dispatcher"]
         if dispatcher.py_func not in FUNCTIONS:
             return
-        name = name_of(dispatcher.py_func, event.data["args"])
-        self.compiled[name] = None
-        if dispatcher.stats.cache_path is not None:
-            _list(name)
+        self.compiled[name_of(dispatcher.py_func, event.data["args"])] = None
         self._show()
 
     def _pause_collection(self) -> None:
@@ -86,7 +78,8 @@ class Compilation(event.Listener):
     def text(self) -> str:
         """Return how far it is in words, "" if nothing more is expected."""
         total = len(self.compiled | self.expected)
-        done = total - len(self.expected.keys() - self.compiled.keys() - listed_functions())
+        missing = self.expected.keys() - self.compiled.keys()
+        done = total - len(missing - stored_functions(missing))
         if done == total and self._exact:
             return ""
         return in_words(done, total, self._exact)
@@ -96,12 +89,12 @@ class Compilation(event.Listener):
         models, self._models = self._models, {}
         if not models:
             return
-        listed = listed_functions()
         for modules in models:
             names, exact = needed_by(modules)
-            self.expected |= dict.fromkeys(name for name in names if name not in listed)
+            there = stored_functions(names)
+            self.expected |= dict.fromkeys(name for name in names if name not in there)
             self._exact = self._exact and exact
-        if not self.alone:
+        if not self.alone and not unstored():
             self.alone = True
             import_module(PRECOMPILE).start(list(self.expected))
 
@@ -130,18 +123,23 @@ def name_of(function: Any, arguments: Iterable[Any]) -> str:
     >>> name_of(wrapped.py_func, (types.float64,))
     'geometry.overlap.wrapped float64'
     """
-    module = function.__module__.removeprefix(f"{PACKAGE.name}.")
-    return f"{module}.{function.__qualname__} {' '.join(map(type_names.in_words, arguments))}"
+    return f"{stem_of(function)} {types_named(arguments)}"
 
 
-def listed_functions() -> set[str]:
-    """Return the names of the functions that are compiled already for this machine, on disk."""
-    machine = f"{_machine()} "
-    try:
-        lines = COMPILED.read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return set()
-    return {line.removeprefix(machine) for line in lines if line.startswith(machine)}
+def stored_functions(names: Iterable[str]) -> set[str]:
+    """Return which of these functions are compiled already for this machine, in whole files on disk."""
+    return {name for name in names if is_stored(_file_of(name))}
+
+
+def places_of(names: Iterable[str]) -> tuple[Path, ...]:
+    """Return the folders in which machine code of some of these functions is stored."""
+    files = [_file_of(name) for name in names]
+    return tuple(place for place in places() if any((place / file).exists() for file in files))
+
+
+def _file_of(name: str) -> str:
+    stem, _, words = name.partition(" ")
+    return file_of(stem, words)
 
 
 def needed_functions() -> dict[str, list[str]]:
@@ -166,19 +164,6 @@ def needed_by(modules: Iterable[str]) -> tuple[list[str], bool]:
 @cache
 def _table() -> dict[str, list[str]]:
     return json.loads(NEEDED.read_text(encoding="utf-8"))
-
-
-def _list(name: str) -> None:
-    """Add a line to the list on disk: in one write, since other processes may do the same."""
-    with suppress(OSError), COMPILED.open("a", encoding="utf-8") as file:
-        file.write(f"{_machine()} {name}\n")
-
-
-@cache
-def _machine() -> str:
-    """Return a name for what machine code depends on besides the sources: Numba loads that of no other processor."""
-    about = (sys.version_info[:2], numba.__version__, cpu_target.target_context.codegen().magic_tuple())
-    return blake2b(repr(about).encode(), digest_size=4).hexdigest()
 
 
 compilation = Compilation()

@@ -11,18 +11,18 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from hashlib import blake2b
-from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
 import numpy as np
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 from mesa_swarm.errors import shortened
-from mesa_swarm.geometry.compiled import COMPILED, FUNCTIONS, SeparateFiles
+from mesa_swarm.geometry.code_files import StoredCode, modified, places
+from mesa_swarm.geometry.compiled import FUNCTIONS
 
-FOLDER = COMPILED.parent / "custom"
+# Within the folders of machine code.
+FOLDER = "custom"
 # Every change of a function leaves code behind, about 100 kB: that of the last few is enough.
 MOST_STORED = 300
 # Larger arrays are not worth reading.
@@ -129,55 +129,21 @@ def _by_name(value: Any) -> Any:
     raise UnknownValueError(shortened(value))
 
 
-class _Place(_CacheLocator):
-    """Where Numba stores the code of a function: under its digest."""
-
-    def __init__(self, digest: str) -> None:
-        self._digest = digest
-
-    def get_cache_path(self) -> str:
-        """Return the folder."""
-        return str(FOLDER)
-
-    def get_source_stamp(self) -> str:
-        """Return what has to be the same."""
-        return self._digest
-
-    def get_disambiguator(self) -> str:
-        """Return what distinguishes it from other functions of this name."""
-        return self._digest
-
-
-class _Stored(CompileResultCacheImpl):
-    def __init__(self, digest: Any) -> None:
-        self._locator, self._lineno, self._filename_base = _Place(digest), 0, digest
-
-
-class CustomCode(FunctionCache):
+class CustomCode(StoredCode):
     """The machine code of a function with a digest, for Numba to load and to store."""
 
-    _impl_class = _Stored
-
-    def __init__(self, digest: str, accepts: Callable[[], bool]) -> None:
-        super().__init__(digest)
-        self._digest, self._accepts = digest, accepts
-        self._cache_file.__class__ = SeparateFiles
+    def __init__(self, function: FunctionType, digest: str, accepts: Callable[[], bool]) -> None:
+        super().__init__(function, f"{FOLDER}/{digest}", accepts=accepts)
+        self._digest = digest
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple:
         return sig, codegen.magic_tuple(), self._digest
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the code for these types, None if there is none or it cannot be read."""
-        with suppress(Exception):  # a damaged file: it is compiled and stored again
-            return super().load_overload(sig, target_context)
-        return None
-
-    def save_overload(self, sig: Any, code: Any) -> None:
+    def save_overload(self, sig: Any, result: Any) -> None:
         """Store code; where that cannot be, it is compiled in each process."""
-        with suppress(Exception):  # of the disk, and of types that cannot be pickled
-            if self._accepts():
-                super().save_overload(sig, code)
-                _drop_old()
+        with suppress(Exception):  # of types that cannot be pickled, and of `accepts`
+            super().save_overload(sig, result)
+            _drop_old()
 
 
 def renamed(function: FunctionType, digest: str | None) -> FunctionType:
@@ -197,19 +163,13 @@ def stored_on_disk(dispatcher: Any, digest: str | None, accepts: Callable[[], bo
     The function has to be `renamed`. Code is stored if `accepts()` returns True when it has been compiled.
     """
     if digest is not None:
-        dispatcher._cache = CustomCode(digest, accepts)
+        dispatcher._cache = CustomCode(dispatcher.py_func, digest, accepts)
     return dispatcher
 
 
 def _drop_old() -> None:
     """Remove the oldest files beyond the limit."""
-    files = sorted(FOLDER.glob("*.nb?"), key=_age)
-    for old in files[: -2 * MOST_STORED]:
+    files = sorted((places()[-1] / FOLDER).glob("*.nbc"), key=modified)
+    for old in files[:-MOST_STORED]:
         with suppress(OSError):  # another process has removed it
             old.unlink()
-
-
-def _age(path: Path) -> float:
-    with suppress(OSError):
-        return path.stat().st_mtime
-    return 0.0

@@ -15,8 +15,8 @@ from importlib import import_module
 from threading import Thread
 from typing import Any
 
-from mesa_swarm.geometry.compiled import PACKAGE
-from mesa_swarm.geometry.compiling import compilation, listed_functions
+from mesa_swarm.geometry.code_files import PACKAGE
+from mesa_swarm.geometry.compiling import compilation, stored_functions
 from mesa_swarm.geometry.type_names import types_in_words
 
 # To start a process takes as long as compiling a few functions.
@@ -82,7 +82,7 @@ def main() -> None:
     names = json.loads(sys.stdin.readline())
     Thread(target=_exit_with_parent, daemon=True).start()
     for name in names:
-        if name not in listed_functions():
+        if not stored_functions([name]):
             with suppress(Exception):  # the process that waits compiles it, and shows the error
                 compile_named(name)
 

@@ -2,7 +2,10 @@
 
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -15,6 +18,7 @@ from mesa_swarm.files import shown_path, write_whole
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.c_source import exportable
 from mesa_swarm.learning.policy import Policy, SensorLayout, checked_chances, checked_numbers
+from mesa_swarm.learning.policy_files import stored_sensors
 from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.wire_learning import STARTS, WirePolicy
@@ -28,6 +32,17 @@ if TYPE_CHECKING:
 OPSET, FORMAT_VERSION = 15, 8
 # The name under which a file holds sensors, family and training as JSON.
 HEADER = "mesa_swarm policy"
+# A policy of 1,000 robots takes 13 MB.
+LARGEST_BYTES = 1 << 24
+# Bytes of memory for what all graphs of a process compute.
+LARGEST_MEMORY = 1 << 30
+MOST_PARTS, MOST_NODES = 300_000, 100_000
+# Memory units of a robot, sets of weights and training steps.
+MOST_UNITS, MOST_COPIES, MOST_STEPS = 10_000, 2**31 - 1, 2**62
+# Operators that repeat others as often as the numbers that they get demand.
+LOOPS = {"Loop", "Scan", "SequenceMap", "BeamSearch", "GreedySearch", "Sampling", "WhisperBeamSearch"}
+# Of the runtime's messages, which would be printed besides the errors that it raises.
+FATAL_ONLY = 4
 
 
 def export_onnx(policy: Policy, path: str | os.PathLike[str], *, copy: int | None = None) -> Path:
@@ -117,25 +132,106 @@ def _model_of(policy: QPolicy | ReflexPolicy | WirePolicy) -> "ModelProto":
 def onnx_session(path: str | os.PathLike[str]) -> "InferenceSession":
     """Return the graph in an ONNX file, ready to run in one thread.
 
+    What it computes has a limit: graphs with loops, of operators or of functions that call themselves, are refused,
+    and all graphs of a process have 1 GB of memory for what they compute.
+
     Raises
     ------
     LearningError
         If the file is missing, or not such a graph.
     SwarmError
-        If the package onnxruntime is not installed.
+        If the packages onnx and onnxruntime are not installed.
     """
-    if not Path(path).is_file():
+    file = Path(path)
+    if not file.is_file():
         raise LearningError(f"there is no file {shown_path(path)}; expected an ONNX file such as from export_onnx")
-    need("onnxruntime", "onnx", "ONNX files need")
-    import onnxruntime  # noqa: PLC0415 - optional
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    for package in ("onnx", "onnxruntime"):
+        need(package, "onnx", "ONNX files need")
     try:
-        return onnxruntime.InferenceSession(os.fspath(path), options, providers=["CPUExecutionProvider"])
+        if file.stat().st_size > LARGEST_BYTES:
+            raise ValueError(f"it has more than {LARGEST_BYTES >> 20} MB")
+        content = file.read_bytes()
+        _check_graph(content)
+        session = _session_of(content)
+        if not all(
+            [(value.name, value.shape) for value in part] for part in (session.get_inputs(), session.get_outputs())
+        ):
+            raise ValueError("it has no inputs or no outputs")
+        return session
     except Exception as error:  # the runtime has many kinds of its own
         text = f"{shown_path(path)} is not a usable ONNX file: {' '.join(str(error).split())}"
         raise LearningError(without_middle(text)) from None
+
+
+def _session_of(content: bytes) -> "InferenceSession":
+    """Return a graph that is ready to run; its errors are raised, not printed as well."""
+    import onnxruntime  # noqa: PLC0415 - optional
+
+    _limit_memory()
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = FATAL_ONLY
+    options.add_session_config_entry("session.use_env_allocators", "1")
+    # What is computed when a graph is loaded has no limit of memory; a second attempt is printed.
+    without: dict[str, Any] = {"disabled_optimizers": ["ConstantFolding"], "enable_fallback": 0}
+    return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"], **without)
+
+
+@cache
+def _limit_memory() -> None:
+    """Limit, once in a process, the memory of what graphs compute."""
+    import onnxruntime as runtime  # noqa: PLC0415 - optional
+
+    place = runtime.OrtMemoryInfo("Cpu", runtime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, runtime.OrtMemType.DEFAULT)
+    runtime.create_and_register_allocator(place, runtime.OrtArenaCfg({"max_mem": LARGEST_MEMORY}))
+
+
+def _check_graph(content: bytes) -> None:
+    """Refuse what would run without end, or read other files."""
+    import onnx  # noqa: PLC0415 - optional
+
+    model = onnx.ModelProto.FromString(content)
+    if sum(1 for _ in islice(_parts_of(model, object), MOST_PARTS + 1)) > MOST_PARTS:
+        raise ValueError(f"it has more than {MOST_PARTS:,} parts; expected a policy")
+    if any(tensor.data_location == onnx.TensorProto.EXTERNAL for tensor in _parts_of(model, onnx.TensorProto)):
+        raise ValueError("some of its numbers are in another file; export it as one file")
+    if looping := next((node.op_type for node in _parts_of(model, onnx.NodeProto) if node.op_type in LOOPS), None):
+        raise ValueError(f"its operator {looping} may run without end; export it without loops")
+    functions = {_called(function, function.name): function for function in model.functions}
+    if _unfolded(model.graph, functions, {}) > MOST_NODES:
+        raise ValueError(f"it has more than {MOST_NODES:,} operators, or a function that calls itself")
+
+
+def _parts_of(message: Any, kind: type) -> Iterator[Any]:
+    """Yield the parts of a message of this kind, at any depth."""
+    if isinstance(message, kind):
+        yield message
+    for field, value in message.ListFields():
+        if field.message_type is not None:
+            for part in (value,) if hasattr(value, "ListFields") else value:
+                yield from _parts_of(part, kind)
+
+
+def _called(part: Any, name: str) -> tuple[str, str, str]:
+    """Return by what a function is called; the standard domain has two names."""
+    return "" if part.domain == "ai.onnx" else part.domain, name, part.overload
+
+
+def _unfolded(part: Any, functions: dict, counts: dict[tuple, int]) -> int:
+    """Return how many operators a graph or function has, with those of functions that it calls; many if it is endless.
+
+    `counts` has those of functions that were counted before.
+    """
+    from onnx import NodeProto  # noqa: PLC0415 - optional
+
+    total = 0
+    for node in _parts_of(part, NodeProto):
+        called = _called(node, node.op_type)
+        if called in functions and called not in counts:
+            counts[called] = MOST_NODES  # as long as it is not counted: of one that calls itself
+            counts[called] = _unfolded(functions[called], functions, counts)
+        total += 1 + counts.get(called, 0)
+    return total
 
 
 def is_own(session: "InferenceSession") -> bool:
@@ -172,10 +268,11 @@ class OnnxPolicy:
         """Return the policy of a graph of `export_onnx`; `name` is that of its file, for errors."""
         try:
             header = json.loads(session.get_modelmeta().custom_metadata_map[HEADER])
-            sensors = SensorLayout(*(tuple(map(float, header["sensors"][part])) for part in SensorLayout.__slots__))
-            numbers = {part: check_count(part, header[part], maximum=2**62) for part in ("steps", "memory", "copies")}
+            sensors = stored_sensors(header["sensors"])
+            most = {"steps": MOST_STEPS, "memory": MOST_UNITS, "copies": MOST_COPIES}
+            numbers = {part: check_count(part, header[part], maximum=most[part]) for part in most}
             training = {part: str(header[part]) for part in ("family", "encoding")}
-        except (KeyError, TypeError, ValueError):
+        except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError):
             raise LearningError(f"{name} has no valid header of mesa_swarm; export the policy again") from None
         return cls(session=session, sensors=sensors, training=training, **numbers)
 
@@ -188,7 +285,13 @@ class OnnxPolicy:
         *,
         numbers: ArrayLike | None = None,
     ) -> np.ndarray:
-        """Return wheel commands (n, 2) as shares of max_speed; see `ReflexPolicy.act`."""
+        """Return wheel commands (n, 2) as shares of max_speed; see `ReflexPolicy.act`.
+
+        Raises
+        ------
+        LearningError
+            If the graph fails, such as for want of memory, or returns another number of values.
+        """
         distance, kind = self.sensors.check_readings(readings, kinds, self.training["encoding"])
         n = len(distance)
         inputs = {"readings": distance, "kinds": kind.astype(np.int64)}
@@ -197,9 +300,12 @@ class OnnxPolicy:
             inputs["numbers"] = np.arange(n) if numbers is None else checked_numbers(numbers, n)
         if self.memory:
             inputs["memory"] = np.zeros((n, self.memory)) if memory is None else memory
-        wheels, *remembered = self.session.run(None, inputs)
-        if memory is not None and remembered:
-            memory[:] = remembered[0]
+        try:
+            wheels, *remembered = self.session.run(None, inputs)
+            if memory is not None and remembered:
+                memory[:] = remembered[0]
+        except Exception as error:  # the runtime has many kinds of its own
+            raise LearningError(without_middle(f"the ONNX graph failed: {' '.join(str(error).split())}")) from None
         return wheels
 
 

@@ -156,7 +156,7 @@ def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Polic
         if not isinstance(array, np.ndarray) or array.dtype != np.float64 or not np.isfinite(array).all():
             raise _refusal(file, f"its {shortened(name)} holds other values than finite float64 numbers")
     try:
-        sensors = _sensors_of(header["sensors"])
+        sensors = stored_sensors(header["sensors"])
         steps = check_count("steps", header["steps"], maximum=2**62)
         training, settings = header["training"], header["settings"]
         if not isinstance(training, dict) or not isinstance(settings, dict):
@@ -168,7 +168,8 @@ def _policy_of(file: Path, header: dict, arrays: dict[str, np.ndarray]) -> Polic
         raise _refusal(file, str(error) or type(error).__name__) from None
 
 
-def _sensors_of(rows: dict) -> SensorLayout:
+def stored_sensors(rows: dict) -> SensorLayout:
+    """Return the sensors that a header describes, or raise a TypeError, LookupError or ValueError."""
     names = ("bearings", "ranges", "fields_of_view")
     for name in names:
         if not isinstance(rows[name], list) or len(rows[name]) > MOST_SENSORS:
@@ -206,16 +207,25 @@ def _check_members(file: Path, archive: zipfile.ZipFile) -> None:
 
 def _check_list(file: Path) -> None:
     """Check that it is a file, not too large, and its list of contents not too long."""
+    if why := unreadable_archive(file, LARGEST_BYTES):
+        raise _refusal(file, f"{why}, or not an .npz file" if "damaged" in why else why)
+
+
+def unreadable_archive(file: Path, largest: int) -> str:
+    """Return why a ZIP archive cannot be opened: it has more bytes than these, or a list that is damaged or too long.
+
+    The list of contents is read as a whole when an archive is opened. "" is returned if it can be.
+    """
     size = file.stat().st_size
     if not file.is_file():
         raise LearningError(f"{shown_path(file)} cannot be read: it is a folder or device; expected a file")
-    if size > LARGEST_BYTES:
-        raise _refusal(file, f"it unpacks to more than {LARGEST_BYTES >> 20} MB")
+    if size > largest:
+        return f"it unpacks to more than {largest >> 20} MB"
     with file.open("rb") as content:
         content.seek(max(size - END.size, 0))
         end = content.read(END.size)
-    if len(end) < END.size or not end.startswith(b"PK\5\6") or END.unpack(end)[5] > LARGEST_LIST:
-        raise _refusal(file, "it is damaged, or not an .npz file")
+    is_list = len(end) == END.size and end.startswith(b"PK\5\6") and END.unpack(end)[5] <= LARGEST_LIST
+    return "" if is_list else "it is damaged"
 
 
 def _check_shape(file: Path, part: IO[bytes], size: int) -> None:

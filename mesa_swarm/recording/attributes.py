@@ -1,5 +1,8 @@
 """Attributes of a model, of its agents, layers and processes, as stored in recordings."""
 
+from collections.abc import Iterable
+from functools import cached_property
+from inspect import isroutine
 from typing import Any
 
 import numpy as np
@@ -153,10 +156,22 @@ def attribute_from_json(now: object, name: str, content: dict, packed: ModelPack
     return part_from_json(value) if kind == "part" else packed.unpack(value)
 
 
-def refuse_attributes(names: frozenset[str]) -> None:
-    """Refuse attributes that are not part of a state."""
-    if names:
-        raise RecordingError(f"attribute {min(names)} is not part of a state")
+def refuse_attributes(owner: object, names: Iterable[str], apart: frozenset[str] = frozenset()) -> None:
+    """Refuse attributes that are not part of an object's state, or would hide what its class does.
+
+    `apart` are those that are stored in another way.
+    """
+    for name in sorted(names):
+        if name in apart or name.startswith("__") or _is_method(type(owner), name):
+            raise RecordingError(f"attribute {shortened(name)[1:-1]} is not part of a state")
+
+
+def _is_method(kind: type, name: str) -> bool:
+    """Return whether a class has a method or property of this name, not only a value or a field."""
+    own = next((vars(base)[name] for base in kind.__mro__ if name in vars(base)), None)
+    if isinstance(own, cached_property) or name in getattr(kind, "__dataclass_fields__", {}):
+        return False
+    return isroutine(own) or isinstance(own, (property, classmethod, staticmethod))
 
 
 def generator_to_json(generator: np.random.Generator, name: str, packed: Packed) -> object:

@@ -34,7 +34,7 @@ from mesa_swarm.recording.collected import (
     set_clock,
 )
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
-from mesa_swarm.recording.making import check_made, check_names, check_process_class
+from mesa_swarm.recording.making import check_made, check_process_class
 from mesa_swarm.recording.parts import (
     classes_near,
     control_from_json,
@@ -348,6 +348,7 @@ def _restore_control_state(model: FireModel, facts: dict, packed: ModelPacked) -
 def _restore_inner(owner: object, state: dict, packed: ModelPacked) -> None:
     if state and type(owner).__module__.startswith(OURS):
         raise RecordingError(f"{type(owner).__name__} has no state of its own")
+    refuse_attributes(owner, state)
     for name, content in state.items():
         object.__setattr__(owner, name, attribute_from_json(getattr(owner, name, None), name, content, packed))
 
@@ -417,9 +418,9 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
     if isinstance(process, Checkpointed):
         process.restore(packed.unpack(state["own"]))
         return
-    check_names(process, state)
     for name in [name for name in getattr(process, "__dict__", {}) if name not in state]:
         delattr(process, name)
+    refuse_attributes(process, state)
     for name, content in state.items():
         value = attribute_from_json(getattr(process, name, None), name, content, packed)
         object.__setattr__(process, name, value)
@@ -427,8 +428,7 @@ def _restore_process(process: Any, state: dict, packed: ModelPacked) -> None:
 
 def _restore_attributes(model: FireModel, facts: dict, packed: ModelPacked, made: dict[Agent, Agent | None]) -> None:
     attributes = facts["attributes"]
-    refuse_attributes(declared(model, "_stored_apart") & attributes.keys())
-    check_names(model, attributes)
+    refuse_attributes(model, attributes, declared(model, "_stored_apart"))
     for name in own_attributes(model).keys() - attributes.keys():
         del model.__dict__[name]
     for name, content in attributes.items():
@@ -452,8 +452,7 @@ def _restore_agents(
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in stored.items():
         agent = agents[unique_id]
-        refuse_attributes(apart_of_agent(agent) & values.keys())
-        check_names(agent, values)
+        refuse_attributes(agent, values, apart_of_agent(agent))
         if agent in made:
             check_made(agent, values, made[agent])
         for name, content in values.items():

@@ -5,7 +5,6 @@ which its `step` or its `__del__` then works. So only classes that expect to be 
 """
 
 import dis
-import inspect
 from functools import cache
 from types import BuiltinFunctionType, FunctionType, WrapperDescriptorType
 from typing import Any
@@ -80,15 +79,6 @@ def check_made(made: Any, names: Any, like: Any = None) -> None:
             f"attribute {shortened(odd[0])} of {kind.__name__} is not declared by its class; annotate it there, as in "
             f"{odd[0]:.40}: float = 0.0"
         )
-
-
-def check_names(owner: Any, names: Any) -> None:
-    """Refuse attributes that are no state: special names, and names of methods and properties of the class."""
-    for name in names:
-        shadowed = inspect.getattr_static(type(owner), name, None)
-        is_special = name.startswith("__") and name.endswith("__")
-        if is_special or not name.isidentifier() or _is_code(shadowed):
-            raise RecordingError(f"attribute {shortened(name)} of {type(owner).__name__} is not part of a state")
 
 
 @cache

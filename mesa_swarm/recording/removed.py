@@ -16,7 +16,7 @@ from mesa_swarm.recording.attributes import (
     own_attributes_of_agent,
     refuse_attributes,
 )
-from mesa_swarm.recording.making import check_agent_class, check_names
+from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.recording.parts import (
     agent_class,
     body_to_json,
@@ -62,8 +62,7 @@ def restore_removed(packed: ModelPacked, stored: list) -> None:
     """Restore the attributes of removed agents."""
     for unique_id, _, values in stored:
         agent: Any = (packed.removed or {})[unique_id]
-        refuse_attributes(apart_of_agent(agent) & values.keys())
-        check_names(agent, values)
+        refuse_attributes(agent, values, apart_of_agent(agent))
         for name, content in values.items():
             object.__setattr__(agent, name, attribute_from_json(None, name, content, packed))
 

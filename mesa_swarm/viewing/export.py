@@ -21,6 +21,7 @@ from mesa_swarm.errors import (
     shortened,
 )
 from mesa_swarm.files import (
+    check_apart,
     check_present_format,
     check_writable,
     checked_place,
@@ -340,7 +341,7 @@ class _Job:
         """Write it and return what was written."""
         if self.kind in (".png", ".svg") and not animate:
             return self._stills(PicturedSteps(recording), sheet)
-        _check_free([self.path], self.overwrite)
+        _check_free([self.path], self.overwrite, recording)
         if self.kind == ".html":
             export_page(recording, self.path)
         elif self.kind in (".csv", ".parquet"):
@@ -352,7 +353,7 @@ class _Job:
     def _stills(self, drawn: PicturedSteps, sheet: bool) -> list[Path]:
         steps = self.choice.among(drawn.steps) if self.choice.is_made else drawn.steps[-1:].tolist()
         files = still_paths(self.path, steps, sheet)
-        _check_free(files, self.overwrite)
+        _check_free(list(files), self.overwrite, drawn.recording)
         export_stills(drawn, files, self.look, self.progress)
         return list(files)
 
@@ -391,8 +392,9 @@ def _check_permitted(path: Path, asked: set[str], animate: bool) -> None:
         raise InvalidValueError(f"{name} is given, which {what} does not take; {rule}")
 
 
-def _check_free(paths: Sequence[Path] | dict, overwrite: bool) -> None:
+def _check_free(paths: Sequence[Path], overwrite: bool, recording: Recording) -> None:
     for path in paths:
+        check_apart(path, [recording.path], ExportError)
         try:
             checked_place(path)
         except OSError as error:

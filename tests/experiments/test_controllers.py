@@ -1,8 +1,10 @@
 """Controllers from outside: of policies, graphs, Stable-Baselines3 and modules; each fault is one line."""
 
+import base64
 import json
 import re
 import zipfile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel, extras
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, VectorSwarmEnv
 from mesa_swarm.environments.task_world import TaskWorld
-from mesa_swarm.errors import BehaviourError, InvalidValueError, SwarmError
+from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, SwarmError
 from mesa_swarm.experiments.controllers import COLDEST, Controller, algorithm_of, load_controller, played
 from mesa_swarm.extras import install_command
 from mesa_swarm.learning import LearnFires, LearnFireWheels, PolicyLayer, export_onnx, save_policy
@@ -235,13 +237,28 @@ def test_a_controller_by_observations_has_no_control_and_the_other_way_round(tmp
     ],
 )
 def test_the_algorithm_is_read_without_unpickling(tmp_path, module, more, algorithm):
-    file = tmp_path / "saved.zip"
-    with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr("data", json.dumps({"policy_class": {"__module__": module}, **more}))
-    assert algorithm_of(file) == algorithm
+    settings = {"policy_class": {"__module__": module, ":serialized:": ENDS}, **more}
+    assert algorithm_of(sb3_file(tmp_path, settings)) == algorithm
 
 
-@pytest.mark.parametrize("content", [b"", b"not a zip", None])
+# A pickle, as Stable-Baselines3 stores them, that would end this process.
+ENDS = base64.b64encode(b"cos\n_exit\n(I7\ntR.").decode()
+
+
+def sb3_file(folder, settings=(), *, without=(), method=zipfile.ZIP_STORED, **parts):
+    """Write a file as Stable-Baselines3 packs it, with settings and parts of its own; return its path."""
+    spaces = {name: {":type:": "Box"} for name in ("observation_space", "action_space")}
+    usual = {"policy_class": {"__module__": "stable_baselines3.common.policies"}, **spaces, **dict(settings)}
+    contents = {"data": json.dumps(usual), "policy.pth": b"x" * 100, "_stable_baselines3_version": "2.4.0", **parts}
+    file = folder / "saved.zip"
+    with zipfile.ZipFile(file, "w", method) as archive:
+        for name, content in contents.items():
+            if name not in without:
+                archive.writestr(name, content)
+    return file
+
+
+@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\5\6" + b"\xff" * 18, None])
 def test_other_archives_are_refused(tmp_path, content):
     file = tmp_path / "saved.zip"
     if content is None:
@@ -253,13 +270,71 @@ def test_other_archives_are_refused(tmp_path, content):
         load_controller(file)
 
 
+DEFLATED = zipfile.ZIP_DEFLATED
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"without": ["data"]}, "it has no data"),
+        ({"without": ["policy.pth"]}, "it has no policy.pth"),
+        ({"without": ["_stable_baselines3_version"]}, "it has no _stable_baselines3_version"),
+        ({"data": "[" * 100_000}, "it is damaged"),
+        ({"data": b"\xff\xfe"}, "it is damaged"),
+        ({"data": "[]"}, "its settings have no policy_class"),
+        ({"settings": {"action_space": 3}}, "its settings have no policy_class, observation_space, action_space"),
+        ({"settings": {"policy_class": {}}}, "it is damaged"),
+        ({"data": " " * (9 << 20)}, "or its settings to more than a few MB"),
+        ({"data": " " * (7 << 20), "method": DEFLATED}, "bytes unpack to 7,340,1"),
+        ({"more.pth": b"\0" * (20 << 20), "method": DEFLATED}, "bytes unpack to 20,97"),
+        ({f"{k}.pth": b"" for k in range(70)}, "more than 64 parts"),
+        ({"method": zipfile.ZIP_LZMA}, "compressed by another method"),
+    ],
+)
+def test_an_archive_that_only_looks_like_one_of_stable_baselines_is_not_given_to_it(
+    tmp_path, monkeypatch, options, why
+):
+    monkeypatch.setattr("mesa_swarm.experiments.controllers.need", lambda *_: pytest.fail("it was given to it"))
+    file = sb3_file(tmp_path, **options)
+    with pytest.raises(
+        LearningError, match=rf"is not a file that Stable-Baselines3 saved: .*{re.escape(why)}"
+    ) as caught:
+        load_controller(file)
+    assert len(str(caught.value)) <= 300
+
+
+def test_two_parts_of_one_name_are_refused(tmp_path):
+    file = sb3_file(tmp_path)
+    with zipfile.ZipFile(file, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("data", "{}")
+    with pytest.raises(LearningError, match="or two of one name"):
+        algorithm_of(file)
+
+
+def test_a_folder_is_not_an_archive(tmp_path):
+    (tmp_path / "saved.zip").mkdir()
+    with pytest.raises(LearningError, match="it is a folder or device"):
+        load_controller(tmp_path / "saved.zip")
+
+
 def test_a_missing_package_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):
-    file = tmp_path / "saved.zip"
-    with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr("data", json.dumps({"policy_class": {"__module__": "stable_baselines3.common.policies"}}))
+    file = sb3_file(tmp_path)
     monkeypatch.setattr(extras, "find_spec", lambda name: None)
     with pytest.raises(SwarmError, match=re.escape(install_command("sb3"))):
         load_controller(file)
+
+
+@pytest.mark.parametrize("error", [SystemExit(3), RuntimeError("of\na pickle"), RecursionError()])
+def test_whatever_loading_raises_is_one_line(tmp_path, monkeypatch, error):
+    def load(*_, **__):
+        raise error
+
+    foreign = SimpleNamespace(PPO=SimpleNamespace(load=load), A2C=SimpleNamespace(load=load))
+    monkeypatch.setattr("mesa_swarm.experiments.controllers.need", lambda *_: None)
+    monkeypatch.setattr("mesa_swarm.experiments.controllers.import_module", lambda name: foreign)
+    with pytest.raises(LearningError, match="cannot be loaded as A2C") as caught:
+        load_controller(sb3_file(tmp_path))
+    assert len(str(caught.value).splitlines()) == 1
 
 
 @pytest.mark.slow
@@ -311,14 +386,155 @@ def test_foreign_graphs_of_other_inputs_are_refused(tmp_path, options):
         load_controller(foreign_graph(tmp_path / "net.onnx", **options))
 
 
-@pytest.mark.slow
-def test_a_file_that_is_not_a_graph_is_one_line(tmp_path):
+def written(file, nodes, constants=(), *, inputs=("seen",), functions=(), **more):
+    """Write a graph of these operators that takes observations and returns "actions"; return its path."""
+    onnx = pytest.importorskip("onnx")
     pytest.importorskip("onnxruntime")
-    file = tmp_path / "net.onnx"
-    file.write_bytes(b"not a graph")
+    make = onnx.helper
+    values = [make.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["n", 9]) for name in inputs]
+    results = [make.make_tensor_value_info("actions", onnx.TensorProto.FLOAT, None)]
+    graph = make.make_graph(nodes, "foreign", values, results, list(constants), **more)
+    domains = [make.make_opsetid("", 17), make.make_opsetid("own", 1)]
+    model = make.make_model(graph, opset_imports=domains, ir_version=8, functions=functions)
+    file.write_bytes(model.SerializeToString())
+    return file
+
+
+def nodes_of(*rows):
+    """Return operators: name, inputs and outputs, in words, and attributes."""
+    make = pytest.importorskip("onnx").helper
+    return [make.make_node(name, ins.split(), outs.split(), **more) for name, ins, outs, more in rows]
+
+
+def endless(onnx):
+    """Return an operator that repeats another one for ever, and its constants."""
+    make, kinds = onnx.helper, onnx.TensorProto
+    truth, count = (
+        make.make_tensor_value_info(name, kind, []) for name, kind in (("go", kinds.BOOL), ("k", kinds.INT64))
+    )
+    state, again, kept = (
+        make.make_tensor_value_info(name, kind, None)
+        for name, kind in (("state", kinds.FLOAT), ("again", kinds.BOOL), ("kept", kinds.FLOAT))
+    )
+    inner = [make.make_node("Identity", ["go"], ["again"]), make.make_node("Identity", ["state"], ["kept"])]
+    body = make.make_graph(inner, "body", [count, truth, state], [again, kept])
+    constants = [onnx.numpy_helper.from_array(np.array(True), "forever")]
+    return make.make_node("Loop", ["", "forever", "seen"], ["actions"], body=body), constants
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("within", [False, True], ids=["", "within a branch"])
+def test_a_graph_that_may_run_without_end_is_refused(tmp_path, within):
+    onnx = pytest.importorskip("onnx")
+    node, constants = endless(onnx)
+    if within:
+        branch = onnx.helper.make_graph([node], "branch", [], [onnx.helper.make_tensor_value_info("actions", 1, None)])
+        node = onnx.helper.make_node("If", ["forever"], ["actions"], then_branch=branch, else_branch=branch)
+    file = written(tmp_path / "net.onnx", [node], constants)
+    with pytest.raises(LearningError, match="its operator Loop may run without end; export it without loops"):
+        load_controller(file)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("calls", [{"a": "a"}, {"a": "bb", "b": "a"}, {"a": "b" * 400, "b": "c" * 400, "c": ""}])
+def test_functions_of_a_graph_that_call_themselves_or_become_very_many_operators_are_refused(tmp_path, calls):
+    onnx = pytest.importorskip("onnx")
+    make = onnx.helper
+    functions = []
+    for name, called in calls.items():
+        inner = [make.make_node(each, ["x"], [f"y{k}"], domain="own") for k, each in enumerate(called)]
+        inner.append(make.make_node("Identity", ["x"], ["y"]))
+        functions.append(make.make_function("own", name, ["x"], ["y"], inner, [make.make_opsetid("", 17)]))
+    file = written(tmp_path / "net.onnx", nodes_of(("a", "seen", "actions", {"domain": "own"})), functions=functions)
+    with pytest.raises(LearningError, match="more than 100,000 operators, or a function that calls itself"):
+        load_controller(file)
+
+
+@pytest.mark.slow
+def test_a_graph_with_functions_and_branches_that_end_acts(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    make = onnx.helper
+    inner = [make.make_node("Slice", ["x", "from", "to", "axis"], ["y"])]
+    constants = [onnx.numpy_helper.from_array(np.array([k]), name) for k, name in enumerate(("from", "axis", "to"))]
+    first = make.make_function("own", "First", ["x", "from", "to", "axis"], ["y"], inner, [make.make_opsetid("", 17)])
+    call = nodes_of(("First", "seen from to axis", "actions", {"domain": "own"}))
+    file = written(tmp_path / "net.onnx", call, constants, functions=[first])
+    assert load_controller(file).actor("continuous")(SEEN) == pytest.approx(SEEN[:, :2])
+
+
+@pytest.mark.slow
+def test_a_graph_that_needs_very_much_memory_fails_in_one_line(tmp_path, capfd):
+    doubled = [("Concat", f"{k or 'seen'} {k or 'seen'}", f"{k + 1}", {"axis": 1}) for k in range(40)]
+    file = written(tmp_path / "net.onnx", nodes_of(*doubled, ("Identity", "40", "actions", {})))
+    with pytest.raises(BehaviourError, match=r"net\.onnx failed") as caught:
+        load_controller(file).actor("continuous")(SEEN)
+    assert len(str(caught.value).splitlines()) == 1
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.slow
+def test_a_graph_whose_numbers_are_in_another_file_is_refused_and_that_is_not_read(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    (tmp_path / "secret").write_bytes(np.zeros((9, 2), np.float32).tobytes())
+    weights = onnx.numpy_helper.from_array(np.zeros((9, 2), np.float32), "weights")
+    onnx.external_data_helper.set_external_data(weights, "secret")
+    weights.ClearField("raw_data")
+    file = written(tmp_path / "net.onnx", nodes_of(("MatMul", "seen weights", "actions", {})), [weights])
+    with pytest.raises(LearningError, match="some of its numbers are in another file"):
+        load_controller(file)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("header", "why"),
+    [
+        ("[" * 100_000, "no valid header"),
+        ('{"sensors": {"bearings": [1e999], "ranges": [1], "fields_of_view": [1]}}', "no valid header"),
+        ('{"sensors": {"bearings": [1], "ranges": [], "fields_of_view": [1]}}', "no valid header"),
+    ],
+)
+def test_a_graph_of_ours_with_a_wrong_header_is_one_line(tmp_path, header, why):
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(export_onnx(q(4), tmp_path / "mine.onnx"))
+    model.metadata_props[0].value = header
+    onnx.save(model, tmp_path / "mine.onnx")
+    with pytest.raises(LearningError, match=why):
+        load_controller(tmp_path / "mine.onnx")
+
+
+@pytest.mark.slow
+def test_a_graph_of_ours_that_fails_or_remembers_something_else_is_one_line(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(export_onnx(POLICIES["a recurrent network of 2 robots, typed"], tmp_path / "mine.onnx"))
+    entry = model.metadata_props[0]
+    header = json.loads(entry.value)
+    entry.value = json.dumps({**header, "memory": header["memory"] + 1})
+    onnx.save(model, tmp_path / "mine.onnx")
+    with pytest.raises(LearningError, match="the ONNX graph failed") as caught:
+        driven(load_controller(tmp_path / "mine.onnx").control, steps=1)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda graph: b"not a graph",
+        lambda graph: b"\0" * (17 << 20),
+        lambda graph: graph.replace(b"Gather", b"Gathex"),
+        lambda graph: graph.replace(b"Gather", b"Gathe\xe3"),
+        lambda graph: graph.replace(b"seen", b"see\xe3"),
+        lambda graph: graph.replace(b"actions", b"action\xe3"),
+    ],
+)
+def test_a_file_that_is_not_a_graph_is_one_line_and_nothing_is_printed(tmp_path, damage, capfd):
+    pytest.importorskip("onnxruntime")
+    file = foreign_graph(tmp_path / "net.onnx")
+    file.write_bytes(damage(file.read_bytes()))
     with pytest.raises(SwarmError, match="is not a usable ONNX file") as caught:
         load_controller(file)
     assert len(str(caught.value)) <= 300
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.slow

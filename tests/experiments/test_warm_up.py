@@ -1,32 +1,38 @@
 """Warm-up: each model is compiled for in a process of its own, what is there stays, and a failure is one line."""
 
+from pathlib import Path
+
 import pytest
 
 from mesa_swarm import work_done
+from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments import warm_up as module
 from mesa_swarm.experiments.pool import WorkerDiedError
 from mesa_swarm.experiments.warm_up import STEPS, WarmUp, compile_for, missing_functions, warm_up
-from mesa_swarm.geometry import compiling
+from mesa_swarm.geometry import code_files, compiling
 
 # What a process does in place of compiling for a model.
-LISTS = "import sys; open({list!r}, 'a').write({lines!r})"
+STORES = (
+    "from pathlib import Path; from mesa_swarm.geometry import code_files; "
+    "code_files.places = lambda: (Path({folder!r}),); [code_files.write(name, b'code') for name in {files!r}]"
+)
 
 
 @pytest.fixture
 def needed(monkeypatch, tmp_path):
-    """Models that need functions, none of which is compiled, and how their processes list them."""
+    """Models that need functions, none of which is compiled, and how their processes store them."""
     table = {"many": ["a", "b", "c"], "few": ["c"], "other": ["d"]}
-    listed = tmp_path / "compiled.txt"
     monkeypatch.setattr(module, "needed_functions", lambda: table)
-    monkeypatch.setattr(compiling, "COMPILED", listed)
-    monkeypatch.setattr(module, "COMPILED", listed)
+    for each in (module, code_files, compiling):
+        monkeypatch.setattr(each, "places", lambda: (tmp_path,))
     started = []
 
     def script(text):
         model = text.split("'")[1]
         started.append(model)
-        lines = "".join(f"{compiling._machine()} {name}\n" for name in table[model])
-        return LISTS.format(list=str(listed), lines=lines)
+        return STORES.format(
+            folder=str(tmp_path), files=[*map(compiling._file_of, table[model]), f"custom/{model}.nbc"]
+        )
 
     monkeypatch.setattr(module, "ending_with_us", script)
     return started
@@ -35,17 +41,51 @@ def needed(monkeypatch, tmp_path):
 def test_models_that_need_most_are_first_and_each_is_run_for_its_own_rules(needed, tmp_path):
     done = warm_up(jobs=1)
     assert needed == ["many", "few", "other"]
-    assert (done.functions, done.folder) == (4, tmp_path)
+    assert (done.functions, done.folder, done.before) == (4, tmp_path, ())
     assert missing_functions() == {}
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_second_time_nothing_is_compiled(needed, jobs):
+def test_a_second_time_nothing_is_compiled(needed, tmp_path, jobs):
     warm_up(jobs=jobs)
     needed.clear()
     again = warm_up(jobs=jobs)
     assert (needed, again.functions) == ([], 0)
-    assert str(again).startswith("everything is compiled already; the machine code is stored in")
+    assert str(again) == f"everything is compiled already; the machine code is stored in {tmp_path}"
+
+
+def test_damaged_code_is_compiled_again_and_counted(needed, tmp_path):
+    warm_up(jobs=1)
+    needed.clear()
+    (tmp_path / compiling._file_of("c")).write_bytes(b"")
+    again = warm_up(jobs=1)
+    assert (needed, again.functions, again.before) == (["many", "few"], 1, (tmp_path,))
+    assert warm_up(jobs=1).functions == 0
+
+
+def test_damaged_code_of_rules_is_compiled_again_by_whatever_model_has_them(needed, tmp_path):
+    warm_up(jobs=1)
+    needed.clear()
+    (tmp_path / "custom" / "other.nbc").write_bytes(b"damage")
+    (tmp_path / "custom" / "of_a_user.nbc").write_bytes(b"damage")
+    again = warm_up(jobs=1)
+    assert (needed, again.functions) == (["many", "few", "other"], 1)
+    needed.clear()
+    assert (warm_up(jobs=1).functions, needed) == (0, [])
+
+
+def test_where_nothing_can_be_stored_nothing_is_begun_and_the_reason_is_one_line(needed, monkeypatch):
+    monkeypatch.setattr(module, "unstored", lambda: "machine code cannot be stored (here: denied); do this")
+    with pytest.raises(InvalidValueError, match=r"^machine code cannot be stored \(here: denied\); do this$"):
+        warm_up(jobs=1)
+    assert needed == []
+
+
+def test_a_process_that_cannot_store_what_it_compiles_fails(monkeypatch):
+    monkeypatch.setattr("mesa_swarm.swarm_model.SwarmModel.run", lambda model, count: model)
+    monkeypatch.setattr(module, "problems", ["machine code cannot be stored (here: disk full); do this"])
+    with pytest.raises(SwarmError, match="disk full"):
+        compile_for("boids")
 
 
 def test_the_bar_counts_up_to_its_total(needed, capsys, monkeypatch):
@@ -79,4 +119,8 @@ def test_a_model_is_compiled_for_by_its_first_steps(monkeypatch):
 
 def test_what_was_done_is_one_line(tmp_path):
     done = WarmUp(functions=3, seconds=1.2, folder=tmp_path)
-    assert str(done) == f"compiled 3 functions in 1 s; they are stored in {tmp_path}"
+    assert str(done) == f"compiled 3 functions in 1 s; stored in {tmp_path}"
+    more = WarmUp(functions=1, seconds=1.2, folder=Path("mine"), before=(Path("shared"), Path("mine")))
+    assert str(more) == "compiled 1 function in 1 s; stored in mine, those of before in shared"
+    none = WarmUp(functions=0, seconds=1.2, folder=Path("mine"), before=(Path("shared"), Path("mine")))
+    assert str(none) == "everything is compiled already; the machine code is stored in shared and mine"

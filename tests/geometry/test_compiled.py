@@ -1,4 +1,4 @@
-"""Compiled functions: NumPy's arithmetic, stored on disk, and a few caches of older sources at most."""
+"""Compiled functions: NumPy's arithmetic, stored on disk, and never stale."""
 
 import math
 import os
@@ -6,10 +6,10 @@ import subprocess
 import sys
 
 import numba
-import pytest
 
-from mesa_swarm.geometry import compiled as module
-from mesa_swarm.geometry.compiled import MOST_CACHES, SeparateFiles, compiled
+from mesa_swarm.geometry import code_files
+from mesa_swarm.geometry.code_files import FOLDER, places
+from mesa_swarm.geometry.compiled import compiled
 
 
 @compiled
@@ -24,40 +24,38 @@ def test_a_division_by_zero_is_infinite_as_numpys_is_and_raises_nothing():
 
 def test_machine_code_is_stored_in_the_cache_of_these_sources_and_numbas_own_setting_stays():
     before = numba.config.CACHE_DIR
-    assert compiled(quotient.py_func).stats.cache_path.startswith(str(module._CACHE))
+    assert compiled(quotient.py_func).stats.cache_path == str(places()[-1])
+    assert places()[0].name == FOLDER
     assert before == numba.config.CACHE_DIR
 
 
-def test_code_that_two_processes_store_at_once_for_different_types_is_not_mixed_up(tmp_path, monkeypatch):
-    one, other = (SeparateFiles(str(tmp_path), "f", "stamp") for _ in range(2))
-    for files in (one, other):  # as if both had read the index before either has written it
-        monkeypatch.setattr(files, "_load_index", dict)
-    one.save(("int",), "for int")
-    other.save(("float",), "for float")
-    files = SeparateFiles(str(tmp_path), "f", "stamp")
-    assert (files.load(("int",)), files.load(("float",))) == (None, "for float")
-    files.save(("int",), "for int")
-    assert [files.load((name,)) for name in ("int", "float", "str")] == ["for int", "for float", None]
+def test_code_for_different_types_that_two_processes_store_at_once_is_not_mixed_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(code_files, "places", lambda: (tmp_path,))
+    one, other = compiled(quotient.py_func), compiled(quotient.py_func)
+    assert (one(1, 2), other(1.0, 2.0)) == (0.5, 0.5)
+    again = compiled(quotient.py_func)
+    assert (again(1, 2), again(1.0, 2.0)) == (0.5, 0.5)
+    assert sum(again.stats.cache_hits.values()) == 2
 
 
-@pytest.mark.parametrize("exists", [False, True])
-def test_a_new_cache_leaves_the_newest_of_the_old_ones_and_an_old_one_leaves_all(tmp_path, monkeypatch, exists):
-    for age in range(7):
-        folder = tmp_path / f"kernels-{age * 37 % 7}"
-        folder.mkdir()
-        os.utime(folder, (1000 - age, 1000 - age))
-    monkeypatch.setattr(module, "_CACHES", tmp_path)
-    monkeypatch.setattr(module, "_CACHE", tmp_path / ("kernels-0" if exists else "kernels-new"))
-    module._drop_old_caches()
-    newest = {f"kernels-{age * 37 % 7}" for age in range(7 if exists else MOST_CACHES - 1)}
-    assert {folder.name for folder in tmp_path.iterdir()} == newest
+def test_a_function_whose_source_is_in_no_file_is_compiled_and_not_stored():
+    space = {"__name__": "typed"}
+    exec("def double(x):\n    return 2 * x\n", space)
+    double = compiled(space["double"])
+    assert double(21) == 42
+    assert double.stats.cache_path is None
 
 
-def test_the_stamp_is_that_of_every_source_that_may_hold_a_compiled_function():
-    sources = list(module.PACKAGE.glob("*/*.py"))
-    holding = {path.parent.name for path in sources if "geometry.compiled import" in path.read_text(encoding="utf-8")}
-    assert holding <= set(module.FLOORS)
-    assert (module.PACKAGE / "geometry" / "compiled.py").samefile(module.__file__)
+def test_a_function_in_a_file_that_has_changed_is_compiled_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(code_files, "places", lambda: (tmp_path / "code",))
+    source, results = tmp_path / "mine.py", []
+    for factor in (2, 2, 3):
+        source.write_text(f"def times(x):\n    return {factor} * x\n")
+        space = {"__name__": "mine"}
+        exec(compile(source.read_text(), source, "exec"), space)
+        times = compiled(space["times"])
+        results.append((times(10), sum(times.stats.cache_hits.values())))
+    assert results == [(20, 0), (20, 1), (30, 0)]
 
 
 def test_a_compiler_that_is_switched_off_is_named_in_one_line():

@@ -14,15 +14,16 @@ from numba import types
 import mesa_swarm
 from mesa_swarm import work_done
 from mesa_swarm.gallery import find_model, gallery_names
-from mesa_swarm.geometry import compiling
-from mesa_swarm.geometry.compiled import FLOORS, FUNCTIONS
+from mesa_swarm.geometry import code_files, compiling
+from mesa_swarm.geometry.code_files import FLOORS
+from mesa_swarm.geometry.compiled import FUNCTIONS
 from mesa_swarm.geometry.compiling import (
     Compilation,
     in_words,
-    listed_functions,
     name_of,
     needed_by,
     needed_functions,
+    stored_functions,
 )
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel
@@ -33,11 +34,12 @@ FIRST = (types.float64,)
 
 @pytest.fixture
 def functions(monkeypatch, tmp_path):
-    """Three functions that a model needs, and an empty list on disk."""
+    """Three functions that a model needs, and an empty folder for their code."""
+    monkeypatch.setattr(code_files, "places", lambda: (tmp_path,))
     made = [SimpleNamespace(__module__="mesa_swarm.geometry.made", __qualname__=name) for name in ("a", "b", "c")]
     names = [name_of(function, FIRST) for function in made]
     table = {compiling.EVERY: names[:1], "boids": names[1:]}
-    for name, value in {"COMPILED": tmp_path / "list", "_table": lambda: table, "FUNCTIONS": Among(made)}.items():
+    for name, value in {"_table": lambda: table, "FUNCTIONS": Among(made)}.items():
         monkeypatch.setattr(compiling, name, value)
     return made
 
@@ -48,10 +50,12 @@ class Among(list):
 
 def compile_one(compilation, function, shown):
     """Act as Numba does when it compiles, and store what is shown."""
-    about = SimpleNamespace(py_func=function, stats=SimpleNamespace(cache_path="folder"))
+    about = SimpleNamespace(py_func=function)
     for report in (compilation.on_start, compilation.on_end):
         report(SimpleNamespace(data={"dispatcher": about, "args": FIRST}))
         shown.append(compilation.text())
+    if function.__module__:
+        code_files.write(compiling._file_of(name_of(function, FIRST)), b"code")
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
@@ -74,7 +78,18 @@ def test_what_another_process_has_compiled_is_not_counted(functions):
     assert shown == [in_words(0, 2), in_words(1, 2)]
     compile_one(later, functions[2], [])
     assert not later.lacks(find_model("boids"))
-    assert listed_functions() == {name_of(function, FIRST) for function in functions}
+    names = {name_of(function, FIRST) for function in functions}
+    assert stored_functions({*names, "geometry.made.d float64"}) == names
+
+
+def test_code_that_is_damaged_on_disk_is_missing(functions, tmp_path):
+    compile_one(Compilation(), functions[0], [])
+    (file,) = tmp_path.iterdir()
+    name = name_of(functions[0], FIRST)
+    file.write_bytes(file.read_bytes()[:-1])
+    assert stored_functions([name]) == set()
+    compile_one(Compilation(), functions[0], [])
+    assert stored_functions([name]) == {name}
 
 
 def test_of_a_model_of_ones_own_the_total_is_a_lower_bound_that_rises_with_the_count(functions):

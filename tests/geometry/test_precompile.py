@@ -31,9 +31,9 @@ def test_types_that_cannot_be_made_from_their_names_are_refused(words):
         types_in_words(words)
 
 
-def listed(folder):
-    """Return the names that were compiled in a folder."""
-    return [line.partition(" ")[2] for path in folder.rglob("compiled.txt") for line in path.read_text().splitlines()]
+def stored(folder):
+    """Return the names of the files of machine code in a folder."""
+    return [path.name for path in folder.rglob("*.nbc")]
 
 
 def test_such_a_process_compiles_what_it_is_given_and_passes_over_what_it_cannot(tmp_path):
@@ -43,7 +43,7 @@ def test_such_a_process_compiles_what_it_is_given_and_passes_over_what_it_cannot
     process.stdin.flush()
     assert process.wait(60) == 0
     process.communicate()
-    assert listed(tmp_path) == [ONE]
+    assert stored(tmp_path) == [compiling._file_of(ONE)]
 
 
 def test_such_a_process_ends_when_the_process_that_started_it_does(tmp_path):
@@ -51,7 +51,7 @@ def test_such_a_process_ends_when_the_process_that_started_it_does(tmp_path):
     process = subprocess.Popen(COMPANION, env=settings, stdin=subprocess.PIPE, text=True)
     process.communicate(json.dumps(sorted(needed_functions()["fire_fighting"])) + "\n", timeout=60)
     assert process.returncode == 0
-    assert len(listed(tmp_path)) < 20
+    assert len(stored(tmp_path)) < 20
 
 
 @pytest.mark.parametrize(("cores", "names", "processes"), [(1, 50, 0), (2, 19, 0), (2, 50, 1), (4, 50, 3), (64, 50, 3)])
@@ -80,7 +80,7 @@ def test_where_no_process_can_be_started_all_is_compiled_by_this_one(monkeypatch
 
 def test_what_other_processes_have_compiled_counts(monkeypatch, tmp_path):
     there = set()
-    monkeypatch.setattr(compiling, "listed_functions", lambda: there)
+    monkeypatch.setattr(compiling, "stored_functions", there.intersection)
     compilation = Compilation()
     compilation.expected = dict.fromkeys(["a", "b", "c"])
     assert compilation.text() == "compiling, once per installation: 0 of 3"

@@ -1,4 +1,4 @@
-"""Hostile policy files: mutated bytes, forged headers and arrays, archives that swell; a LearningError of one line."""
+"""Hostile policies: mutated bytes, forged headers and graphs, archives that swell, endless loops; one line each."""
 
 import io
 import json
@@ -12,7 +12,8 @@ import pytest
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.learning import PolicyLayer, load_policy, save_policy
+from mesa_swarm.experiments.controllers import algorithm_of, load_controller
+from mesa_swarm.learning import PolicyLayer, export_onnx, load_policy, save_policy
 from mesa_swarm.learning.networks import Networks
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.q_learning import QPolicy
@@ -191,3 +192,145 @@ def test_a_policy_drives_or_is_refused_in_one_line(files, driven, tally, amount)
     }
     for area, listed in inputs.items():
         tally(f"policies: {area}").add(attack(driven, listed, refusals=SwarmError, cpu=5, memory=500))
+
+
+def packed_by_sb3(settings, method=zipfile.ZIP_STORED, **parts):
+    """Return a file as Stable-Baselines3 packs it."""
+    usual = {
+        "data": settings,
+        "policy.pth": b"x" * 5000,
+        "_stable_baselines3_version": b"2.4.0",
+        "system_info.txt": b"-",
+    }
+    return zipped({**usual, **parts}, method)
+
+
+SPACES = {name: {":type:": "Box", ":serialized:": "gAWVAA=="} for name in ("observation_space", "action_space")}
+SETTINGS = {"policy_class": {"__module__": "stable_baselines3.common.policies"}, **SPACES, "clip_range": 0.2, "n": [1]}
+
+
+def archives():
+    """Yield hand-made files that are not Stable-Baselines3's, or swell."""
+    text, deflated = json.dumps(SETTINGS).encode(), zipfile.ZIP_DEFLATED
+    yield "good", packed_by_sb3(text)
+    yield (
+        "1.5 MB of settings that become 3 GB",
+        packed_by_sb3(b"[" + b"[]," * (500 << 20) + b"[]]", deflated)[: 1 << 30],
+    )
+    yield "settings at the limit", packed_by_sb3(b"[" + b"[]," * ((8 << 20) // 3 - 1) + b"[]]")
+    yield "deep settings", packed_by_sb3(b"[" * 1_000_000)
+    yield "deep objects", packed_by_sb3(b'{"policy_class":' * 100_000)
+    yield "long numbers", packed_by_sb3(b"1" * 5_000_000)
+    yield "not JSON", packed_by_sb3(b"\xff\xfe\x00")
+    for value in VALUES:
+        for name in ("policy_class", "observation_space"):
+            yield f"{name} {str(value)[:20]}", packed_by_sb3(json.dumps({**SETTINGS, name: value}).encode())
+        settings = {**SETTINGS, "policy_class": {"__module__": value}}
+        yield f"module {str(value)[:20]}", packed_by_sb3(json.dumps(settings).encode())
+    for method in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA, deflated):
+        yield f"method {method}", packed_by_sb3(text, method)
+    yield "many parts", packed_by_sb3(text, **{f"{k}.pth": b"" for k in range(60_000)})
+    yield "swelling weights", packed_by_sb3(text, deflated, **{"more.pth": b"\0" * (300 << 20)})
+    yield "encrypted", packed_by_sb3(text).replace(b"PK\1\2\x14\x03\x14\x00\x00", b"PK\1\2\x14\x03\x14\x00\x01")
+    yield "nothing", b""
+    yield "an empty archive", zipped({})
+    yield "a pickle", b"\x80\x04cos\nsystem\n(S'touch x'\ntR."
+
+
+def test_an_archive_is_one_of_stable_baselines_or_is_refused_in_one_line(tmp_path, tally, amount):
+    rng = np.random.default_rng(1)
+    good = packed_by_sb3(json.dumps(SETTINGS).encode())
+
+    def work(content):
+        path = Path(tmp_path, "hostile.zip")
+        path.write_bytes(content)
+        return algorithm_of(path)
+
+    inputs = {
+        "hand-made": list(archives()),
+        "mutated": [(f"mutated {k}", mutated(good, rng)) for k in range(amount(200, 20_000))],
+    }
+    for area, listed in inputs.items():
+        tally(f"policies: Stable-Baselines3, {area}").add(attack(work, listed, refusals=SwarmError, cpu=5, memory=500))
+
+
+def graphs(onnx, good):
+    """Yield hand-made graphs."""
+    make = onnx.helper
+
+    def altered(change):
+        model = onnx.ModelProto.FromString(good)
+        change(model)
+        return model.SerializeToString()
+
+    def with_header(text):
+        return altered(lambda model: setattr(model.metadata_props[0], "value", text))
+
+    header = json.loads(onnx.ModelProto.FromString(good).metadata_props[0].value)
+    yield "good", good
+    for value in VALUES:
+        for name in header:
+            yield f"{name} {str(value)[:20]}", with_header(json.dumps({**header, name: value}))
+        forged_sensors = {**header["sensors"], "ranges": value}
+        yield f"ranges {str(value)[:20]}", with_header(json.dumps({**header, "sensors": forged_sensors}))
+    yield "deep header", with_header("[" * 500_000)
+    yield "no header", altered(lambda model: model.ClearField("metadata_props"))
+    yield "no outputs", altered(lambda model: model.graph.ClearField("output"))
+    yield "no operators", altered(lambda model: model.graph.ClearField("node"))
+    yield "an unknown operator", altered(lambda model: setattr(model.graph.node[0], "op_type", "Nothing"))
+    yield "an unknown domain", altered(lambda model: setattr(model.graph.node[0], "domain", "of.another"))
+    yield "a loop", altered(lambda model: model.graph.node.append(make.make_node("Loop", ["", ""], ["x"])))
+    yield "a circle", altered(lambda model: model.graph.node.append(make.make_node("Add", ["x", "y"], ["x"])))
+    wide = [make.make_node("Concat", ["wheels"] * 300, [f"w{k}"], axis=1) for k in range(300)]
+    yield "many wide operators", altered(lambda model: model.graph.node.extend(wide))
+    for size in (10**9, 10**12, 2**62, -1):
+        shape = onnx.numpy_helper.from_array(np.array([size]), "huge")
+
+        def fill(model, shape=shape):
+            model.graph.initializer.append(shape)
+            model.graph.node[-1].output[0] = "plain"
+            model.graph.node.append(make.make_node("ConstantOfShape", ["huge"], ["wheels"]))
+
+        yield f"a result of {size} numbers", altered(fill)
+    yield "very many empty operators", field(7, b"\x0a\x00" * (3 << 20))
+    yield "a number that is too large", field(7, field(5, b"\x08" + b"\xff" * 9 + b"\x01"))
+    yield "nothing", b""
+    yield "too large", b"\0" * (17 << 20)
+
+
+def field(number, content):
+    """Return a field of a message, as bytes."""
+    return varint(number << 3 | 2) + varint(len(content)) + content
+
+
+def varint(number):
+    head = b""
+    while number > 127:
+        head, number = head + bytes([number & 127 | 128]), number >> 7
+    return head + bytes([number])
+
+
+def test_a_graph_drives_or_is_refused_in_one_line(tmp_path, tally, amount):
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    rng, path = np.random.default_rng(1), Path(tmp_path, "hostile.onnx")
+    good = export_onnx(policies()[2], tmp_path / "good.onnx").read_bytes()
+
+    def work(content):
+        path.write_bytes(content)
+        controller = load_controller(path)
+        if controller.control is None:
+            controller.actor("continuous")(np.zeros((2, 9), np.float32))
+            return
+        model = SwarmModel(map="openspace", rng=1)
+        model.add_robots(AGENT9, poses=[(100, 100, 0.0), (115, 100, 1.0)])
+        model.control = controller.control
+        model.run(2)
+
+    work(good)  # compiles what all of them use
+    inputs = {
+        "hand-made": list(graphs(onnx, good)),
+        "mutated": [(f"mutated {k}", mutated(good, rng)) for k in range(amount(120, 10_000))],
+    }
+    for area, listed in inputs.items():
+        tally(f"policies: ONNX, {area}").add(attack(work, listed, refusals=SwarmError, cpu=5, memory=1500))

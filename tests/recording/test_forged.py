@@ -1,7 +1,8 @@
 """Recordings forged with right checksums: no file is opened, no work is without bound, refusals are one line."""
 
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
@@ -11,7 +12,8 @@ from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording, sealed_stream, verify
-from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes
+from mesa_swarm.recording.attributes import refuse_attributes
+from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes, to_bytes
 from mesa_swarm.recording.resume import resumed, shipped_class_of
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
@@ -117,6 +119,69 @@ def test_no_module_is_imported_because_a_recording_names_it(parts, tmp_path, mon
     refusal(shipped_class_of, Recording(path))
     assert PicturedSteps(Recording(path)).start is None
     assert "trap_of_recordings" not in sys.modules
+
+
+# ---- attributes that would hide what a class does
+
+
+def with_state(parts, path, change):
+    """Return the same with each stored state changed at a path of its facts."""
+    for place, item in enumerate(parts.items):
+        if item.name == "checkpoint":
+            state = from_bytes(item.content)
+            inner = state.facts
+            for step in path[:-1]:
+                inner = inner[step]
+            inner[path[-1]] = change(inner[path[-1]])
+            parts = parts.with_item(place, content=to_bytes(state))
+    return parts
+
+
+REFERENCES = [{"of_model": "swarm"}, {"of_model": ""}, {"plain": 1}, {"part": None}]
+NAMES = ["run", "step", "add_robots", "results", "state_hash", "obstacles", "__class__", "__dict__", "__len__", "swarm"]
+
+
+@pytest.mark.parametrize("reference", REFERENCES, ids=str)
+@pytest.mark.parametrize("name", NAMES)
+def test_no_attribute_hides_a_method_of_the_model(stored, tmp_path, name, reference):
+    forgery = with_state(stored, ("attributes",), lambda known: {**known, name: reference})
+    assert f"attribute {name} is not part of a state" in refusal(
+        SwarmModel.resume, put_together(forgery, tmp_path / "f")
+    )
+
+
+@pytest.mark.parametrize("name", ["remove", "position", "step", "__class__"])
+def test_no_attribute_hides_a_method_of_an_agent(stored, tmp_path, name):
+    forgery = with_state(stored, ("of_things",), lambda known: [[1, {name: {"of_model": ""}}]])
+    assert f"attribute {name} is not part of a state" in refusal(
+        SwarmModel.resume, put_together(forgery, tmp_path / "f")
+    )
+
+
+class Kept:
+    """A class with what is stored under the name that its class has as well."""
+
+    value = 3
+    __slots__ = ("__dict__", "slot")
+
+    @cached_property
+    def once(self):
+        return 5
+
+    def method(self):
+        return self
+
+
+@dataclass
+class Fields(Kept):
+    default: object = print
+
+
+@pytest.mark.parametrize("name", ["value", "slot", "once", "own", "default"])
+def test_values_slots_fields_and_what_is_computed_once_stay_attributes(name):
+    refuse_attributes(Fields(), [name])
+    with pytest.raises(RecordingError, match="attribute method is not part of a state"):
+        refuse_attributes(Fields(), [name, "method"])
 
 
 # ---- work without bound

@@ -20,13 +20,16 @@ def small_disk(folder, kilobytes):
 
 @contextmanager
 def read_only(folder):
-    """Take all rights to write to a folder."""
+    """Take all rights to write to a folder and to those within."""
     if os.name == "nt":
         pytest.skip("needs POSIX")
     if os.geteuid():
-        folder.chmod(0o500)
+        folders = [folder, *(path for path in folder.rglob("*") if path.is_dir())]
+        for each in folders:
+            each.chmod(0o500)
         yield folder
-        folder.chmod(0o700)
+        for each in folders:
+            each.chmod(0o700)
         return
     _mount("--bind", folder, folder)
     try:
