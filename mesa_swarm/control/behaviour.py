@@ -153,11 +153,13 @@ def behaviour(
 ) -> Behaviour | Callable[[Callable], Behaviour]:
     """Make a layer of a rule about one robot.
 
-    The rule gets `me`, what the robot knows: `distance`, `kind`, `bearing` (one entry a proximity sensor),
-    `radiation`, `line`; `front`, `left`, `right` (indices of sensors); `radius`, `max_speed`, `tendency` (1
-    left, -1 right), `temperature`, `heat`, `hot`, `extinguishing`; and `chance`, a number from 0 to 1 that is
-    drawn for every robot in every step. None of it can be changed. An index is -1 where the robot has no such
-    sensor, and index -1 reads nothing: a distance and kind of -1, no radiation, no line, a bearing of NaN.
+    The rule gets `me`, what the robot knows: `distance`, `kind`, `bearing` (one entry a proximity sensor), `radiation`,
+    `line`; `front`, `left`, `right` (indices of sensors); `radius`, `max_speed`, `tendency` (1 left, -1 right),
+    `temperature`, `heat`, `hot`, `extinguishing`; and `chance`, a number from 0 to 1 that is drawn for every robot in
+    every step: one number a step, however often it is read, so that what is derived from it twice is correlated
+    (independent are its leading and remaining digits, or the numbers of two layers). None of it can be changed. An
+    index is -1 where the robot has no such sensor, and index -1 reads nothing: a distance and kind of -1, no radiation,
+    no line, a bearing of NaN.
 
     With a `Radio` it also hears of the nearest robot that has a task: `heard_layer` and `heard_task` (-1 for
     none), and where that is, `heard_x` ahead and `heard_y` left; and where the nearest goal is, `goal_x` and
@@ -168,18 +170,21 @@ def behaviour(
     likewise, and `heard`. With ``@behaviour(memory={"count": 0})`` each robot has a number of its own that the rule
     reads and assigns, ``me.memory.count += 1``. What is assigned stays if the rule returns `PASS`.
 
-    The rule returns the speeds of the left and the right wheel, or as many numbers as the robots' drive takes
-    (see `Drive`), or `PASS`, by this name, to leave the robot to the layers below. Its other parameters need
-    defaults: numbers, True or False. It is compiled when first used; a rule that cannot be is run as plain Python,
-    with a warning. Models with rules of the top level of a module can be pickled.
+    The rule returns the speeds of the left and the right wheel, or as many numbers as the robots' drive takes (see
+    `Drive`), or `PASS`, by this name, to leave the robot to the layers below. Its other parameters need defaults:
+    numbers, True or False. It is compiled when first used; a rule that cannot be is run as plain Python, with a
+    warning. Its loops, and those of the functions that it calls, take at most 1,000,000 iterations for a robot and
+    step: more are an error (`mesa_swarm.control.limits`). Models with rules of the top level of a module can be
+    pickled.
 
     Parameters
     ----------
     rule : function
     memory : dict, optional
         What each robot remembers from step to step: names, and with what each begins, a number, True or False, or a
-        list of numbers. The type of the first value stays. Each is a column of the swarm, such as ``0.pause.steps``
-        of the first layer; it is part of a checkpoint, and begins anew when `SwarmModel.control` is set.
+        list of numbers. The type of the first value stays: 0 refuses 0.5, which 0.0 takes. Each is a column of the
+        swarm, such as ``0.pause.steps`` of the first layer; it is part of a checkpoint, and begins anew when
+        `SwarmModel.control` is set.
 
     Raises
     ------

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.geometry.masks import holds_masked, unmasked
 from mesa_swarm.robots.parts import check_identifier, reserve
@@ -99,15 +100,43 @@ class RecordEntry:
             object.__setattr__(self, name, value)
 
     def __getattr__(self, name: str) -> Any:
-        return self._column(name)[self._row]
+        value = self._column(name)[self._row]
+        return value.view(_KeptArray) if isinstance(value, np.ndarray) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        self._column(name)[self._row] = value
+        column = self._column(name)
+        _check_kept(name, column.dtype, value)
+        column[self._row] = value
 
     def _column(self, name: str) -> np.ndarray:
         if name not in self._array.dtype.names:
             raise AttributeError(f"me.{self._word} has no field {name!r}", name=name, obj=self)
         return self._array[name]
+
+
+class _KeptArray(np.ndarray):
+    """A list in the memory of a plain rule: it refuses numbers that do not fit its type."""
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        _check_kept("", self.dtype, value)
+        super().__setitem__(index, value)
+
+    def __array_wrap__(self, array: np.ndarray, *_: Any) -> Any:
+        """Return what is computed as ordinary arrays and numbers."""
+        return np.asarray(array)[()]
+
+
+def _check_kept(name: str, kind: np.dtype, value: Any) -> None:
+    """Refuse fractions and NaN where whole numbers are stored, and other numbers than 0 and 1 for True and False."""
+    given = np.asarray(value)
+    if kind.kind == "i" and given.dtype.kind == "f":
+        fits = (given == np.floor(given)) & (np.abs(given) < LARGEST_WHOLE)
+    elif kind.kind == "b" and given.dtype.kind in "iuf":
+        fits = (given == 0) | (given == 1)
+    else:
+        return
+    if not fits.all():
+        raise MemoryKindError(name, float(given[~fits].flat[0]) if given.ndim else float(given))
 
 
 class RecordEntries:

@@ -18,6 +18,18 @@ from numba.extending import intrinsic, lower_builtin, models, overload, register
 
 from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, fields_used, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.limits import (
+    MOST_LOOPS,
+    VERSION,
+    LimitedCompiler,
+    LoopsError,
+    MemoryKindError,
+    allow_loops,
+    calls_itself,
+    counted_loops,
+    plain_parts,
+    uncounted,
+)
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
 from mesa_swarm.robots.design import RobotDesign
@@ -158,6 +170,7 @@ def run(columns, values, at, command, layer, index):
         if layer[i] >= 0:
             continue
         at[0] = i
+        allow_loops(MOST_LOOPS)
         d = design[i]
         me = Me(PARTS)
         taken = take(rule(me, *values), command, i, counts[d, 3])
@@ -241,9 +254,11 @@ class Rule:
         defect = defect_in(problem, form, self.function, numbers)
         if defect:
             raise DefectError(defect)
-        code = self.function.__code__
+        code, names = self.function.__code__, ", ".join(uncounted(self.function))
+        limits = f"; loops in {names} are not counted, and may not end" if names else ""
         warnings.warn_explicit(
-            f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: {brief(problem)}",
+            f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: {brief(problem)}"
+            f"{limits}",
             UncompiledBehaviourWarning,
             code.co_filename,
             code.co_firstlineno,
@@ -275,6 +290,9 @@ def _compiled(
     function: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the loop over all robots, compiled if that can be, and Numba's explanation if not."""
+    recursive = calls_itself(function)
+    if recursive:
+        return _plain(function, form), f"{recursive} calls itself"
     variants = [function, *(_with_longer_pass(function, count) for count in numbers if count != len(PASS))]
     problems = []
     for variant in variants:
@@ -302,9 +320,9 @@ def _tried(
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
     fields = fields_used(function, (*Me._fields, *form.names))
-    digest = digest_of(function, str(form), fields, numbers)
+    digest = digest_of(function, str(form), fields, numbers, VERSION)
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
-    rule: Any = njit(error_model="numpy", boundscheck=True)(renamed(function, digest))
+    rule: Any = njit(error_model="numpy", boundscheck=True, pipeline_class=LimitedCompiler)(renamed(function, digest))
     places, loop = _loop(form, fields, rule, COMPILED)
 
     def returned() -> list[Any]:
@@ -395,8 +413,12 @@ def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> i
 
 
 # What the text of the loop uses.
-OF_LOOP = {"take": take, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG}
-PLAIN, COMPILED = ({**OF_LOOP, **{name: pair[place] for name, pair in READINGS.items()}} for place in (0, 1))
+OF_LOOP = {"take": take, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG, "MOST_LOOPS": MOST_LOOPS}
+LIMITS = (lambda count: None, allow_loops)  # a plain rule counts by itself
+PLAIN, COMPILED = (
+    {**OF_LOOP, "allow_loops": LIMITS[place], **{name: pair[place] for name, pair in READINGS.items()}}
+    for place in (0, 1)
+)
 
 
 def _loop(
@@ -425,9 +447,11 @@ def _loop(
 
 def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
+    written = plain_parts(function)
 
     def checked(me: Any, *values: float) -> tuple:
-        wheels = function(me, *values)
+        with counted_loops():
+            wheels = written(me, *values)
         if not isinstance(wheels, tuple) or not wheels or not all(map(_is_number, wheels)):
             raise WheelsError(wheels)
         return wheels
@@ -470,6 +494,15 @@ def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: in
     return ""
 
 
+def _unkept(name: str, value: float) -> str:
+    """Return what is wrong with a value that a rule's memory does not take."""
+    what = f"me.memory.{name}" if name else "a number in a list of me.memory"
+    return (
+        f"set {what} to {value:g}, which does not fit the type of its first value; begin a number with 0.0 to store "
+        "fractions"
+    )
+
+
 def _fields_of(owner: Any) -> tuple[str, tuple[str, ...]]:
     """Return the name and the fields of `me` or a part of it."""
     if isinstance(owner, RecordEntry):
@@ -481,6 +514,11 @@ def failure(error: Exception, numbers: int) -> str:
     """Return what a rule did wrong, of the error that it raised for a robot whose drive takes `numbers`."""
     if isinstance(error, DefectError):
         return str(error)
+    if isinstance(error, LoopsError):
+        line, name = error.args
+        return f"looped more than {MOST_LOOPS:,} times in one step, in {name}, line {line}; let the loop end"
+    if isinstance(error, MemoryKindError):
+        return _unkept(*error.args)
     if isinstance(error, WheelsError):
         hint = " (a branch without return?)" if error.args[0] is None else ""
         return f"returned {shortened(error.args[0])}{hint}; {wanted(numbers)}"

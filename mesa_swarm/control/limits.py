@@ -1,0 +1,418 @@
+"""Limits of custom rules: how often their loops may run in a step, and which values their memory takes.
+
+A compiled loop cannot be interrupted, not by Ctrl-C either: one without end would hang the process. So each iteration
+of a loop, in a rule and in the functions that it calls, is counted: in compiled code by a pass of Numba's compiler, in
+plain Python by a trace function. It is a count, not a time, so that a run is the same on every machine. Not counted is
+what functions written in C do, such as ``sum(itertools.count())`` in a plain rule.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from operator import attrgetter
+from pathlib import Path
+from types import CodeType, FrameType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numba.core import cgutils, ir, ir_utils
+from numba.core.analysis import compute_cfg_from_blocks
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import UnsupportedError
+from numba.core.untyped_passes import InlineInlinables
+from numba.extending import intrinsic, overload
+from numba.np.ufunc.dufunc import DUFunc
+from numba.np.ufunc.gufunc import GUFunc
+
+from mesa_swarm.control.source import functions_used, operands, values_used
+from mesa_swarm.geometry.compiled import FUNCTIONS
+
+MOST_LOOPS = 1_000_000
+# Part of the digest by which compiled rules are stored: to be changed with what this file adds to them.
+VERSION = 1
+# Code in these folders is not a rule's: the package's own, which ends.
+OURS = str(Path(__file__).parents[1])
+GALLERY = str(Path(__file__).parents[1] / "models")
+LARGEST_WHOLE = 2.0**63
+
+
+class LoopsError(Exception):
+    """The loops of a rule ran too often: the line, and the name of the function that it is in."""
+
+
+class MemoryKindError(Exception):
+    """A number of a rule's memory was set to what it cannot hold: its name, what it began as, and the value."""
+
+
+# ---- in compiled code: a number in the module that robots, rules and their functions share
+
+CELL = "mesa_swarm_loops_left"
+
+
+def _cell(context: Any, builder: Any) -> Any:
+    """Return the variable that holds how many iterations are left: one for all that is linked together."""
+    if CELL in builder.module.globals:
+        return builder.module.globals[CELL]
+    kind = context.get_value_type(types.int64)
+    cell = cgutils.add_global_variable(builder.module, kind, CELL)
+    cell.linkage, cell.initializer = "weak", cgutils.get_null_value(kind)
+    return cell
+
+
+@intrinsic
+def allow_loops(context: Any, count: Any) -> tuple[Any, Callable]:
+    """Set how many iterations are left."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.store(arguments[0], _cell(context, builder))
+        return context.get_dummy_value()
+
+    return types.void(types.int64), generate
+
+
+@intrinsic
+def count_loop(context: Any) -> tuple[Any, Callable]:
+    """Count an iteration, and return whether it was one too many."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        cell, none, one = _cell(context, builder), *(context.get_constant(types.int64, number) for number in (0, 1))
+        left = builder.sub(builder.load(cell), one)
+        builder.store(left, cell)
+        return builder.icmp_signed("<", left, none)
+
+    return types.boolean(), generate
+
+
+def kept(record: Any, name: str, value: Any) -> Any:
+    """Return what a field of a record may be set to; compiled code calls it before each assignment."""
+    return value
+
+
+@overload(kept, prefer_literal=True)
+def _compiled_kept(record: Any, name: Any, value: Any) -> Callable | None:
+    if not isinstance(name, types.StringLiteral):
+        return None
+    field = record.typeof(name.literal_value) if isinstance(record, types.Record) else None
+    check, word = _check_for(field, types.unliteral(value)), name.literal_value
+
+    def unchecked(record: Any, name: Any, value: Any) -> Any:
+        return value
+
+    def checked(record: Any, name: Any, value: Any) -> Any:
+        fits, number = check(value)
+        if not fits:
+            raise MemoryKindError(word, number)
+        return value
+
+    return checked if check else unchecked
+
+
+def kept_item(array: Any, value: Any) -> Any:
+    """Return what an item of an array may be set to; compiled code calls it before each assignment."""
+    return value
+
+
+@overload(kept_item)
+def _compiled_kept_item(array: Any, value: Any) -> Callable:
+    check = _check_for(array.dtype if isinstance(array, types.NestedArray) else None, types.unliteral(value))
+
+    def unchecked(array: Any, value: Any) -> Any:
+        return value
+
+    def checked(array: Any, value: Any) -> Any:
+        fits, number = check(value)
+        if not fits:
+            raise MemoryKindError("", number)
+        return value
+
+    return checked if check else unchecked
+
+
+def _check_for(field: Any, value: Any) -> Any:
+    """Return a compiled function that checks a value for a field, None where any value of its type may be taken."""
+    is_array = isinstance(value, types.Array)
+    kind = value.dtype if is_array else value
+    if isinstance(field, types.Integer) and isinstance(kind, types.Float):
+        return are_whole if is_array else is_whole
+    if isinstance(field, types.Boolean) and isinstance(kind, (types.Float, types.Integer)):
+        return are_truths if is_array else is_truth
+    return None
+
+
+@njit
+def is_whole(value: float) -> tuple[bool, float]:
+    """Return whether a number is whole and not too large for an integer, and the number."""
+    return value == np.floor(value) and abs(value) < LARGEST_WHOLE, float(value)
+
+
+@njit
+def is_truth(value: float) -> tuple[bool, float]:
+    """Return whether a number is 0 or 1, and the number."""
+    return value in (0, 1), float(value)
+
+
+@njit
+def are_whole(values: np.ndarray) -> tuple[bool, float]:
+    """Return whether all numbers are whole and not too large for integers, and the first that is not."""
+    for value in values.flat:
+        if not is_whole(value)[0]:
+            return False, float(value)
+    return True, 0.0
+
+
+@njit
+def are_truths(values: np.ndarray) -> tuple[bool, float]:
+    """Return whether all numbers are 0 or 1, and the first that is not."""
+    for value in values.flat:
+        if not is_truth(value)[0]:
+            return False, float(value)
+    return True, 0.0
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Limit(FunctionPass):
+    """Counts the iterations of loops, checks what is assigned, and has the functions that are called do the same."""
+
+    _name = "mesa_swarm_limits"
+
+    def __init__(self) -> None:
+        FunctionPass.__init__(self)  # which Numba declares abstract
+
+    def run_pass(self, state: Any) -> bool:
+        code = state.func_ir
+        for block in code.blocks.values():
+            block.body = [statement for old in block.body for statement in _limited(code, block.scope, old)]
+        loops = compute_cfg_from_blocks(code.blocks).loops()
+        for loop in sorted(loops.values(), key=attrgetter("header")):
+            line = min(statement.loc.line for label in loop.body for statement in code.blocks[label].body)
+            _count_in(code, loop.header, (line, state.func_id.func.__name__))
+        code._definitions = ir_utils.build_definitions(code.blocks)
+        return True
+
+
+class LimitedCompiler(CompilerBase):
+    """Numba's compiler with this pass, before variables get their single assignments."""
+
+    def define_pipelines(self) -> list:
+        """Return the usual passes, with one more."""
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.add_pass_after(_Limit, InlineInlinables)
+        passes.finalize()
+        return [passes]
+
+
+def _count_in(code: Any, header: int, where: tuple[int, str]) -> None:
+    """Split the block with which a loop begins: count, and either go on or raise an error."""
+    block = code.blocks[header]
+    scope, place = block.scope, block.loc
+    rest, stop = (max(code.blocks) + more for more in (1, 2))
+    counter, is_over = (scope.redefine(f"$limit_{word}", place) for word in ("counter", "over"))
+    code.blocks[rest], code.blocks[stop] = ir.Block(scope, place), ir.Block(scope, place)
+    code.blocks[rest].body = block.body
+    code.blocks[stop].body = [ir.StaticRaise(LoopsError, where, place)]
+    block.body = [
+        ir.Assign(ir.Global("count_loop", count_loop, place), counter, place),
+        ir.Assign(ir.Expr.call(counter, [], (), place), is_over, place),
+        ir.Branch(is_over, stop, rest, place),
+    ]
+
+
+def _limited(code: Any, scope: Any, old: Any) -> Iterator[Any]:
+    """Yield the statements that take the place of one."""
+    if isinstance(old, ir.SetAttr):
+        name, value = scope.redefine("$limit_name", old.loc), scope.redefine("$limit_value", old.loc)
+        yield ir.Assign(ir.Const(old.attr, old.loc), name, old.loc)
+        yield from _call(scope, kept, [old.target, name, old.value], value, old.loc)
+        yield ir.SetAttr(old.target, old.attr, value, old.loc)
+    elif isinstance(old, (ir.SetItem, ir.StaticSetItem)):
+        value = scope.redefine("$limit_value", old.loc)
+        yield from _call(scope, kept_item, [old.target, old.value], value, old.loc)
+        old.value = value
+        yield old
+    elif isinstance(old, ir.Assign) and isinstance(old.value, ir.Expr) and old.value.op == "call":
+        called = _called(code, old.value)
+        if called is not None:
+            function = scope.redefine("$limit_function", old.loc)
+            yield ir.Assign(ir.Global("limited", limited(called), old.loc), function, old.loc)
+            old.value.func = function
+        yield old
+    else:
+        yield old
+
+
+def _call(scope: Any, function: Callable, given: list, result: Any, place: Any) -> Iterator[Any]:
+    variable = scope.redefine("$limit_function", place)
+    yield ir.Assign(ir.Global(function.__name__, function, place), variable, place)
+    yield ir.Assign(ir.Expr.call(variable, given, (), place), result, place)
+
+
+def _called(code: Any, call: Any) -> Dispatcher | None:
+    """Return the function that is called, if it is a compiled one of the user's."""
+    try:
+        value = code.infer_constant(call.func)
+    except Exception:  # Numba's, of what is not a constant
+        return None
+    if isinstance(value, (DUFunc, GUFunc)):
+        raise UnsupportedError(f"the loops of {value.__name__}, a compiled ufunc, cannot be counted")
+    return value if _is_users(value) else None
+
+
+# What compiled functions keep of the user's options.
+OPTIONS = ("boundscheck", "error_model", "fastmath")
+
+
+@cache
+def limited(function: Dispatcher) -> Dispatcher:
+    """Return a compiled function of the user's, compiled again within limits."""
+    options = {name: function.targetoptions[name] for name in OPTIONS if name in function.targetoptions}
+    return njit(pipeline_class=LimitedCompiler, **options)(function.py_func)
+
+
+def calls_itself(function: FunctionType) -> str | None:
+    """Return the name of a function that calls itself, also by way of others, among those that a rule calls.
+
+    Compiled, it would end the process where the stack ends.
+    """
+    finished: set[FunctionType] = set()
+
+    def visit(part: FunctionType, trail: tuple[FunctionType, ...]) -> str | None:
+        if part in trail:
+            return part.__name__
+        if part in finished:
+            return None
+        finished.add(part)
+        return next((name for called in called_by(part) if (name := visit(called, (*trail, part)))), None)
+
+    return visit(function, ())
+
+
+def called_by(function: FunctionType) -> list[FunctionType]:
+    """Return the functions that a function may call, by a name or as an attribute of a module, as they were written."""
+    attributes = operands(function, "LOAD_ATTR", "LOAD_METHOD")
+    values = [value for _, value in values_used(function)]
+    modules = [
+        value for value in values if isinstance(value, ModuleType) and value.__name__.partition(".")[0] != "numpy"
+    ]
+    values += [getattr(module, name, None) for module in modules for name in attributes]
+    called = (getattr(value, "py_func", value) for value in values)
+    return [value for value in called if isinstance(value, FunctionType) and not _is_foreign(value)]
+
+
+def _is_foreign(function: FunctionType) -> bool:
+    """Return whether a function is of NumPy or the package, which both end."""
+    return (function.__module__ or "").partition(".")[0] in ("math", "numpy") or _is_ours(function.__code__)
+
+
+# ---- in plain Python
+
+
+class _Tracer:
+    """A trace function that counts calls, and jumps back, which are the iterations of loops."""
+
+    def __init__(self) -> None:
+        self.left = MOST_LOOPS
+
+    def __call__(self, frame: FrameType, event: str, argument: Any) -> Callable | None:
+        """Begin to count in a function, unless it is the package's."""
+        if event != "call" or _is_ours(frame.f_code):
+            return None
+        self._count(frame)
+        frame.f_trace_opcodes, frame.f_trace_lines = BY_OPERATION, not BY_OPERATION
+        return self._within()
+
+    def _within(self) -> Callable:
+        """Return a trace function for one call of a function, which notes where it is."""
+        last = -1
+
+        def trace(frame: FrameType, event: str, argument: Any) -> Callable:
+            nonlocal last
+            if event in ("line", "opcode"):
+                here = frame.f_lasti if BY_OPERATION else frame.f_lineno
+                if here <= last:
+                    self._count(frame)
+                last = here
+            return trace
+
+        return trace
+
+    def _count(self, frame: FrameType) -> None:
+        self.left -= 1
+        if self.left < 0:
+            raise LoopsError(frame.f_lineno, frame.f_code.co_name)
+
+
+# Before Python 3.12 a loop in one line is not seen by lines.
+BY_OPERATION = sys.version_info < (3, 12)
+
+
+@contextmanager
+def counted_loops() -> Iterator[None]:
+    """Count iterations of plain Python from here on; not under a debugger, which has a trace function of its own."""
+    if sys.gettrace() is not None:
+        yield
+        return
+    sys.settrace(_Tracer())
+    try:
+        yield
+    finally:
+        sys.settrace(None)
+
+
+def plain_parts(function: FunctionType) -> FunctionType:
+    """Return a function in which compiled functions, whose loops could not be counted, are as they were written."""
+    return _plain_part(function, {})
+
+
+def _plain_part(function: FunctionType, made: dict[FunctionType, FunctionType]) -> FunctionType:
+    if function in made:
+        return made[function]
+    compiled = {name: value for name, value in function.__globals__.items() if _is_users(value)}
+    used = {name: compiled[name] for name, _ in values_used(function) if name in compiled}
+    if not used:
+        return function
+    around = {**function.__globals__}
+    code, closure = function.__code__, function.__closure__
+    copy = made[function] = FunctionType(code, around, function.__name__, function.__defaults__, closure)
+    copy.__kwdefaults__ = function.__kwdefaults__
+    around.update({name: _plain_part(value.py_func, made) for name, value in used.items()})
+    return copy
+
+
+def uncounted(function: FunctionType) -> list[str]:
+    """Return the names of what a plain rule uses whose loops are not counted: compiled code that is not a function."""
+    names = []
+    for part in functions_used(function):
+        attributes = operands(part, "LOAD_ATTR", "LOAD_METHOD")
+        for name, value in values_used(part):
+            if isinstance(value, (DUFunc, GUFunc)):
+                names.append(name)
+            elif isinstance(value, ModuleType):
+                names += [
+                    f"{name}.{attribute}" for attribute in attributes if _is_users(getattr(value, attribute, None))
+                ]
+        cells = part.__closure__ or ()
+        names += [
+            name for name, cell in zip(part.__code__.co_freevars, cells, strict=True) if _is_users(_content(cell))
+        ]
+    return sorted(set(names))
+
+
+def _content(cell: Any) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:  # not yet assigned
+        return None
+
+
+def _is_users(value: Any) -> bool:
+    """Return whether a value is a compiled function of the user's."""
+    return isinstance(value, Dispatcher) and value.py_func not in FUNCTIONS and not _is_ours(value.py_func.__code__)
+
+
+def _is_ours(code: CodeType) -> bool:
+    file = code.co_filename
+    return file.startswith(OURS) and not file.startswith(GALLERY)
