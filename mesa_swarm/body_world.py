@@ -100,13 +100,41 @@ class BodyWorld(MesaModel):
         """
         return self._kinds
 
+    def add_kind(self, name: str) -> int:
+        """Declare a kind of bodies before there is any, and return its code in readings.
+
+        The first body of a kind declares it as well, see `add_body`. A gripper or a sensor for a kind that is not
+        known, but for its spelling, is refused when robots with it take their first step; of any other there is a
+        warning.
+
+        Parameters
+        ----------
+        name : str
+            A name of your own, one word; one that is known already stays as it is.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is not one word, or one kind too many.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> model.add_kind("wolf"), model.kinds[-1], model.add_kind("wolf")
+        (4, 'wolf', 4)
+        """
+        if name not in self._kinds:
+            self._know_kind(self._checked_kind("" if name is None else name, ""))
+        return self._kinds.index(name)
+
     def kind_code(self, name: str) -> int:
         """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with.
 
         Raises
         ------
         UnknownNameError
-            If no body of this kind was added.
+            If the kind was not declared, and no body of it was added.
 
         Examples
         --------
@@ -117,7 +145,8 @@ class BodyWorld(MesaModel):
         4
         """
         if name not in self._kinds:
-            raise UnknownNameError(unknown_name("kind", name, self._kinds))
+            cure = f"; declare it by model.add_kind({shortened(name)})" if isinstance(name, str) else ""
+            raise UnknownNameError(unknown_name("kind", name, self._kinds, beside=len(cure)) + cure)
         return self._kinds.index(name)
 
     def _heat_bodies(self) -> Sequence[Body]:

@@ -83,6 +83,10 @@ class StepWarning(UserWarning):
     """A step of a custom class omits the model's own step, or collects what is collected already."""
 
 
+class UnknownKindWarning(UserWarning):
+    """A sensor or a gripper is for a kind of bodies that the model does not know, nor one with a similar name."""
+
+
 class DegreesWarning(UserWarning):
     """Headings are larger than radians usually are: probably degrees."""
 

@@ -48,6 +48,8 @@ class World(BodyWorld):
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
+        if "seed" in named and not declares(cls, "seed"):
+            raise InvalidValueError(f"seed was given to {cls.__name__}; the seed of a model is rng, as in rng=1")
         compilation.expect(cls)
         world = super().__new__(cls)
         if "scenario" in named and not declares(cls, "scenario"):

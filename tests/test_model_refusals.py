@@ -7,6 +7,7 @@ import pytest
 from mesa_swarm import AGENT3, AGENT9, Map, RobotDesign, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, PlacementError, SwarmError, UnknownNameError
+from mesa_swarm.models.fire_fighting import FireFighting
 from support.scenes import ahead, blind, empty
 
 
@@ -186,3 +187,17 @@ def test_obstacles_too_far_for_small_robots_are_refused_and_marks_are_not():
 def test_unknown_names_are_of_the_family_of_errors():
     assert issubclass(UnknownNameError, SwarmError)
     assert issubclass(InvalidValueError, ValueError)
+
+
+def test_a_seed_given_as_seed_is_refused_with_the_name_that_it_has():
+    with pytest.raises(InvalidValueError, match="seed was given to FireFighting; the seed of a model is rng"):
+        FireFighting(seed=5)
+
+
+def test_a_model_may_have_a_parameter_of_this_name():
+    class Seeded(SwarmModel):
+        def __init__(self, *, seed=3, rng=None):
+            super().__init__(rng=rng)
+            self.seed = seed
+
+    assert Seeded(seed=5).seed == 5

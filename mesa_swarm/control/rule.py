@@ -131,6 +131,15 @@ def _read(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 # What a rule returns when it is not active: a pair of numbers like any other, so that it compiles.
 PASS = (math.inf, math.inf)
 """What a rule returns to leave the decision to the layers below."""
+# Fields of `me` that a model adds with a part, and what is to be done where the part is missing.
+MISSING_PARTS = {
+    "act": "but no robot has an actuator; give the design some, as in RobotDesign(actuators=(Lamp(),))",
+    "memory": "but the rule has no memory; declare it, as in @behaviour(memory={'count': 0})",
+    **dict.fromkeys(
+        ("send", "heard"),
+        "but there is no radio with messages; set model.communication = Radio(range=100, message=('count',))",
+    ),
+}
 CHANGES = "changes its readings; a rule may only read me: change a copy()"
 # Numba's words for branches that return unlike things.
 UNLIKE = "Can't unify return type"
@@ -475,12 +484,20 @@ def wanted(numbers: int) -> str:
     return f"expected {speeds_in_words(numbers)}{' (left, right)' if numbers == 2 else ''}, or PASS"
 
 
+def unknown_field(name: str, known: Iterable[str]) -> str:
+    """Return what is wrong with a field of `me` that there is not: of a part that is missing, what has it."""
+    if name in MISSING_PARTS:
+        return f"uses me.{name}, {MISSING_PARTS[name]}"
+    return f"uses an {unknown_name('field of me', name, known)}"
+
+
 def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
     """Return what is wrong with a rule that Numba refused, or nothing if it is only slow."""
     field = re.search(r"Unknown attribute '(\w+)' of type (Me|Heard)\(", problem)
     if field:
-        known = {"Me": ("me", (*Me._fields, *form.names)), "Heard": ("me.heard", form.heard)}[field[2]]
-        return f"uses an {unknown_name(f'field of {known[0]}', field[1], known[1])}"
+        if field[2] == "Me":
+            return unknown_field(field[1], (*Me._fields, *form.names))
+        return f"uses an {unknown_name('field of me.heard', field[1], form.heard)}"
     if problem.startswith(UNKNOWN):
         name = problem.removeprefix(UNKNOWN).strip()
         record = record_of(function, name)
@@ -514,14 +531,22 @@ def failure(error: Exception, numbers: int) -> str:
     """Return what a rule did wrong, of the error that it raised for a robot whose drive takes `numbers`."""
     if isinstance(error, DefectError):
         return str(error)
-    if isinstance(error, LoopsError):
-        line, name = error.args
-        return f"looped more than {MOST_LOOPS:,} times in one step, in {name}, line {line}; let the loop end"
-    if isinstance(error, MemoryKindError):
-        return _unkept(*error.args)
     if isinstance(error, WheelsError):
         hint = " (a branch without return?)" if error.args[0] is None else ""
         return f"returned {shortened(error.args[0])}{hint}; {wanted(numbers)}"
+    if isinstance(error, LoopsError | MemoryKindError):
+        return _beyond(error)
     if isinstance(error, AttributeError) and error.name not in (known := _fields_of(error.obj)[1]):
-        return f"uses an {unknown_name(f'field of {_fields_of(error.obj)[0]}', error.name, known)}"
+        owner, name = _fields_of(error.obj)[0], str(error.name)
+        if owner == "me":
+            return unknown_field(name, known)
+        return f"uses an {unknown_name(f'field of {owner}', name, known)}"
     return f"raised {type(error).__name__}: {error}"
+
+
+def _beyond(error: LoopsError | MemoryKindError) -> str:
+    """Return which limit a rule went beyond."""
+    if isinstance(error, LoopsError):
+        line, name = error.args
+        return f"looped more than {MOST_LOOPS:,} times in one step, in {name}, line {line}; let the loop end"
+    return _unkept(*error.args)

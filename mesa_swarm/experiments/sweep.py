@@ -251,7 +251,7 @@ def run_experiment(
     shard : Shard
         The runs to do; there is a table only of all.
     """
-    _check_parameters(experiment)
+    _check_parameters(experiment, record is not None)
     archive = None if record is None else Archive(folder / RECORDINGS, record)
     fits = _fitting(experiment, archive)
     runs = partial(experiment.part, shard.number, shard.shards)
@@ -296,10 +296,10 @@ def _collect(ledger: Ledger, folder: Path, runs: Callable[[], Iterator[Run]] | N
         ledger.absorb(path, keys)
 
 
-def _check_parameters(experiment: Experiment) -> None:
+def _check_parameters(experiment: Experiment, recorded: bool) -> None:
     """Refuse parameters that are named as another column of the table."""
     for name in experiment.columns:
-        if name in FIXED:
+        if name in FIXED or (recorded and name == RECORDING):
             raise InvalidValueError(f"parameter {name} is named as a column of the table; rename it in the model")
 
 

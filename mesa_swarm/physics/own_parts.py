@@ -39,7 +39,7 @@ class OwnParts:
     def sense(self, model: Any, scene: Surroundings) -> None:
         """Read all custom sensors; robots without them read NaN."""
         swarm = model.swarm
-        self._bind(swarm)
+        self._bind(model)
         for name in swarm.table.readings:
             swarm.columns[name].fill(np.nan)
         for reader in self._readers:
@@ -47,7 +47,7 @@ class OwnParts:
 
     def act(self, model: Any, scene: Surroundings) -> None:
         """Let all actuators do what is set."""
-        self._bind(model.swarm)
+        self._bind(model)
         self._check_set(model)
         for doer in self._doers:
             _guarded(doer.act, doer.actuator, model, scene)
@@ -63,9 +63,13 @@ class OwnParts:
                     f"{model.steps}; expected finite numbers"
                 )
 
-    def _bind(self, swarm: Swarm) -> None:
+    def _bind(self, model: Any) -> None:
+        swarm = model.swarm
         if self._version == swarm.version:
             return
+        for design in dict.fromkeys(swarm.designs):
+            for part in (*design.sensors, *design.actuators):
+                part.check_bodies(model)
         self._readers = [Reader(swarm, sensor, first, rows) for sensor, first, rows in _sensors_by_rows(swarm)]
         self._doers = [Doer(swarm, actuator, rows) for actuator, rows in _actuators_by_rows(swarm)]
         self._version = swarm.version

@@ -18,7 +18,7 @@ from mesa_swarm.state_hash import NOT_HASHED
 OF_FIRES = ("temperature", "out", "out_step")
 
 
-def continued(model: FireModel, **changes: object) -> FireModel:
+def continued(model: FireModel, /, **changes: object) -> FireModel:
     """Return a model that continues the run of another one with other parameters.
 
     A model is made with these, and takes over the state of the run, as by `resume`: the robots where they are, the

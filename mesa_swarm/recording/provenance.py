@@ -162,7 +162,7 @@ def parameters_of_run(model: FireModel) -> dict:
     return parameters
 
 
-def rebuilt(provenance: dict, model_class: type, **changes: object) -> FireModel:
+def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> FireModel:
     """Return the model as its constructor made it, perhaps with other parameters.
 
     Parameters that did not exist yet have the values with which the model behaves as it did then: those in

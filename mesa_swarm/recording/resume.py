@@ -18,7 +18,7 @@ LONGEST_ADDRESS = 80
 
 
 def resume(
-    base: type, path: str | os.PathLike[str], *, step: int | None = None, progress: bool = False, **changes: object
+    base: type, path: str | os.PathLike[str], /, *, step: int | None = None, progress: bool = False, **changes: object
 ) -> FireModel:
     """Return the model as it was after a step of a recording, from which it continues with the same bits.
 

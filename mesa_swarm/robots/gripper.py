@@ -9,6 +9,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.actuators import ACT, Actuator
+from mesa_swarm.robots.parts import check_kind
 from mesa_swarm.robots.sensors import Sensor
 
 LARGEST_REACH = 1e6
@@ -31,7 +32,7 @@ class Gripper(Actuator):
     reach : float
         Map units, above 0.
     kinds : tuple of str
-        The names of the kinds of bodies that it can grip.
+        The names of the kinds of bodies that it can grip, which the model has to know: `SwarmModel.add_kind`.
     field_of_view_degrees : float
         Above 0, at most 360.
 
@@ -73,6 +74,11 @@ class Gripper(Actuator):
         if isinstance(self.kinds, str) or not all(isinstance(kind, str) for kind in self.kinds) or not self.kinds:
             raise InvalidValueError(f"kinds is {shortened(self.kinds)}; expected names such as ('puck',)")
         object.__setattr__(self, "kinds", tuple(self.kinds))
+
+    def check_bodies(self, model: Any) -> None:
+        """Refuse kinds of bodies that the model does not know, see `check_kind`."""
+        for kind in self.kinds:
+            check_kind(model, self, kind)
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Grip and put down what the robots in these rows have set."""

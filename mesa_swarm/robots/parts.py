@@ -5,15 +5,25 @@ import keyword
 import re
 import warnings
 from collections.abc import Callable, Container, Iterable, Mapping
+from difflib import get_close_matches
 from functools import cache
 from itertools import pairwise
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, UncompiledBehaviourWarning, asked, check_count, shortened
+from mesa_swarm.errors import (
+    InvalidValueError,
+    UncompiledBehaviourWarning,
+    UnknownKindWarning,
+    asked,
+    check_count,
+    shortened,
+)
 from mesa_swarm.geometry.compiled import custom_compiled, is_refused
 from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
 
 MOST_NUMBERS = 10_000
+# How similar a kind must be to a known one to be a misspelling of it: "pukc" and "puck" are 0.75, "food" and "load" 0.5.
+ALIKE = 0.7
 # Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve`; and those of what
 # functions of arrays take.
 OF_FUNCTIONS = ("obstacles", "out", "owners", "rows", "value")
@@ -47,6 +57,26 @@ class RobotPart:
 
     def check_model(self, model: Any) -> None:
         """Raise an error if a model lacks what the part needs, such as a field; called before robots are added."""
+
+    def check_bodies(self, model: Any) -> None:
+        """Raise an error if a model lacks what may be added after robots, such as a kind; called before they read."""
+
+
+def check_kind(model: Any, part: RobotPart, kind: str) -> None:
+    """Refuse a kind of bodies that the model does not know but for its spelling, and warn of any other.
+
+    Bodies may come later, or not at all in a run; `SwarmModel.add_kind` declares their kind.
+    """
+    if kind in model.kinds:
+        return
+    if get_close_matches(kind, model.kinds, n=1, cutoff=ALIKE):
+        model.kind_code(kind)
+    warnings.warn(
+        f"a {type(part).__name__} is for the kind {kind!r}, of which the model has no body; if this is meant, declare "
+        f"it by model.add_kind({kind!r})",
+        UnknownKindWarning,
+        stacklevel=2,
+    )
 
 
 def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str:

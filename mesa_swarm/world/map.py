@@ -88,7 +88,8 @@ class Map:
     name : str
         Printable, on one line.
     bounds : (x_min, y_min, x_max, y_max)
-        Map units, y up; a width and height above 0, no coordinate beyond 1e9.
+        Map units, y up; a width and height above 0, no coordinate beyond 1e9. By default 800 wide and 600 high, as are
+        the maps of the thesis.
     obstacles : sequence of Shape
         Solid shapes and ground marks, each at least partly within the bounds.
     fires : sequence of FireSpot
@@ -109,8 +110,8 @@ class Map:
     (70.0, 70.0, 110.0, 530.0)
     """
 
-    name: str
-    bounds: Bounds
+    name: str = "map"
+    bounds: Bounds = (0.0, 0.0, 800.0, 600.0)
     obstacles: tuple[Shape, ...] = ()
     fires: tuple[FireSpot, ...] = ()
 

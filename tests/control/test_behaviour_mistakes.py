@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mesa_swarm import AGENT9, RobotDesign
+from mesa_swarm import AGENT9, RobotDesign, SwarmModel
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
 from mesa_swarm.errors import BehaviourError
 from support.rules import SEEN, facing_a_disc, step_with
@@ -118,3 +118,25 @@ def test_a_rule_that_reads_a_sensor_that_is_not_there_is_reported_instead_of_rea
     with pytest.raises(BehaviourError, match="IndexError: this sensor does not exist") as caught:
         step_with(careless(which=which))
     assert isinstance(caught.value.__cause__, IndexError)
+
+
+@pytest.mark.parametrize(
+    ("field", "cure"),
+    [
+        ("send.count", "there is no radio with messages; set model.communication = Radio(range=100, message="),
+        ("heard.n", "there is no radio with messages; set model.communication = Radio(range=100, message="),
+        ("act.lamp", "no robot has an actuator; give the design some, as in RobotDesign(actuators=(Lamp(),))"),
+        ("memory.n", "the rule has no memory; declare it, as in @behaviour(memory={'count': 0})"),
+    ],
+)
+@pytest.mark.parametrize("plain", ["", "str({})"])
+def test_a_part_that_is_missing_is_named_rather_than_a_field_of_a_similar_name(field, cure, plain):
+    space = {"PASS": PASS}
+    exec(f"def rule(me):\n    {plain}\n    return (0.0, 0.0) if me.{field} > 1 else PASS\n", space)
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, 1)
+    model.control = Subsumption(behaviour(space["rule"]))
+    with pytest.raises(BehaviourError) as caught:
+        model.run(1)
+    assert f"it uses me.{field.partition('.')[0]}, but {cure}" in str(caught.value)
+    assert "did you mean" not in str(caught.value)

@@ -285,3 +285,29 @@ def test_a_run_that_ends_with_a_result_named_as_another_column_is_an_error_that_
     )
     message = f"InvalidValueError: result '{late}' is named as another column; rename it in results()"
     assert (made.failed, again.done_before, again.errors) == (2, 2, (message,))
+
+
+class Ambiguous(SwarmModel):
+    """A model with parameters of names that calls of the package have as well."""
+
+    def __init__(self, *, recording: int = 1, model: int = 2, provenance: int = 3, base: int = 4, rng=None):
+        super().__init__(rng=rng)
+        self.values = (recording, model, provenance, base)
+
+    def results(self):
+        return {"x": float(sum(self.values))}
+
+
+def test_a_parameter_named_recording_is_swept_and_refused_only_beside_recordings(tmp_path):
+    frame = sweep(Ambiguous, {"recording": [1, 2]}, seeds=1, steps=1, jobs=1, out=tmp_path / "plain").frame()
+    assert frame["recording"].tolist() == [1, 2]
+    with pytest.raises(InvalidValueError, match="parameter recording is named as a column of the table"):
+        sweep(Ambiguous, {"recording": [1, 2]}, seeds=1, steps=1, jobs=1, out=tmp_path / "recorded", record=True)
+
+
+def test_parameters_with_names_of_the_packages_own_arguments_are_set_when_a_run_goes_on(tmp_path):
+    changes = {"model": 20, "provenance": 30, "base": 40, "recording": 10}
+    assert Ambiguous(rng=1).run(2).continued(**changes).values == (10, 20, 30, 40)
+    with (model := Ambiguous(rng=1)).record(tmp_path / "run.arrow"):
+        model.run(2)
+    assert Ambiguous.resume(tmp_path / "run.arrow", **changes).values == (10, 20, 30, 40)

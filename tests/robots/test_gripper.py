@@ -78,6 +78,7 @@ def test_of_two_pucks_the_nearer_is_gripped_and_of_two_robots_the_nearer_one_get
 
 def test_other_kinds_and_bodies_of_agents_are_not_gripped():
     model = world([(100, 100, 0.0)])
+    model.add_kind("puck")
     door = model.add_body(disc((108, 100), 2), kind="door")
     model.step()
     assert door.carrier is None

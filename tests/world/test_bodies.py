@@ -1,14 +1,17 @@
 """Bodies of any kind: how they are added, named, asked to move, seen, and removed."""
 
+import copy
 import math
 
 import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, disc, rectangle
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, SwarmError, UnknownNameError
+from mesa_swarm import AGENT9, Gripper, NeighbourSensor, RobotDesign, SwarmModel, disc, rectangle
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError, SwarmError, UnknownKindWarning, UnknownNameError
+from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.world.bodies import Load, Obstacle
+from support.scenes import empty
 
 
 class Sheep(mesa.Agent):
@@ -245,3 +248,64 @@ def test_move_bodies_refuses_a_single_body_in_one_line(model):
     with pytest.raises(InvalidValueError, match="poses has shape"):
         model.move_bodies(body, (110, 100, 0.0))
     assert body.position.tolist() == [100, 100]
+
+
+# ---- kinds
+
+
+def test_a_kind_is_declared_before_there_is_a_body_of_it():
+    model = empty()
+    assert model.add_kind("wolf") == model.kind_code("wolf") == 4
+    assert model.add_kind("wolf") == 4
+    assert model.add_kind("robot") == 1
+    body = model.add_body(disc((100, 100), 5), kind="wolf")
+    assert model.kinds == ("obstacle", "robot", "fire", "load", "wolf")
+    assert body.kind == "wolf"
+
+
+@pytest.mark.parametrize("odd", ["", "two words", 5, None, "1st"])
+def test_a_kind_that_is_not_a_name_is_refused(odd):
+    with pytest.raises(InvalidValueError, match="expected a name such as"):
+        empty().add_kind(odd)
+
+
+@pytest.mark.parametrize("part", [Gripper(kinds=("pukc",)), NeighbourSensor(kind="pukc", k=1)])
+def test_a_kind_that_the_model_does_not_know_is_refused_at_the_first_step_of_robots_with_a_part_for_it(part):
+    design = RobotDesign(actuators=(part,)) if isinstance(part, Gripper) else RobotDesign(sensors=(part,))
+    model = empty()
+    model.add_body(disc((100, 100), 5), kind="puck")
+    model.add_robots(design, 1)
+    with pytest.raises(UnknownNameError, match=r"unknown kind 'pukc'; did you mean 'puck'\?.*model.add_kind\('pukc'\)"):
+        model.step()
+    assert model.completed == 0
+    model.add_kind("pukc")
+    model.step()
+
+
+@pytest.mark.parametrize("part", [Gripper(kinds=("puck",)), NeighbourSensor(kind="puck", k=1)])
+def test_bodies_of_a_kind_may_be_added_after_the_robots_with_a_part_for_it(part):
+    design = RobotDesign(actuators=(part,)) if isinstance(part, Gripper) else RobotDesign(sensors=(part,))
+    model = empty()
+    model.add_robots(design, 1)
+    model.add_body(disc((100, 100), 5), kind="puck")
+    model.step()
+
+
+def test_of_a_kind_without_any_body_there_is_a_warning_until_it_is_declared():
+    model = empty()
+    model.add_robots(RobotDesign(actuators=(Gripper(kinds=("puck",)),)), 1)
+    with pytest.warns(UnknownKindWarning, match=r"a Gripper is for the kind 'puck'.*model.add_kind\('puck'\)"):
+        model.step()
+    model.add_kind("puck")
+    model.add_robots(RobotDesign(actuators=(Gripper(kinds=("puck",)),)), 1)
+    model.step()
+
+
+def test_a_declared_kind_is_copied_stored_and_goes_on(tmp_path):
+    model = SwarmModel(rng=1)
+    with model.record(tmp_path / "run.arrow", rerun=False):
+        model.add_kind("wolf")
+        model.add_body(disc((100, 100), 5), kind="door")
+        model.run(2)
+    assert copy.deepcopy(model).kinds == model.kinds == ("obstacle", "robot", "fire", "load", "wolf", "door")
+    assert restore(SwarmModel(rng=1), checkpoint_of(model)).kinds == model.kinds

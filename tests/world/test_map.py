@@ -11,6 +11,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from mesa_swarm.errors import InvalidValueError, MapError
+from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world import map as map_module
 from mesa_swarm.world.map import FireSpot, Map, builtin_maps
 from mesa_swarm.world.map_toml import parsed_toml
@@ -432,3 +433,10 @@ def test_no_map_is_unknown_under_the_name_that_is_suggested(text):
     except MapError as error:
         found = re.search(r"unknown map (.*); did you mean (.*)\?", str(error))
         assert found is None or found[1] != found[2]
+
+
+def test_a_map_of_obstacles_alone_has_the_size_of_the_maps_of_the_thesis():
+    hall = Map(obstacles=[disc((40, 30), 5)])
+    assert (hall.name, hall.bounds, len(hall.obstacles)) == ("map", Map.load("openspace").bounds, 1)
+    assert Map.from_toml(hall.to_toml()) == hall
+    assert len(SwarmModel(map=hall, rng=1).obstacles) == 1
