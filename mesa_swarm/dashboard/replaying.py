@@ -27,6 +27,7 @@ from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resumed
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Player
@@ -347,7 +348,7 @@ class Replaying:
                 del self.changes[name]
             self.fault = ""
         except Exception as problem:  # shown beside the control
-            self.fault = in_words(problem)
+            self.fault = reported(problem)
         self.changed.notify()
 
     def branch(self) -> None:
@@ -407,7 +408,7 @@ class Replaying:
         except StoppedError:
             return
         except Exception as problem:  # a recorded model may raise anything
-            self._update(stop, _activity="", fault=in_words(problem).replace(str(path), self.name))
+            self._update(stop, _activity="", fault=reported(problem).replace(str(path), self.name))
             return
         if self._update(stop, _activity="", fault=""):
             self.session.adopt(model, name, settings | changes, seed)
@@ -522,7 +523,9 @@ class _Rows:
 
 def _page_name(provenance: dict[str, Any]) -> str:
     """Return the name of the recorded model on the page, empty for others: a recording makes it import none."""
-    recorded = provenance.get("model", {"module": "", "name": ""})
+    if not provenance:
+        return ""
+    recorded = provenance["model"]
     shipped = {f"{PACKAGE}.{name}": name for name in gallery_names()}
     own = () if recorded["module"] in shipped else [name for name in page_models() if name not in gallery_names()]
     for name in (*own, shipped.get(recorded["module"])):

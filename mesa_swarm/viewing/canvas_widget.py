@@ -29,7 +29,7 @@ SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.
 # Interval at which steps that a program takes are shown, s.
 EVERY = 0.05
 ON_A_PAGE = {"bar": True, "keys": "page", "toggles": {}}
-IN_A_NOTEBOOK = {"bar": True, "keys": "own", "toggles": {}, "compact": True}
+IN_A_NOTEBOOK = {"bar": True, "keys": "own", "toggles": {}, "compact": True, "errors": True}
 
 
 @dataclass
@@ -59,6 +59,7 @@ class SwarmCanvas(anywidget.AnyWidget):
     # bar: whether there are buttons; keys: "page" where keys pressed anywhere play and step, "own" where only those
     # pressed in the widget do, "" for none; toggles: what is drawn, by name; head: whether a caption and the readings
     # stand above it; stage: False for buttons without a canvas; compact: small buttons, and all readings in one line;
+    # errors: whether it shows by itself why it was stopped, where no card beside it does;
     # remember: under which name the browser stores what is in sight and what is switched on, apart for each model,
     # until its tab is closed; "" or missing for not at all.
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
@@ -360,7 +361,7 @@ def give_size(widget: anywidget.AnyWidget, width: int | None, height: int) -> No
 
 @solara.component
 def _WorldView(model: FireModel, occasion: object) -> None:
-    element = SwarmCanvas.element(options={"bar": False, "keys": "", "toggles": {}})
+    element = SwarmCanvas.element(options={"bar": False, "keys": "", "toggles": {}, "errors": True})
     player = solara.use_memo(lambda: Player(model), [model])
     solara.use_effect(lambda: Connection(solara.get_widget(element), player).close, [player])
     solara.use_effect(player.show, [occasion])

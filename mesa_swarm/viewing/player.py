@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from mesa_swarm.errors import in_words
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.recorder import Recorder
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop
 from mesa_swarm.viewing.scene import Scene, scene_of
@@ -361,7 +361,7 @@ class Player(Played):
                 yield
             except Exception as problem:  # any error of a model is shown: a page must go on
                 self.loop.pause()
-                self.error = in_words(problem)
+                self.error = reported(problem)
 
     def _can_go_on(self) -> bool:
         return self.model is not None and not self.error and not self.finished

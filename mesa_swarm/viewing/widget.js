@@ -155,7 +155,7 @@ class PlayerView {
     this.#leave.push(() => target.removeEventListener(name, act, first));
   }
 
-  #build({ bar, head, toggles }) {
+  #build({ bar, head, toggles, errors }) {
     const parts = this.#parts, act = (name) => () => this.#send({ do: name });
     parts.play = iconButton("play", "Play", act("toggle"), { class: "swarm-main" });
     parts.back = iconButton("back", "Step back", act("back"));
@@ -176,6 +176,8 @@ class PlayerView {
     if (head) this.#root.append(make("div", { class: "swarm-head" }, parts.caption, parts.readings));
     const still = make("img", { class: "swarm-still", alt: "", src: this.#model.get("picture") || undefined });
     const stage = make("div", { class: "swarm-stage" }, still, this.#canvas, this.#tools(toggles), this.#key());
+    parts.error = make("p", { class: "swarm-error", role: "alert", hidden: true });
+    if (errors) this.#root.append(parts.error);
     if (this.#staged) this.#root.append(stage);
     else this.#root.classList.add("swarm-unstaged");
     if (bar) this.#root.append(make("div", { class: "swarm-past" }, parts.past, parts.when));
@@ -445,6 +447,8 @@ class PlayerView {
     this.#state = { ...this.#state, ...state };
     const { playing, speed, speeds, finished, error, can_reset: canReset, caption, waits } = this.#state, parts = this.#parts;
     parts.caption.textContent = caption ?? "";
+    parts.error.hidden = !error;
+    if (parts.error.textContent !== error) parts.error.textContent = error;
     this.#root.dataset.playing = playing;
     this.#describeRest();
     relabel(parts.play, playing ? "pause" : "play", playing ? "Pause" : "Play");
