@@ -67,7 +67,11 @@ class GridRuns:
         def heard(run: Run, outcome: Outcome) -> None:
             send("run", (places[run.key], outcome))
 
-        how = {"retry_failed": self.retry_failed, "heard": heard, "words": partial(failed_run, self.folder)}
+        how: dict[str, Any] = {
+            "retry_failed": self.retry_failed,
+            "heard": heard,
+            "words": partial(failed_run, self.folder),
+        }
         made = run_experiment(self.experiment, self.folder, workers, **how)
         send("report", made)
 
