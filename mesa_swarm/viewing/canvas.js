@@ -345,11 +345,7 @@ export class Stage {
     const of = (part, test) => () => Boolean(part?.some(test));
     const states = (out) => () => { for (let i = 0; i < counts.fires; i++) if (Boolean(fires[6 * i + 5]) === out) return true; return false; };
     for (const form of ["robot", "selection"]) note(form, () => counts.robots > 0);
-    if (!seen.has("trail") || !seen.has("places")) {
-      const steps = this.#steps;
-      note("trail", () => steps.filter((gap) => gap === 1).length > 2); // before, it lies below its robot
-      note("places", of(steps, (gap) => gap > 1));
-    }
+    this.#seeTrails();
     note("travel", () => holonomic && counts.robots > 0);
     note("fire", states(false));
     note("ashes", states(true));
@@ -360,6 +356,14 @@ export class Stage {
     note("message", of(heard, (place) => place === place));
     note("heat", of(heat, (share) => share >= LEAST_HEAT));
     note("robot_hot", of(hot, (is) => is > 0));
+  }
+
+  /** Note whether trails that are not below their robots have lines, and whether dots. */
+  #seeTrails() {
+    const seen = this.#seen, frame = this.#frame, way = this.#way;
+    if (way.length < 2 || (seen.has("trail") && seen.has("places"))) return;
+    if (!frame.ids.some((_, i) => !isBelow(way, i, this.#radius(frame, i)))) return;
+    for (let k = 1; k < way.length; k++) seen.add(way[k].step - way[k - 1].step > 1 ? "places" : "trail");
   }
 
   /** Return the entries of layers. */
@@ -743,12 +747,6 @@ export class Stage {
   get #way() {
     const { step, pose } = this.#frame, trail = this.#trail;
     return trail.length && trail.at(-1).step < step ? [...trail, { step, values: pose, stride: 3 }] : trail;
-  }
-
-  /** The steps from each point of the trails to the next. */
-  get #steps() {
-    const way = this.#way;
-    return way.slice(1).map(({ step }, k) => step - way[k].step);
   }
 
   /** Return the rows of robots whose sectors are drawn. */
