@@ -34,7 +34,7 @@ from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Player, Viewer
 from mesa_swarm.viewing.replay_page import damage_notes
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
-from mesa_swarm.viewing.trails import TRAIL_STEPS, TrailPoint, most_points, point_of
+from mesa_swarm.viewing.trails import TRAIL_STEPS, TrailPoint, most_points
 from mesa_swarm.world.map import Map, builtin_maps
 
 LARGEST_RECORDING = 200_000_000
@@ -106,7 +106,7 @@ class RecordedPast(Past):
     def _point(self, row: int, known: dict[int, tuple[TrailPoint, np.ndarray]]) -> tuple[TrailPoint, np.ndarray]:
         if row not in known:
             frame = self.recording[row]
-            known[row] = point_of(frame.step, frame["position"], self._scene.bounds), frame.robots
+            known[row] = TrailPoint(frame.step, frame["position"].astype(np.float32)), frame.robots
         self._points[row] = known[row]
         return known[row]
 

@@ -19,7 +19,7 @@ from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.last_picture import LastPicture
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
-from mesa_swarm.viewing.trails import TrailPoint, news
+from mesa_swarm.viewing.trails import TrailPoint, news, packed_points
 
 # Frames on their way to the browser: one is drawn while the next is made.
 MOST_AHEAD = 2
@@ -192,7 +192,7 @@ class SwarmCanvas(anywidget.AnyWidget):
             points, more = news(frame.trail, last)
             trail = {"trail": {"more": more, "steps": [point.step for point in points]}}
             trail["trail"]["moved"] = [point.moved for point in points]
-            buffers.append(b"".join(point.places.tobytes() for point in points))
+            buffers.append(packed_points(points, frame.world["bounds"]))
         self.send({"kind": "picture", **numbers, **fields, **trail, **self._beside, **only}, buffers)
 
     def _repr_mimebundle_(self, **wanted: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]] | None:

@@ -3,14 +3,13 @@
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.observers import Observer
 from mesa_swarm.viewing.packing import on_map
-from mesa_swarm.world.map_parts import Bounds
 
 # Steps that a trail on a page shows; ``canvas.js`` has the same number.
 TRAIL_STEPS = 100
@@ -29,8 +28,7 @@ class TrailPoint:
     Parameters
     ----------
     step : int
-    places : ndarray of uint16, shape (n, 2)
-        From 0 to 65535, of the width and the height of the map.
+    places : ndarray of float32, shape (n, 2)
     moved : tuple of int
         The rows of robots that were put there: they have not gone there from the point before.
     """
@@ -49,7 +47,6 @@ class TrailKeeper(Observer):
     def __init__(self) -> None:
         self._model: FireModel | None = None
         self._points: deque[TrailPoint] = deque()
-        self._position = np.empty((0, 2))
         self._robots: np.ndarray = np.empty(0, int)
         self._version = -1
         self._in_step = False
@@ -91,16 +88,20 @@ class TrailKeeper(Observer):
         self._model, self._version = new, -1
 
     def _note(self, model: FireModel) -> None:
-        position, step, last = model.swarm.position, model.completed, self._points[-1] if self._points else None
-        if last is None or not last.step <= step <= last.step + 1 or not self._has_same_robots(model):
+        step, places = model.completed, model.swarm.position.astype(np.float32)
+        same, last = self._has_same_robots(model), self._points[-1] if self._points else None
+        moved: tuple[int, ...] = ()
+        if last is None or not same or not last.step <= step <= last.step + 1:
             self._points.clear()
-            self._append(model, ())
-        elif step > last.step:
-            self._append(model, ())
-        elif not np.array_equal(position, self._position):
-            moved = np.flatnonzero((position != self._position).any(axis=1)).tolist()
+        elif step == last.step:
+            if places.tobytes() == last.places.tobytes():  # as a rule, and sooner known than by comparing numbers
+                return
+            differ = np.flatnonzero((places != last.places).any(axis=1))
+            moved = tuple(sorted({*last.moved, *differ.tolist()}))
             self._points.pop()
-            self._append(model, tuple(sorted({*last.moved, *moved})))
+        self._points.append(TrailPoint(step, places, moved))
+        while len(self._points) > most_points(len(places)):
+            self._points.popleft()
 
     def _has_same_robots(self, model: FireModel) -> bool:
         if model.swarm.version == self._version:
@@ -110,20 +111,13 @@ class TrailKeeper(Observer):
         self._robots, self._version = robots.copy(), model.swarm.version
         return same
 
-    def _append(self, model: FireModel, moved: tuple[int, ...]) -> None:
-        self._has_same_robots(model)
-        self._position = model.swarm.position.copy()
-        self._points.append(replace(point_of(model.completed, self._position, model.map.bounds), moved=moved))
-        while len(self._points) > most_points(len(self._position)):
-            self._points.popleft()
-
 
 def news(points: Sequence[TrailPoint], last: TrailPoint | None) -> tuple[Sequence[TrailPoint], bool]:
     """Return the points that a page lacks which has all up to `last`, and whether they go on from there.
 
     Examples
     --------
-    >>> first, second = (TrailPoint(step, np.zeros((1, 2), np.uint16)) for step in (1, 2))
+    >>> first, second = (TrailPoint(step, np.zeros((1, 2))) for step in (1, 2))
     >>> news((first, second), first) == ((second,), True), news((first, second), None) == ((first, second), False)
     (True, True)
     """
@@ -158,9 +152,9 @@ def stride(radius: float, max_speed: float) -> int:
     return max(1, math.ceil(2 * radius / max_speed) - 1) if max_speed > 0 else TRAIL_STEPS
 
 
-def point_of(step: int, position: np.ndarray, bounds: Bounds) -> TrailPoint:
-    """Return the point of a step from the positions (n, 2) of its robots."""
-    return TrailPoint(step, on_map(position, bounds, PLACES))
+def packed_points(points: Sequence[TrailPoint], bounds: Sequence[float]) -> bytes:
+    """Return the places of points as uint16 from 0 to 65535 along the width and the height of the map."""
+    return on_map(np.concatenate([point.places for point in points]), bounds, PLACES).tobytes() if points else b""
 
 
 def most_points(robots: int) -> int:

@@ -20,7 +20,7 @@ from mesa_swarm.viewing.pictures import Look, still_figure, trail_parts
 from mesa_swarm.viewing.player import Player
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.run_pictures import trace
-from mesa_swarm.viewing.trails import PLACES, TRAIL_STEPS, TrailKeeper, news, reach, stride
+from mesa_swarm.viewing.trails import PLACES, TRAIL_STEPS, TrailKeeper, news, packed_points, reach, stride
 from support.walls import Circling, crosses
 
 
@@ -36,10 +36,11 @@ class Viewer:
         self.frames.append(frame)
 
 
-def on_map(points, bounds=(0, 0, 200, 120)) -> np.ndarray:
-    """Return the places (k, n, 2) of the points of a trail."""
+def places_of(points, bounds=(0, 0, 200, 120)) -> np.ndarray:
+    """Return the places (k, n, 2) of the points of a trail, as a browser is sent them."""
     low, high = np.array(bounds, float).reshape(2, 2)
-    return low + np.stack([point.places for point in points]) / PLACES * (high - low)
+    sent = np.frombuffer(packed_points(points, bounds), np.uint16).reshape(len(points), -1, 2)
+    return low + sent / PLACES * (high - low)
 
 
 def test_a_trail_has_the_places_of_all_steps_however_few_pictures_are_shown():
@@ -54,8 +55,8 @@ def test_a_trail_has_the_places_of_all_steps_however_few_pictures_are_shown():
     player.rest()
     trail = viewer.frames[-1].trail
     assert [point.step for point in trail] == list(range(130 - TRAIL_STEPS, 131))
-    assert np.abs(on_map(trail) - np.stack(places[30:])).max() < 200 / PLACES
-    assert not crosses(on_map(trail).swapaxes(0, 1))
+    assert np.abs(places_of(trail) - np.stack(places[30:])).max() < 200 / PLACES
+    assert not crosses(places_of(trail).swapaxes(0, 1))
     assert crosses(np.stack(places[30::50]).swapaxes(0, 1)), "lines from picture to picture would"
     player.close()
 
@@ -98,7 +99,7 @@ def test_a_robot_that_is_moved_by_hand_breaks_its_trail_only():
     model.run(1)
     (*_, before, now) = keeper.points()
     assert (before.step, before.moved, now.step, now.moved) == (3, (1, 2), 4, ())
-    assert on_map([before])[0][1] == pytest.approx([51, 30], abs=0.01)
+    assert places_of([before])[0][1] == pytest.approx([51, 30], abs=0.01)
 
 
 def test_trails_begin_anew_when_robots_are_added_and_when_the_model_is_another():
@@ -207,7 +208,7 @@ def test_a_recording_that_is_replayed_has_the_trails_of_its_rows(recorded):
     trail = viewer.frames[-1].trail
     assert [point.step for point in trail] == list(range(50, 151))
     positions = np.stack([player.recording[step - 1]["position"] for step in range(50, 151)])
-    assert np.abs(on_map(trail) - positions).max() < 200 / PLACES
+    assert np.abs(places_of(trail) - positions).max() < 200 / PLACES
     player.look(160)
     assert news(viewer.frames[-1].trail, trail[-1]) == (viewer.frames[-1].trail[-11:], True)
     player.close()
