@@ -5,16 +5,25 @@ Inner code trusts what has passed the border.
 """
 
 import math
+import os
 import re
-from collections.abc import Iterable
+import sysconfig
+import traceback
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
+from functools import cache
 from numbers import Integral
+from pathlib import Path
 from typing import Any
 
 # Larger arrays are shown as NumPy abbreviates them.
 MOST_SHOWN = 20
 LONGEST_NAME = 100
 LONGEST = 300
+# A line of a traceback that came from another process as text.
+REMOTE = re.compile(r'^  File "(.+)", line (\d+)', re.MULTILINE)
+# How Jupyter names the folder of the files that it takes the cells of a notebook for.
+CELLS = "ipykernel_"
 
 
 class SwarmError(Exception):
@@ -113,6 +122,91 @@ def in_words(error: BaseException) -> str:
         text = f"{type(error).__name__}: {text}".removesuffix(": ")
     # A file's name may hold what ends a text or turns its direction.
     return without_middle("".join(letter if letter.isprintable() else "\ufffd" for letter in text))
+
+
+def located(error: BaseException) -> str:
+    """Return the line of `in_words` with, in front, the place in a user's code where the error arose, if it did there.
+
+    Examples
+    --------
+    >>> located(ValueError("n is 0"))  # which was not raised
+    'ValueError: n is 0'
+    """
+    words, place = in_words(error), place_of(error)
+    return words if not place or f"{place}: " in words else without_middle(f"{place}: {words}")
+
+
+def place_of(error: BaseException) -> str:
+    """Return file and line of the innermost call in a user's code, such as "mine.py, line 12"; empty if there is none.
+
+    A user's code is neither part of mesa_swarm nor of Python, nor installed, unless it imports mesa_swarm itself. The
+    place of an error that was caused by another is that of its cause. Of one that came from another process, and lost
+    its calls on the way, the text of its traceback is read.
+    """
+    for cause in reversed(_causes(error)):
+        if isinstance(cause, SyntaxError) and cause.filename:
+            return _as_place(cause.filename, cause.lineno)
+        if places := [place for place in _calls(cause) if place is not None]:
+            return _as_place(*places[-1])
+    return ""
+
+
+def _causes(error: BaseException) -> list[BaseException]:
+    """Return an error, what it was raised from, and so on."""
+    found: list[BaseException] = []
+    cause: BaseException | None = error
+    while cause is not None and cause not in found:
+        found.append(cause)
+        cause = cause.__cause__
+    return found
+
+
+def _calls(error: BaseException) -> Iterator[tuple[str, int] | None]:
+    """Yield file and line of each call that led to an error, None for calls in other code than a user's."""
+    if type(error).__name__ == "_RemoteTraceback":  # by which another process sends its traceback as text
+        for file, line in REMOTE.findall(str(error)):
+            yield (file, int(line)) if _is_users(file) else None
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        file = frame.f_code.co_filename
+        yield (file, line) if _is_users(file) or (_is_installed(file) and _uses_us(frame.f_globals)) else None
+
+
+def _as_place(file: str, line: int | None) -> str:
+    path = Path(file)
+    is_cell = path.parent.name.startswith(CELLS) or file.startswith("<ipython-input")
+    return f"{'cell of the notebook' if is_cell else path.name}, line {line}"
+
+
+def _is_users(file: str) -> bool:
+    if file.startswith("<"):  # made while the program runs
+        return file.startswith(("<stdin", "<ipython-input"))
+    return not (_is_installed(file) or Path(file).is_relative_to(_standard_library()) or _is_ours(file))
+
+
+def _is_installed(file: str) -> bool:
+    return not {"site-packages", "dist-packages"}.isdisjoint(Path(file).parts) and not _is_ours(file)
+
+
+def _is_ours(file: str) -> bool:
+    return any(Path(file).is_relative_to(folder) for folder in _our_folders())
+
+
+def _uses_us(names: dict[str, Any]) -> bool:
+    """Return whether a module has anything of mesa_swarm's among its names."""
+    origins = (asked(value, "__module__", "") or asked(value, "__name__", "") for value in list(names.values()))
+    return any(isinstance(origin, str) and origin.partition(".")[0] == "mesa_swarm" for origin in origins)
+
+
+@cache
+def _standard_library() -> str:
+    return sysconfig.get_paths()["stdlib"]
+
+
+@cache
+def _our_folders() -> tuple[str, ...]:
+    """Return the folders of the package and of its models, which lie elsewhere in an editable installation."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    return here, os.path.realpath(os.path.join(here, "models"))
 
 
 def without_middle(line: str, longest: int = LONGEST) -> str:

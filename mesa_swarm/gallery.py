@@ -8,7 +8,6 @@ import inspect
 import os
 import re
 import sys
-import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -25,7 +24,7 @@ from mesa_swarm.errors import (
     InvalidValueError,
     SwarmError,
     UnknownNameError,
-    in_words,
+    located,
     shortened,
     unknown_name,
     without_middle,
@@ -265,22 +264,8 @@ def _imported(module: str, address: str) -> ModuleType:
     except (Exception, SystemExit) as error:  # a module of a user's may raise anything
         if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
             raise
-        text = f"{address} cannot be imported: {_place_of(error)}{in_words(error)}"
+        text = f"{address} cannot be imported: {located(error)}"
         raise InvalidValueError(without_middle(text)) from error
-
-
-def _place_of(error: BaseException) -> str:
-    """Return file and line of the last frame of an error outside of Python's import system."""
-    if isinstance(error, SyntaxError) and error.filename:
-        return f"{Path(error.filename).name}, line {error.lineno}: "
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith("<frozen")
-        and Path(frame.filename) != Path(__file__)
-        and Path(frame.filename).parent.name != "importlib"
-    ]
-    return f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}: " if frames else ""
 
 
 def _class_in(module: ModuleType, name: str | None, address: str) -> type:

@@ -129,10 +129,14 @@ class Chart:
     def measure(self, model: Any) -> np.ndarray:
         """Return the number of each curve now, shape (k,); NaN for what is not a number."""
         try:
-            value = getattr(model, self.source) if isinstance(self.source, str) else self.source(model)
-            return np.array(unmasked(value), float).reshape(len(self.curves))
+            return self.numbers(model)
         except Exception:  # a function of a user's may raise anything; the chart has a gap there
             return np.full(len(self.curves), np.nan)
+
+    def numbers(self, model: Any) -> np.ndarray:
+        """Return the same, or raise whatever the function raises."""
+        value = getattr(model, self.source) if isinstance(self.source, str) else self.source(model)
+        return np.array(unmasked(value), float).reshape(len(self.curves))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

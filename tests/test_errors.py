@@ -1,6 +1,8 @@
 """What is refused is refused in words: what was got, and what is expected."""
 
 import math
+import sysconfig
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,8 @@ from mesa_swarm.errors import (
     check_flag,
     check_number,
     in_words,
+    located,
+    place_of,
     shortened,
     unknown_name,
 )
@@ -126,3 +130,56 @@ def test_a_map_is_one_of_the_names_or_a_file():
 def test_a_name_in_another_case_is_recognised_and_a_name_in_its_own_case_comes_first():
     assert "did you mean 'AGENT9'? " in unknown_name("design", "agent9", ["AGENT3", "AGENT9"])
     assert "did you mean 'agent'? " in unknown_name("design", "agnt", ["AGNTS", "AGENT", "agent"])
+
+
+def failure(source: str, file: str) -> Exception:
+    """Return the error that the code of a file raises."""
+    names: dict = {}
+    try:
+        exec(compile(source, file, "exec"), names)
+    except Exception as error:
+        return error.with_traceback(error.__traceback__.tb_next)
+    raise AssertionError("it was to fail")
+
+
+def test_the_place_of_an_error_is_the_innermost_call_in_a_user_s_code():
+    of_user = "import numpy\ndef f():\n    return numpy.zeros(2).reshape(3)\nf()"
+    assert place_of(failure(of_user, "/home/me/mine.py")) == "mine.py, line 3"
+    in_ours = "from mesa_swarm import SwarmModel\n\nSwarmModel(rng=1, engine='fast')"
+    refused = failure(in_ours, "/home/me/mine.py")
+    assert located(refused) == f"mine.py, line 3: {in_words(refused)}"
+    of_python = "import json\njson.loads('{')"
+    assert place_of(failure(of_python, "/home/me/mine.py")) == "mine.py, line 2"
+    with pytest.raises(InvalidValueError) as refused_by_us:
+        check_flag("flag", 3)
+    assert place_of(refused_by_us.value).startswith("test_errors.py, line ")
+
+
+def test_an_installed_package_is_a_user_s_code_if_it_imports_mesa_swarm():
+    file = f"{sysconfig.get_paths()['purelib']}/anthill/trails.py"
+    assert place_of(failure("1 / 0", file)) == ""
+    assert place_of(failure("import mesa_swarm\n1 / 0", file)) == "trails.py, line 2"
+    assert place_of(failure("from mesa_swarm.control import Avoid\n1 / 0", file)) == "trails.py, line 2"
+
+
+def test_the_place_of_an_error_is_that_of_its_cause_and_is_named_once():
+    source = "def f():\n    raise KeyError('a')\ntry:\n    f()\nexcept KeyError as e:\n    raise ValueError('b') from e"
+    error = failure(source, "/home/me/mine.py")
+    assert located(error) == "mine.py, line 2: ValueError: b"
+    again = InvalidValueError(f"it failed: {located(error)}")
+    again.__cause__ = error
+    assert located(again) == "it failed: mine.py, line 2: ValueError: b"
+    error.__cause__.__cause__ = error
+    assert place_of(error) == "mine.py, line 2", "causes in a circle end too"
+
+
+def test_the_place_of_an_error_from_another_process_is_read_from_its_text():
+    error, text = ValueError("b"), failure("def f():\n    1 / 0\nf()", "/home/me/mine.py")
+    error.__cause__ = type("_RemoteTraceback", (Exception,), {})("".join(traceback.format_exception(text)))
+    assert place_of(error) == "mine.py, line 2"
+
+
+def test_the_place_in_a_notebook_is_a_line_of_a_cell_and_that_of_wrong_syntax_the_line_of_the_file():
+    assert place_of(failure("\n1 / 0", "/tmp/ipykernel_42/1234.py")) == "cell of the notebook, line 2"
+    assert place_of(failure("x = 1\ny = (", "/home/me/mine.py")) == "mine.py, line 2"
+    assert place_of(ValueError("which was not raised")) == ""

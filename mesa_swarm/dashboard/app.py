@@ -36,12 +36,12 @@ from mesa_swarm.dashboard.replay_view import Replay
 from mesa_swarm.dashboard.replaying import Replaying
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
-from mesa_swarm.errors import in_words
 from mesa_swarm.gallery import description, find_model
 from mesa_swarm.looks import looks_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.canvas_widget import ON_A_PAGE, PlayerView
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.palette import style_sheet
 from mesa_swarm.viewing.play_loop import Listeners, use_changes
 from mesa_swarm.viewing.player import PackedFrame
@@ -233,7 +233,7 @@ def OwnPanel(panel: Callable[[SwarmModel], object], session: Session, beat: Beat
             if session.model is not None:
                 getattr(panel, "f", panel)(session.model)  # here, so that it is drawn anew with the same model
     except Exception as problem:  # a panel of a user's may raise anything
-        TroubleCard("A panel of the model failed", in_words(problem))
+        TroubleCard("A panel of the model failed", reported(problem))
 
 
 @solara.component

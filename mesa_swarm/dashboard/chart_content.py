@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.dashboard.robot_columns import Bins, Quantity, RobotValues, binned
 from mesa_swarm.dashboard.series import ChartTable, Curves, Plot, row_until
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, in_words, unknown_name
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.viewing import palette
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.pictures import literal
 from mesa_swarm.wording import quantity
 
@@ -138,7 +139,7 @@ class HistogramContent:
         try:
             values = quantity.measure()
         except Exception as problem:  # a function of a user's may raise anything
-            return cls.of(RobotValues(robots.step, missing=in_words(problem)), chosen)
+            return cls.of(RobotValues(robots.step, missing=reported(problem)), chosen)
         x = Axis.of(quantity.label, values, "x" in chosen.log)
         bins = binned(values, log=x.log, is_direction=quantity.is_direction)
         return cls(quantity, robots.step, values, bins, x, Axis("robots"))

@@ -36,9 +36,10 @@ from mesa_swarm.dashboard.robot_columns import RobotValues, values_of_session
 from mesa_swarm.dashboard.series import ChartTable
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, Link
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError, in_words
+from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.gallery import short_name
 from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Viewer
@@ -159,7 +160,7 @@ class Charting(Link):
                 try:
                     self._carry_out(request, ChosenChart.of(str(value)), str(message.get("axis", "")))
                 except SwarmError as problem:
-                    self.board.fault = in_words(problem)
+                    self.board.fault = reported(problem)
             case _:
                 self._downloads.hear(message)
 
@@ -292,7 +293,7 @@ def message_of(
 ) -> tuple[list[dict], list[bytes]]:
     """Return descriptions of charts for the browser, and a float64 buffer each: see the top of ``charts.js``."""
     makers: dict[str, Callable[[ChosenChart], tuple[dict, list[np.ndarray]]]] = {
-        OVER_TIME: lambda one: curves_message(TimeContent.of(series, one, step=step), series.every),
+        OVER_TIME: lambda one: curves_message(TimeContent.of(series, one, step=step), series),
         HISTOGRAM: lambda one: histogram_message(HistogramContent.of(robots, one)),
         PHASE_PLOT: lambda one: phase_message(PhaseContent.of(series, one, step=step)),
     }
@@ -308,7 +309,7 @@ def message_of(
     return descriptions, buffers
 
 
-def curves_message(content: TimeContent, every: int) -> tuple[dict, list[np.ndarray]]:
+def curves_message(content: TimeContent, series: ChartTable) -> tuple[dict, list[np.ndarray]]:
     """Return what describes a chart over time, and first and last steps, means, and least and greatest numbers."""
     chart, curves = content.chart, content.curves
     parts = [curves.first, curves.steps, *curves.mean]
@@ -318,9 +319,9 @@ def curves_message(content: TimeContent, every: int) -> tuple[dict, list[np.ndar
         "colours": "layers" if chart.key == "layers" else "series",
         "points": len(curves.steps),
         "banded": curves.width > 1,
-        "every": every,
+        "every": series.every,
         "row": row_json(content.row),
-        "note": content.y.note,
+        "note": "; ".join(filter(None, [series.faults.get(chart.key, ""), content.y.note])),
         **axes_json(content.x, replace(content.y, label=chart.unit or chart.title)),  # the name is above
     }
     return about, parts

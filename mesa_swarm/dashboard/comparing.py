@@ -8,7 +8,7 @@ from mesa_swarm.dashboard.inputs import LARGEST_SEED, checked_setting, whole_num
 from mesa_swarm.dashboard.many_runs import ManyRuns, Send
 from mesa_swarm.dashboard.pair import NAMES, Pair
 from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, in_words
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS
 from mesa_swarm.experiments.figures import comparison_figure, main_measure
@@ -16,6 +16,7 @@ from mesa_swarm.experiments.plan import Plan, checked_plan
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
 
@@ -128,7 +129,7 @@ class Comparing:
             self.values[NAMES.index(side)] = self._checked(value)
             self.faults.pop(side, None)
         except Exception as problem:  # shown beside the control
-            self.faults[side] = in_words(problem)
+            self.faults[side] = reported(problem)
         self.pair.changed.notify()
 
     def set_count(self, name: str, text: str | int) -> None:
@@ -148,7 +149,7 @@ class Comparing:
         try:
             models = self._models()
         except Exception as problem:  # a model may raise anything; it is shown
-            self.faults["worlds"] = in_words(problem)
+            self.faults["worlds"] = reported(problem)
         self.pair.place(*models)
 
     def plan(self) -> Plan:
@@ -165,7 +166,7 @@ class Comparing:
             self.runs.start(ComparedRuns(self.plan()))
             self.faults.pop("runs", None)
         except Exception as problem:  # as in `reset`
-            self.faults["runs"] = in_words(problem)
+            self.faults["runs"] = reported(problem)
         self.pair.changed.notify()
 
     @property
@@ -192,7 +193,7 @@ class Comparing:
             if words.get("parameter", self.parameter) != self.parameter:
                 self.choose_parameter(words["parameter"])
         except SwarmError as problem:
-            return [in_words(problem)]
+            return [reported(problem)]
         for name in NAMES:
             if name in words:
                 self.set_value(name, words[name])

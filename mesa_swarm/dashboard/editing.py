@@ -10,11 +10,12 @@ import traitlets
 from mesa_swarm.dashboard.edits import EDITS, SET, Edit, thing_at
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Downloads, Link
-from mesa_swarm.errors import InvalidValueError, check_choice, in_words
+from mesa_swarm.errors import InvalidValueError, check_choice
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.world.bodies import Body, Load
 from mesa_swarm.world.map import FireSpot, Map
 
@@ -91,7 +92,7 @@ class Editing(Link):
             acts[check_choice("message", message.get("do"), acts)](message)
             self._fault = ""
         except Exception as problem:  # shown beside the tools
-            self._fault = in_words(problem)
+            self._fault = reported(problem)
         self.refresh()
 
     @property

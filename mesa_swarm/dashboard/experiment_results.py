@@ -5,8 +5,10 @@ import math
 import re
 import zipfile
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from hashlib import blake2b
 from pathlib import Path
 from sys import intern
 from typing import Any
@@ -14,15 +16,17 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.dashboard.many_runs import Send
+from mesa_swarm.errors import place_of
 from mesa_swarm.experiments.experiment import POINT, Experiment
 from mesa_swarm.experiments.jobs import job_text
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, parts_of, sum_of_left_out
-from mesa_swarm.experiments.runs import Run
+from mesa_swarm.experiments.runs import Run, error_in_words
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, share_interval
 from mesa_swarm.experiments.sweep import run_experiment, stored_runs
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.gallery import is_address, short_name
+from mesa_swarm.viewing.faults import print_traceback
 from mesa_swarm.world.map import Map
 
 MEAN, SHARE = "mean", "share of runs in which it occurred"
@@ -63,8 +67,23 @@ class GridRuns:
         def heard(run: Run, outcome: Outcome) -> None:
             send("run", (places[run.key], outcome))
 
-        made = run_experiment(self.experiment, self.folder, workers, retry_failed=self.retry_failed, heard=heard)
+        how: dict[str, Any] = {
+            "retry_failed": self.retry_failed,
+            "heard": heard,
+            "words": partial(failed_run, self.folder),
+        }
+        made = run_experiment(self.experiment, self.folder, workers, **how)
         send("report", made)
+
+
+def failed_run(folder: Path, error: BaseException) -> str:
+    """Return one line about the error of a run, with its place; the first of all processes prints the traceback."""
+    place, line = place_of(error), error_in_words(error)
+    about = blake2b(f"{place} {line}".encode(), digest_size=8).hexdigest()
+    with suppress(FileExistsError):
+        (folder / f"{about}.printed").touch(exist_ok=False)
+        print_traceback(error)
+    return f"{place}: {line}" if place else line
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,13 @@ from mesa_swarm.dashboard import check_page_model
 from mesa_swarm.dashboard.experiment_results import MEAN, SHARE, GridResults, GridRuns, SeedBySeed
 from mesa_swarm.dashboard.many_runs import ManyRuns
 from mesa_swarm.dashboard.session import Session, checked_setting, whole_number
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, check_number, in_words
+from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, check_number
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS, Experiment, checked_experiment
 from mesa_swarm.experiments.reports import all_reports
 from mesa_swarm.experiments.statistics import TIME
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.wording import quantity
 from mesa_swarm.world.map import Map
@@ -192,7 +193,7 @@ class Experimenting:
             self._set(name, text)
             self.faults.pop(name, None)
         except Exception as problem:  # shown beside the control
-            self.faults[name] = in_words(problem)
+            self.faults[name] = reported(problem)
         self._note_size()
         self.changed.notify()
 
@@ -226,7 +227,7 @@ class Experimenting:
             self.set_values(name, spaced(parameter, low, high, count))
             self.faults.pop(name, None)
         except Exception as problem:  # as in `set`
-            self.faults[name] = in_words(problem)
+            self.faults[name] = reported(problem)
         self._note_size()
         self.changed.notify()
 
@@ -251,7 +252,7 @@ class Experimenting:
             self.found = found
             self.faults.pop("runs", None)
         except Exception as problem:  # a model may raise anything
-            self.faults["runs"] = in_words(problem)
+            self.faults["runs"] = reported(problem)
         self.changed.notify()
 
     def stop(self) -> None:
@@ -357,7 +358,7 @@ class Experimenting:
                 reports = all_reports(model, call=live is None)
                 return [*results, *(name for name in reports if name not in results)]
         except Exception as problem:  # a model may raise anything
-            self.faults["measure"] = in_words(problem)
+            self.faults["measure"] = reported(problem)
             return []
 
     def map_names(self) -> list[str]:

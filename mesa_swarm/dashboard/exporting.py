@@ -27,7 +27,6 @@ from mesa_swarm.errors import (
     SwarmError,
     check_choice,
     check_count,
-    in_words,
 )
 from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.gallery import short_name
@@ -35,6 +34,7 @@ from mesa_swarm.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
 from mesa_swarm.viewing.player import PackedFrame
 
@@ -240,7 +240,7 @@ class Exporting:
                 elif session.model is not None:
                     self.switch.start(session.model)
             except (SwarmError, OSError) as problem:
-                self.fault = in_words(problem)
+                self.fault = reported(problem)
         self._notify()
 
     def check_recording(self) -> None:
@@ -282,7 +282,7 @@ class Exporting:
         except CancelledError:
             self.message = "Cancelled."
         except Exception as problem:  # shown beside the button
-            self.fault = "" if self._cancelled.is_set() else in_words(problem)
+            self.fault = "" if self._cancelled.is_set() else reported(problem)
             self.message = "Cancelled." if self._cancelled.is_set() else ""
         else:
             self.message = f"{name} is ready."

@@ -236,7 +236,7 @@ class WorldDrawing:
         marked: str = "hot",
         larger: float = 1.0,
     ) -> None:
-        self._sights, self._name, self._window, self._marked, self._larger = sights, name, window, marked, larger
+        self.sights, self._name, self._window, self._marked, self._larger = sights, name, window, marked, larger
         self._first, self._corner, self._size = sights[0], sights[0].corner, sights[0].size
         self._before, self._trail = before, trail
 
@@ -264,7 +264,7 @@ class WorldDrawing:
 
     def moving(self, seconds: float) -> str:
         """Return all steps as a drawing that begins with the first, lasts this long, and is repeated."""
-        clock = Clock(moments=len(self._sights), seconds=seconds)
+        clock = Clock(moments=len(self.sights), seconds=seconds)
         moving = [
             *self._moving_trails(clock),
             *self._moving_loads(clock, small=False),
@@ -301,10 +301,10 @@ class WorldDrawing:
     @cached_property
     def _forms(self) -> dict[int, Form]:
         """The forms of all bodies that move, also of those that are there for a while."""
-        return {number: form for sight in self._sights for number, form in sight.scene.forms.items()}
+        return {number: form for sight in self.sights for number, form in sight.scene.forms.items()}
 
     def _moving_robots(self, clock: Clock) -> Iterator[str]:
-        pairs = [(sight.frame, sight.scene.facing(sight.frame)) for sight in self._sights]
+        pairs = [(sight.frame, sight.scene.facing(sight.frame)) for sight in self.sights]
         frames = [frame for frame, _ in pairs]
         rows = [np.column_stack([one["position"], facing, self._is_marked(one)]) for one, facing in pairs]
         radii = self._all_radii
@@ -321,7 +321,7 @@ class WorldDrawing:
 
     @cached_property
     def _all_radii(self) -> list[float]:
-        found = [self._radii(sight.frame.robots) for sight in self._sights]
+        found = [self._radii(sight.frame.robots) for sight in self.sights]
         return np.unique(np.concatenate(found)).tolist()
 
     def _bodies(self) -> Iterator[str]:
@@ -332,9 +332,9 @@ class WorldDrawing:
                 robot = draw_robots(origin, ahead, np.array([radius]), np.array([marked]))
                 yield f'<g id="{self._name}-body{place}{kind}">{_inheriting(robot)}</g>'
 
-    def _lines(self) -> Iterator[np.ndarray]:
+    def lines(self) -> Iterator[np.ndarray]:
         """Yield the places (k, 2) of each robot that was there from the first to the last step."""
-        frames = [sight.frame for sight in (*self._before, *self._sights)]
+        frames = [sight.frame for sight in (*self._before, *self.sights)]
         if self._trail:
             for track in tracks((frame.robots, frame["position"] - self._corner) for frame in frames):
                 if track.present.all() and self._in_window(track.values, self._trail).any():
@@ -348,14 +348,14 @@ class WorldDrawing:
 
     def _lines_at_first(self) -> Iterator[np.ndarray]:
         """Yield the trail of each robot in the first step."""
-        for line in self._lines():
+        for line in self.lines():
             past = line[: len(self._before) + 1]
             yield last_part(past, self._trail)
 
     def _moving_trails(self, clock: Clock) -> Iterator[str]:
         """Yield the way of each robot, of which the part behind the robot is visible: a dash that moves along it."""
-        for line in self._lines():
-            begin = len(line) - len(self._sights)
+        for line in self.lines():
+            begin = len(line) - len(self.sights)
             passed = np.cumsum(np.hypot(*np.diff(np.round(line, self._digits), axis=0).T))
             passed = np.concatenate([[0.0], passed])
             shifts = ";".join(number_row([self._trail - at], self._digits) for at in passed[begin:])
@@ -367,8 +367,8 @@ class WorldDrawing:
             yield self._drawn_trail(line, dash, slides + 'repeatCount="indefinite"/>')
 
     def _moving_loads(self, clock: Clock, small: bool) -> Iterator[str]:
-        little = frozenset().union(*(sight.scene.small for sight in self._sights))
-        tables = [sight.frame["loads"] for sight in self._sights]
+        little = frozenset().union(*(sight.scene.small for sight in self.sights))
+        tables = [sight.frame["loads"] for sight in self.sights]
         rows = ((table["load"], np.column_stack([table[axis] for axis in ("x", "y", "heading")])) for table in tables)
         for track in tracks(rows):
             if track.number in self._forms and (track.number in little) is small:
@@ -377,7 +377,7 @@ class WorldDrawing:
                 yield from self._body(clock, track, "body", body, form.reach)
 
     def _moving_fires(self, clock: Clock) -> Iterator[str]:
-        tables = [sight.frame.columns.get("fires", NO_ROWS["fires"]) for sight in self._sights]
+        tables = [sight.frame.columns.get("fires", NO_ROWS["fires"]) for sight in self.sights]
         names = ("x", "y", "radius", "temperature", "out")
         rows = ((table["fire"], np.column_stack([table[one] for one in names]).astype(float)) for table in tables)
         for track in tracks(rows):

@@ -146,16 +146,16 @@ def _file_of(name: str, kind: str) -> Path:
 
 def draw_still(name: str) -> str:
     """Return the picture at rest, drawn anew."""
-    return _drawing_of(name, moments=1).still()
+    return drawing_of(name, moments=1).still()
 
 
 def draw_both(name: str) -> tuple[str, str]:
     """Return the picture at rest and the moving one, drawn anew."""
-    drawing = _drawing_of(name, moments=MOMENTS)
+    drawing = drawing_of(name, moments=MOMENTS)
     return drawing.still(), drawing.moving(SECONDS)
 
 
-def _drawing_of(name: str, moments: int) -> WorldDrawing:
+def drawing_of(name: str, moments: int) -> WorldDrawing:
     """Run a model, and return the drawing of its moments; a model that ends before stands still."""
     shot = SHOTS[name]
     model, every = find_model(name)(**shot.settings, rng=shot.seed), shot.steps // (MOMENTS - 1)

@@ -2,7 +2,6 @@
 
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from functools import cache
 from zlib import crc32
 
@@ -15,6 +14,7 @@ from mesa_swarm.dashboard.gallery_drawing import drawn
 from mesa_swarm.dashboard.gallery_pictures import SHOTS, address_of, still_of
 from mesa_swarm.gallery import description, find_model, short_name
 from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.faults import reported
 
 # Steps before the picture of a model that does not come with one, so that its behaviour is visible.
 STEPS = 800
@@ -28,10 +28,13 @@ def thumbnail(name: str) -> str:
     """Return a picture of a model as SVG, drawn once in the life of the program; of one that fails its world."""
     try:
         model = find_model(name)(rng=1)
-    except Exception:  # a model of a user's may raise anything
+    except Exception as problem:  # a model of a user's may raise anything: the terminal has what
+        reported(problem)
         return ""
-    with suppress(Exception):
+    try:
         model.run(STEPS)
+    except Exception as problem:  # likewise
+        reported(problem)
     return drawn(model, LARGER, f"own{crc32(name.encode()):x}")
 
 

@@ -17,7 +17,7 @@ from mesa_swarm.about import Equation, Listing, ModelInfo, Preset, model_info
 from mesa_swarm.dashboard.inputs import checked_setting
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Button
-from mesa_swarm.errors import in_words
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.play_loop import use_changes
 
 # Words of docstrings between such quotes are names.
@@ -65,7 +65,7 @@ def Presets(session: Session, about: ModelInfo) -> None:
             play_with(session, settings)
             set_fault("")
         except Exception as problem:  # settings may be refused by what the page limits
-            set_fault(in_words(problem))
+            set_fault(reported(problem))
 
     with rv.Html(tag="div", class_="swarm-try"):
         rv.Html(tag="h2", children=["Try"])
@@ -158,4 +158,4 @@ def _info_of(session: Session) -> tuple[ModelInfo | None, str]:
     try:
         return model_info(session.model if session.model is not None else session.model_class), ""
     except Exception as problem:  # a file of a user's may hold anything
-        return None, in_words(problem)
+        return None, reported(problem)

@@ -16,7 +16,7 @@ from mesa_swarm.dashboard.replaying import ReplayPlayer
 from mesa_swarm.dashboard.robot_columns import column_title
 from mesa_swarm.dashboard.session import WATCHED, Session, custom_columns
 from mesa_swarm.dashboard.widgets import Link
-from mesa_swarm.errors import InvalidValueError, check_number, in_words
+from mesa_swarm.errors import InvalidValueError, check_number
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.layout import is_table
@@ -25,6 +25,7 @@ from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.player import PackedFrame
 from mesa_swarm.viewing.scene import Scene
 from mesa_swarm.world.statics import KINDS
@@ -126,7 +127,7 @@ class Inspecting(Link):
                 raise InvalidValueError("no robot is selected; select one")
             session.edit("move", session.selected, x, y, math.radians(heading))
         except Exception as problem:  # shown beside the fields
-            self.inspector.fault = in_words(problem)
+            self.inspector.fault = reported(problem)
             return
         self.inspector.fault = ""
         self.refresh()

@@ -14,9 +14,10 @@ from typing import IO, Any, Protocol, cast
 
 from joblib import cpu_count
 
-from mesa_swarm.errors import SwarmError, in_words
+from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.gallery import imported
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.play_loop import Listeners
 
 # Largest number of comparisons and experiments at the same time, of all users of this server.
@@ -232,4 +233,4 @@ def do_task(task: BackgroundTask, workers: int, send: Send) -> None:
     try:
         task.do(workers, send)
     except Exception as problem:  # a model may raise anything
-        send("error", in_words(problem))
+        send("error", reported(problem))

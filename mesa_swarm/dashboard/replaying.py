@@ -3,6 +3,7 @@
 import threading
 from bisect import bisect_left
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 from typing import Any, cast
@@ -27,11 +28,13 @@ from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resumed
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.packing import packed_frame
 from mesa_swarm.viewing.play_loop import Listeners
-from mesa_swarm.viewing.player import PackedFrame, Past, Player
+from mesa_swarm.viewing.player import PackedFrame, Past, Player, Viewer
 from mesa_swarm.viewing.replay_page import damage_notes
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
+from mesa_swarm.viewing.trails import TRAIL_STEPS, TrailPoint, most_points
 from mesa_swarm.world.map import Map, builtin_maps
 
 LARGEST_RECORDING = 200_000_000
@@ -49,6 +52,8 @@ class RecordedPast(Past):
         self._rows = range(rows)
         self._scene = scene_of_recording(recording)
         self._last: tuple[tuple, PackedFrame] | None = None
+        self.traced = False  # whether trails are drawn
+        self._points: dict[int, tuple[TrailPoint, np.ndarray]] = {}  # of the displayed rows, and their robots
         self.series = RecordedSeries(recording, self._scene, rows)
         self._ends = tuple(recording[row].step if rows else 0 for row in (0, rows - 1))
 
@@ -77,11 +82,33 @@ class RecordedPast(Past):
         """The picture of the displayed row, None if there are no rows."""
         if not self._rows:
             return None
-        total = self.series.collisions_until(self.index)
-        if self._last is None or self._last[0] != (self.index, total):
-            frame = self.recording[self.index]
-            self._last = (self.index, total), packed_with_readings(frame, self._scene, total)
+        key = self.index, self.series.collisions_until(self.index), self.traced
+        if self._last is None or self._last[0] != key:
+            frame, trail = self.recording[self.index], self._trail() if self.traced else ()
+            self._last = key, replace(packed_with_readings(frame, self._scene, key[1]), trail=trail)
         return self._last[1]
+
+    def _trail(self) -> tuple[TrailPoint, ...]:
+        """Return where the robots of the displayed row were in the rows before it, as far as they are the same."""
+        known, self._points = self._points, {}
+        now, robots = self._point(self.index, known)
+        most, trail = most_points(len(robots)), [now]
+        for row in range(self.index - 1, -1, -1):
+            try:
+                point, others = self._point(row, known)
+            except SwarmError:  # a damaged row, which is reported when it is displayed
+                break
+            if len(trail) == most or now.step - point.step > TRAIL_STEPS or not np.array_equal(robots, others):
+                break
+            trail.append(point)
+        return tuple(reversed(trail))
+
+    def _point(self, row: int, known: dict[int, tuple[TrailPoint, np.ndarray]]) -> tuple[TrailPoint, np.ndarray]:
+        if row not in known:
+            frame = self.recording[row]
+            known[row] = TrailPoint(frame.step, frame["position"].astype(np.float32)), frame.robots
+        self._points[row] = known[row]
+        return known[row]
 
     @property
     def frame(self) -> Frame | None:
@@ -110,7 +137,7 @@ class RecordedPast(Past):
 
     def clear(self) -> None:
         """Release the recording."""
-        self._recording, self._rows, self._last, self.index = None, range(0), None, 0
+        self._recording, self._rows, self._last, self.index, self._points = None, range(0), None, 0, {}
 
 
 class ReplayPlayer(Player):
@@ -179,6 +206,13 @@ class ReplayPlayer(Player):
         if not self.playing:
             self._push()
         self.changed.notify()
+
+    def trace(self, viewer: Viewer, on: bool) -> None:
+        """Show where robots were before the displayed row, as long as any viewer draws trails."""
+        super().trace(viewer, on)
+        if self.rows.traced != bool(self._tracing):
+            self.rows.traced = bool(self._tracing)
+            self._push()
 
     def rewind(self) -> None:
         """Pause, clear the error, and display the first row."""
@@ -347,7 +381,7 @@ class Replaying:
                 del self.changes[name]
             self.fault = ""
         except Exception as problem:  # shown beside the control
-            self.fault = in_words(problem)
+            self.fault = reported(problem)
         self.changed.notify()
 
     def branch(self) -> None:
@@ -407,7 +441,7 @@ class Replaying:
         except StoppedError:
             return
         except Exception as problem:  # a recorded model may raise anything
-            self._update(stop, _activity="", fault=in_words(problem).replace(str(path), self.name))
+            self._update(stop, _activity="", fault=reported(problem).replace(str(path), self.name))
             return
         if self._update(stop, _activity="", fault=""):
             self.session.adopt(model, name, settings | changes, seed)
@@ -522,7 +556,9 @@ class _Rows:
 
 def _page_name(provenance: dict[str, Any]) -> str:
     """Return the name of the recorded model on the page, empty for others: a recording makes it import none."""
-    recorded = provenance.get("model", {"module": "", "name": ""})
+    if not provenance:
+        return ""
+    recorded = provenance["model"]
     shipped = {f"{PACKAGE}.{name}": name for name in gallery_names()}
     own = () if recorded["module"] in shipped else [name for name in page_models() if name not in gallery_names()]
     for name in (*own, shipped.get(recorded["module"])):

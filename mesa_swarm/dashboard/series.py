@@ -2,8 +2,9 @@
 
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from mesa_swarm.experiments.reports import as_number
 from mesa_swarm.looks import Chart, looks_of
 from mesa_swarm.observers import Observer
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.faults import reported
 
 # Numbers stored of a run, or of two compared ones, 16 MB; beyond that every second row is dropped.
 MOST_NUMBERS = 2_000_000
@@ -48,6 +50,8 @@ class ChartTable(ABC):
 
     # Steps from one stored row to the next.
     every = 1
+    # In which row a chart last had no number, and why, by key.
+    faults: Mapping[str, str] = MappingProxyType({})
 
     @abstractmethod
     def __len__(self) -> int:
@@ -159,7 +163,8 @@ class Series(ChartTable, Observer):
                 self._make_room()
             if step % self.every == 0:
                 self._steps[self._count] = step
-                measure(model, self._table[self._count])
+                faults = measure(model, self._table[self._count])
+                self.faults = {**self.faults, **{key: f"no number in step {step}: {faults[key]}" for key in faults}}
                 self._count += 1
 
     @property
@@ -205,7 +210,7 @@ class Series(ChartTable, Observer):
         self._collided[number] += 1
 
     def _forget(self) -> None:
-        self.every, self._count, self.since = 1, 0, 0
+        self.every, self._count, self.since, self.faults = 1, 0, 0, {}
         # Steps in which each robot collided, by `Swarm.number`, which stays when others are removed.
         self._collided = np.empty(0, np.int64)
         self._steps = np.empty(0, np.int64)
@@ -287,7 +292,12 @@ def charts_of(model: SwarmModel) -> list[Plot]:
         charts.append(layer_plot(layer_names(model)))
     if model.events:
         charts.append(event_plot(model.events.names))
-    return charts + [Plot(f"own {own.name}", own.name, own.unit, own.curves) for own in own_charts(model)]
+    return charts + [Plot(own_key(own), own.name, own.unit, own.curves) for own in own_charts(model)]
+
+
+def own_key(chart: Chart) -> str:
+    """Return the key of a chart that a model declares."""
+    return f"own {chart.name}"
 
 
 def reporter_title(name: str) -> str:
@@ -335,8 +345,8 @@ def numbered(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
 
-def measure(model: SwarmModel, row: np.ndarray) -> None:
-    """Write the present measurements of a model; NaN for non-numbers."""
+def measure(model: SwarmModel, row: np.ndarray) -> dict[str, str]:
+    """Write the present measurements of a model, NaN for non-numbers; return why charts have none, by their keys."""
     column = 0
     for values in model.datacollector.model_vars.values():
         row[column] = number_of(values[-1]) if values else np.nan
@@ -357,9 +367,15 @@ def measure(model: SwarmModel, row: np.ndarray) -> None:
     if model.events:
         row[column : column + len(model.events.names)] = list(model.events.counts.values())
         column += len(model.events.names)
+    faults: dict[str, str] = {}
     for own in own_charts(model):
-        row[column : column + len(own.curves)] = own.measure(model)
+        try:
+            row[column : column + len(own.curves)] = own.numbers(model)
+        except Exception as problem:  # a function of a user's may raise anything; the chart has a gap there
+            row[column : column + len(own.curves)] = np.nan
+            faults[own_key(own)] = reported(problem)
         column += len(own.curves)
+    return faults
 
 
 def agent_means(model: SwarmModel) -> list[float]:

@@ -21,6 +21,7 @@ from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.radio import HEARD, SEND
 from mesa_swarm.robots.snapshots import DECISIONS
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, Listeners
 from mesa_swarm.viewing.player import Player
 from mesa_swarm.world.map import Map, builtin_maps
@@ -319,7 +320,7 @@ class Session(Player):
             try:
                 self._take({name: value})
             except Exception as problem:  # shown beside the control
-                self.faults[name] = in_words(problem)
+                self.faults[name] = reported(problem)
         self.retake()
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
@@ -341,7 +342,7 @@ class Session(Player):
                 if self._is_new:
                     self._build()
             except Exception as problem:  # shown beside the control
-                self.faults["seed"] = in_words(problem)
+                self.faults["seed"] = reported(problem)
         self.retake()
 
     def upload(self, name: str, content: bytes) -> None:
@@ -506,7 +507,7 @@ class Session(Player):
             try:
                 values = self.run.repeat(edit)
             except SwarmError as problem:  # of another version of the model, or a link that was changed
-                self.note, self.straight = f"a change in the link was left out: {in_words(problem)}", False
+                self.note, self.straight = f"a change in the link was left out: {reported(problem)}", False
                 continue
             if self.run.model is not self.model:
                 self._place(self.run.model)

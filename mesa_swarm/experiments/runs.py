@@ -159,10 +159,12 @@ def attempt(
     observed: Callable[[Any], AbstractContextManager] = nullcontext,
     progress: bool = False,
     beyond: tuple[type[Exception], ...] = (),
+    words: Callable[[BaseException], str] | None = None,
 ) -> Outcome:
     """Do the run of a model; its error is an outcome too, except those `beyond`, which are not caused by the run.
 
-    The context manager that `observed` returns for the model is entered while it runs: a recorder.
+    The context manager that `observed` returns for the model is entered while it runs: a recorder. `words` puts an
+    error into one line, by default `error_in_words`.
     """
     try:
         model = run.made()
@@ -174,7 +176,7 @@ def attempt(
     except beyond:
         raise
     except (Exception, SystemExit) as error:
-        return Outcome(error=error_in_words(error))
+        return Outcome(error=(words or error_in_words)(error))
 
 
 def error_in_words(error: BaseException) -> str:

@@ -234,6 +234,7 @@ def run_experiment(
     retry_failed: bool = False,
     heard: Callable[[Run, Outcome], object] = lambda run, outcome: None,
     shard: Shard = WHOLE,
+    words: Callable[[BaseException], str] = error_in_words,
 ) -> Sweep:
     """Do the outstanding runs of an experiment, and write its table.
 
@@ -250,6 +251,8 @@ def run_experiment(
         Called with each new run and its outcome, after it was stored.
     shard : Shard
         The runs to do; there is a table only of all.
+    words : function
+        Returns one line about the error of a run; called in the process of the run.
     """
     _check_parameters(experiment, record is not None)
     archive = None if record is None else Archive(folder / RECORDINGS, record)
@@ -260,7 +263,7 @@ def run_experiment(
         before = sum(_is_done(run.key, ledger, archive) for run in runs())
         for run, outcome in do_runs(
             (run for run in runs() if not _is_done(run.key, ledger, archive)),
-            partial(_done, _taken(experiment, archive), archive),
+            partial(_done, _taken(experiment, archive), archive, words),
             count=shard.count(experiment),
             done=before,
             ledger=ledger,
@@ -389,9 +392,9 @@ def _is_done(key: str, ledger: Ledger, archive: Archive | None) -> bool:
     return outcome is not None and outcome.error is not None
 
 
-def _done(taken: set[str], archive: Archive | None, run: Run) -> Outcome:
+def _done(taken: set[str], archive: Archive | None, words: Callable[[BaseException], str], run: Run) -> Outcome:
     """Do a run, and record it if there is an archive; a result named as another column is an error."""
-    outcome = attempt(run) if archive is None else archive.attempt(run)
+    outcome = attempt(run, words=words) if archive is None else archive.attempt(run)
     try:
         check_columns(outcome.numbers, taken)
     except InvalidValueError as error:

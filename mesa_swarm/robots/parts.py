@@ -22,7 +22,7 @@ from mesa_swarm.geometry.compiled import custom_compiled, is_refused
 from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
 
 MOST_NUMBERS = 10_000
-# How similar a kind must be to a known one to be a misspelling of it: "pukc" and "puck" are 0.75, "food" and "load" 0.5.
+# How similar a kind is at least to a known one that it misspells: "pukc" and "puck" are 0.75, "food" and "load" 0.5.
 ALIKE = 0.7
 # Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve`; and those of what
 # functions of arrays take.

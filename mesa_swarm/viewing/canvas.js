@@ -2,7 +2,8 @@
    constants PALETTE, the colours by theme, and MEANINGS, their names in legends: `script` in viewing/palette.py.
 
      const stage = new Stage(canvas, world, { theme: "light", onSelect: (id) => ... });
-     stage.show(frame);                   // draws; frames in the order of time leave trails
+     stage.show(frame);                   // draws, with its trail if it has one
+     stage.pass(frame);                   // takes note of the trail of a frame that is not drawn
      stage.show(unpacked(world, bytes));  // the same from the bytes of `packed_frame`
      stage.set("sectors", false);         // one of TOGGLES
      stage.theme = "dark";
@@ -45,6 +46,10 @@
      loads       Float32, index in world.loads, x, y, heading
      contacts    Float32, row of the robot, azimuth from it to what it met
      value       Int8, index of the colour by which a robot is drawn, -1 none; label: UTF-8 of 12 bytes, zeros behind
+     trail       { more, points: [{ step, values, stride, moved }] }: where its robots were in steps up to its own, the
+                 oldest first; `more` if that goes on from the frame before. Row i of values, Float32, begins at i * stride with
+                 x and y; `moved`, if it is there, is the Set of rows that were put there. In between the way is not known, unless
+                 one step follows the other.
      fields      [{ rows, columns, peak, levels }] of each field, from the bottom up: Uint8, 255 is its largest value so far,
                  the peak; no rows where the model did not have it
    Columns other than ids and pose may be missing. */
@@ -92,10 +97,13 @@ const TIP = 1.6, FRONT = 0.95;
 // A robot is pointed at within this distance, px.
 const NEAR = 9;
 // Points of all trails in sight together: trails of many robots are shorter.
-const MOST_TRAIL = 6000;
+const MOST_TRAIL = 12000;
 const BATCH = 32;
-// Points of a trail nearer to each other than this are left out, px.
-const TRAIL_APART = 2;
+// Points of a trail nearer to each other than this are left out, px, or than half a robot's radius: no robot is nearer to
+// a wall than its radius, so that the line stays clear of walls. Points between which the way is not known are dots of this radius, px.
+const TRAIL_APART = 2, DOT = 2;
+// How far a robot gets in a step, by its speed, and at least, by its radius; what is farther was put there: as `reach` in trails.py.
+const MARGIN = 1.5, LEAST_JUMP = 2;
 // More robots in sight than this are copied from sheets of robots drawn beforehand, which takes a fourth of the time,
 // unless their radius is larger than this, px of the screen.
 const MOST_DRAWN = 100;
@@ -103,10 +111,8 @@ const LARGEST_COPIED = 8;
 // Robots on a sheet: places per pixel, along and across, and headings per pixel of rim.
 const PLACES = 3;
 const TURNS = 1.5;
-const TRAIL_POINTS = 48;
-const TRAIL_EVERY = 2;
-// Frames farther apart in time belong to different stretches of the run.
-const LONGEST_GAP = 200;
+/** Steps that a trail shows; trails.py has the same number. */
+export const TRAIL_STEPS = 100;
 const NARROWEST = 4;
 // A cooler robot has no glow, as a share of what is too hot.
 const LEAST_HEAT = 0.02;
@@ -261,6 +267,9 @@ export class Stage {
     this.draw();
   }
 
+  /** Take note of the trail of a frame that is not drawn: the next one goes on from it. */
+  pass(frame) { this.#remember(frame); }
+
   /** Draw a frame now. */
   show(frame) {
     this.#remember(frame);
@@ -322,7 +331,7 @@ export class Stage {
       ...only("fire", true, colours.fire).map((entry) => ({ ...entry, low: 0, high: 1 })), ...only("ashes", true, [colours.ashes, colours.border]),
       ...bodies, ...robots, ...this.#fieldLegend(),
       ...only("seeing", sectors), ...only("sector", sectors), ...only("travel", true), ...only("contact", on.contacts),
-      ...only("message", on.messages), ...only("trail", on.trails), ...only("perceived", on.perceived),
+      ...only("message", on.messages), ...only("trail", on.trails), ...only("places", on.trails, [colours.trail]), ...only("perceived", on.perceived),
       ...(this.#chosen === null ? [] : only("selection", true)),
     ];
   }
@@ -336,7 +345,7 @@ export class Stage {
     const of = (part, test) => () => Boolean(part?.some(test));
     const states = (out) => () => { for (let i = 0; i < counts.fires; i++) if (Boolean(fires[6 * i + 5]) === out) return true; return false; };
     for (const form of ["robot", "selection"]) note(form, () => counts.robots > 0);
-    note("trail", () => this.#trail.length > 1);
+    this.#seeTrails();
     note("travel", () => holonomic && counts.robots > 0);
     note("fire", states(false));
     note("ashes", states(true));
@@ -347,6 +356,14 @@ export class Stage {
     note("message", of(heard, (place) => place === place));
     note("heat", of(heat, (share) => share >= LEAST_HEAT));
     note("robot_hot", of(hot, (is) => is > 0));
+  }
+
+  /** Note whether trails that are not below their robots have lines, and whether dots. */
+  #seeTrails() {
+    const seen = this.#seen, frame = this.#frame, way = this.#way;
+    if (way.length < 2 || (seen.has("trail") && seen.has("places"))) return;
+    if (!frame.ids.some((_, i) => !isBelow(way, i, this.#radius(frame, i)))) return;
+    for (let k = 1; k < way.length; k++) seen.add(way[k].step - way[k - 1].step > 1 ? "places" : "trail");
   }
 
   /** Return the entries of layers. */
@@ -452,7 +469,7 @@ export class Stage {
     this.#drawFires(frame);
     this.#drawLoads(frame, false);
     if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
-    if (on.trails && detailed) this.#drawTrails(rows);
+    if (on.trails && detailed) this.#drawTrails(frame, rows);
     if (frame.distance) this.#drawSectors(frame, this.#sensing(frame, rows, pointed));
     if (on.heat && frame.heat) this.#drawHeat(frame, rows);
     if (on.messages && frame.heard) this.#drawMessages(frame, rows);
@@ -708,20 +725,28 @@ export class Stage {
     }
   }
 
-  #drawTrails(rows) {
-    const context = this.#context, trail = this.#trail;
-    if (trail.length < 2) return;
-    const now = this.#frame.pose;
-    context.strokeStyle = this.#colours.trail;
+  /** Draw where robots were: lines through places of successive steps, dots where the way between is not known. */
+  #drawTrails(frame, rows) {
+    const context = this.#context, points = this.#way.slice(-Math.max(2, Math.ceil(MOST_TRAIL / rows.length)));
+    const seen = points.length < 2 ? [] : rows.filter((i) => !isBelow(points, i, this.#radius(frame, i)));
+    if (!seen.length) return;
+    context.strokeStyle = context.fillStyle = this.#colours.trail;
     context.lineWidth = 1.6 * this.#pixel;
     context.lineJoin = "bevel";
-    const first = Math.max(0, trail.length - Math.ceil(MOST_TRAIL / rows.length));
-    const poses = trail.slice(first).map(({ pose }) => pose).reverse(), apart = TRAIL_APART * this.#pixel;
-    rows.forEach((i, k) => {
+    const dots = new Path2D(), size = DOT * this.#pixel, apart = TRAIL_APART * this.#pixel;
+    seen.forEach((i, k) => {
       if (k % BATCH === 0) context.beginPath();
-      addTrail(context, now, poses, 3 * i, apart);
-      if (k % BATCH === BATCH - 1 || k === rows.length - 1) context.stroke();
+      const { radius, max_speed: speed } = this.#design(frame, i), farthest = (steps) => Math.max(LEAST_JUMP * radius, MARGIN * speed * steps);
+      addTrail(context, dots, points, i, Math.min(apart, radius / 2), farthest, size);
+      if (k % BATCH === BATCH - 1 || k === seen.length - 1) context.stroke();
     });
+    context.fill(dots);
+  }
+
+  /** The points of the trails, the frame's own place as the last one. */
+  get #way() {
+    const { step, pose } = this.#frame, trail = this.#trail;
+    return trail.length && trail.at(-1).step < step ? [...trail, { step, values: pose, stride: 3 }] : trail;
   }
 
   /** Return the rows of robots whose sectors are drawn. */
@@ -1069,18 +1094,11 @@ export class Stage {
     }
   }
 
-  /** Store where robots were: of earlier frames only, and of the same robots. */
-  #remember(frame) {
-    const last = this.#frame;
-    if (last === null || last.step === frame.step) return;
-    const trail = this.#trail;
-    while (trail.length && trail.at(-1).step >= frame.step) trail.pop();
-    const gap = Math.abs(frame.step - last.step);
-    if (gap > LONGEST_GAP || !sameIds(last.ids, frame.ids)) this.#trail = [];
-    else if (frame.step > last.step && (!trail.length || last.step - trail.at(-1).step >= TRAIL_EVERY)) {
-      trail.push({ step: last.step, pose: last.pose });
-      if (trail.length > TRAIL_POINTS) trail.shift();
-    }
+  /** Store the trail of a frame, behind the one before if it goes on from there. */
+  #remember({ step, ids, trail }) {
+    const last = this.#trail.at(-1), more = trail?.more && last && sameIds(last.ids, ids);
+    const points = (trail?.points ?? []).filter((point) => !more || point.step > last.step).map((point) => ({ ...point, ids }));
+    this.#trail = [...(more ? this.#trail : []), ...points].filter((point) => point.step >= step - TRAIL_STEPS);
   }
 
   #listen() {
@@ -1337,14 +1355,27 @@ class Sheet {
   }
 }
 
-/** Add the way back from where a robot is, past where it was; what is nearly the same point is left out. */
-function addTrail(path, now, poses, at, apart) {
-  let x = now[at], y = now[at + 1];
-  path.moveTo(x, y);
-  poses.forEach((pose, k) => {
-    const dx = pose[at] - x, dy = pose[at + 1] - y;
-    if (dx * dx + dy * dy < apart * apart && k < poses.length - 1) return;
-    path.lineTo((x = pose[at]), (y = pose[at + 1]));
+/** Whether a trail lies below its robot, which hides it. */
+function isBelow(points, row, radius) {
+  const { values: now, stride: wide } = points.at(-1), x = now[row * wide], y = now[row * wide + 1];
+  return points.every(({ values, stride }) => (values[row * stride] - x) ** 2 + (values[row * stride + 1] - y) ** 2 < radius * radius);
+}
+
+/** Add the trail of a robot: to the path of `lines` what it has gone, to `dots` the places between which its way is not known. */
+function addTrail(lines, dots, points, row, apart, farthest, size) {
+  let before = null, x = 0, y = 0, from = null; // the point before, and where the line has got to
+  points.forEach((point, k) => {
+    const { step, values, stride, moved } = point, nextX = values[row * stride], nextY = values[row * stride + 1];
+    const steps = before ? step - before.step : 0;
+    const jumped = !before || moved?.has(row) || Math.hypot(nextX - before.x, nextY - before.y) > farthest(steps);
+    if (!jumped && steps > 1) for (const place of [before, { x: nextX, y: nextY }]) disc(dots, place.x, place.y, size);
+    if (jumped || steps > 1) from = null;
+    else {
+      if (from === null) lines.moveTo((x = before.x), (y = before.y));
+      from = before;
+      if (Math.hypot(nextX - x, nextY - y) >= apart || k === points.length - 1) lines.lineTo((x = nextX), (y = nextY));
+    }
+    before = { step, x: nextX, y: nextY };
   });
 }
 
@@ -1404,7 +1435,7 @@ const ROUND = (r, x = 8) => `M${x - r} 6a${r} ${r} 0 1 1 ${2 * r} 0a${r} ${r} 0 
 const SECTOR = "M1 6L13.5 .5A13 13 0 0 1 13.5 11.5z";
 const SIGNS = {
   robot: HALVES, robot_hot: HALVES, heat: [ROUND(6)], ashes: [ROUND(5), "-" + ROUND(5)], layer: ["3-" + ROUND(4)], disc: [ROUND(4)], sector: [SECTOR], seeing: [SECTOR],
-  contact: ["3-M4 2a5.5 5.5 0 0 0 8 0"], message: ["=M0 6H16"], trail: ["2-M0 9C5 9 7 3 16 3"], perceived: ["-M0 6H13", ROUND(2, 13)],
+  contact: ["3-M4 2a5.5 5.5 0 0 0 8 0"], message: ["=M0 6H16"], trail: ["2-M0 9C5 9 7 3 16 3"], places: [2, 8, 14].map((x) => ROUND(2, x)), perceived: ["-M0 6H13", ROUND(2, 13)],
   selection: ["2-" + ROUND(4.5)], travel: ["M14 6L3 11V1z"],
 };
 
@@ -1460,6 +1491,7 @@ function roundLength(length) {
   return power * (digit >= 5 ? 5 : digit >= 2 ? 2 : 1);
 }
 
-function sameIds(one, two) {
+/** Whether two lists of ids are equal. */
+export function sameIds(one, two) {
   return one.length === two.length && one.every((id, k) => id === two[k]);
 }

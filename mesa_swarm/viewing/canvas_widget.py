@@ -3,7 +3,8 @@
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import anywidget
@@ -18,6 +19,7 @@ from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.last_picture import LastPicture
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from mesa_swarm.viewing.player import PackedFrame, Past, Played, Player
+from mesa_swarm.viewing.trails import TrailPoint, news, packed_points
 
 # Frames on their way to the browser: one is drawn while the next is made.
 MOST_AHEAD = 2
@@ -29,7 +31,7 @@ SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 250.0, 500.0, 1000.
 # Interval at which steps that a program takes are shown, s.
 EVERY = 0.05
 ON_A_PAGE = {"bar": True, "keys": "page", "toggles": {}}
-IN_A_NOTEBOOK = {"bar": True, "keys": "own", "toggles": {}, "compact": True}
+IN_A_NOTEBOOK = {"bar": True, "keys": "own", "toggles": {}, "compact": True, "errors": True}
 
 
 @dataclass
@@ -37,12 +39,13 @@ class CanvasView:
     """One place in which a browser shows a canvas.
 
     `drawn` is the last frame of which it has reported that it drew it; `since` is when an answer became due, s. It
-    reports every one of `each` frames.
+    reports every one of `each` frames. `trails` is whether it draws trails.
     """
 
     drawn: int
     since: float
     each: int = 1
+    trails: bool = False
 
 
 class SwarmCanvas(anywidget.AnyWidget):
@@ -59,6 +62,7 @@ class SwarmCanvas(anywidget.AnyWidget):
     # bar: whether there are buttons; keys: "page" where keys pressed anywhere play and step, "own" where only those
     # pressed in the widget do, "" for none; toggles: what is drawn, by name; head: whether a caption and the readings
     # stand above it; stage: False for buttons without a canvas; compact: small buttons, and all readings in one line;
+    # errors: whether it shows by itself why it was stopped, where no card beside it does;
     # remember: under which name the browser stores what is in sight and what is switched on, apart for each model,
     # until its tab is closed; "" or missing for not at all.
     options = traitlets.Dict({"bar": True, "keys": "", "toggles": {}}).tag(sync=True)
@@ -73,7 +77,9 @@ class SwarmCanvas(anywidget.AnyWidget):
         self.caught_up: Callable[[], None] = lambda: None  # the browser has drawn all that it was sent
         self.clock: Callable[[], float] = time.monotonic
         self._lock = threading.RLock()
+        self.traced: Callable[[bool], object] = lambda on: None  # views begin to need trails, or none does any more
         self._views: dict[str, CanvasView] = {}
+        self._last_point: TrailPoint | None = None  # of the trails that were sent
         self._frame: PackedFrame | None = None
         self._beside: dict = {}
         self._state: dict = {}
@@ -88,6 +94,11 @@ class SwarmCanvas(anywidget.AnyWidget):
         with self._lock:
             views = self._views.values()
             return self._some_have_room() and all(self._has_room(view) or self._is_late(view) for view in views)
+
+    @property
+    def draws_trails(self) -> bool:
+        """Whether any view draws trails."""
+        return any(view.trails for view in list(self._views.values()))
 
     def push(self, number: int, frame: PackedFrame, **beside: object) -> None:
         """Show a frame as soon as the browser has room, unless one of a higher number was received."""
@@ -114,6 +125,12 @@ class SwarmCanvas(anywidget.AnyWidget):
             with self._lock:
                 self._views.pop(view, None)
                 self._send_frame()
+            self.traced(self.draws_trails)
+        elif name == "trails":
+            with self._lock:
+                if view in self._views:
+                    self._views[view].trails = bool(value)
+            self.traced(self.draws_trails)
         elif name == "drawn":
             if self._note_drawn(view, message["value"], message.get("each")):
                 self.caught_up()
@@ -130,14 +147,14 @@ class SwarmCanvas(anywidget.AnyWidget):
                 self._waits = self._waits and len(self._views) > 1
                 self._world = self._world or self._frame.world
                 self.send({"kind": "world", "world": self._frame.world, "to": view})
-                self._send_picture(self._frame, to=view)
+                self._send_picture(self._frame, None, to=view)
 
     def _note_drawn(self, view: str, number: int, each: object) -> bool:
         """Note which frame a view has drawn, and send it the next one; return whether it has drawn all."""
         with self._lock:
             if view in self._views:
                 drawn, rarely = max(self._views[view].drawn, number), min(each, MOST_EACH) if type(each) is int else 1
-                self._views[view] = CanvasView(drawn, self.clock(), max(1, rarely))
+                self._views[view] = replace(self._views[view], drawn=drawn, since=self.clock(), each=max(1, rarely))
                 self._send_frame()
             return view in self._views and self._views[view].drawn == self._sent
 
@@ -157,19 +174,26 @@ class SwarmCanvas(anywidget.AnyWidget):
             return
         self._waits = False
         if frame.world is not self._world:
-            self._world = frame.world
+            self._world, self._last_point = frame.world, None
             self.send({"kind": "world", "world": frame.world})
         now = self.clock()
         for view in self._views.values():
             if view.drawn == self._sent:
                 view.since = now
         self._sent += 1
-        self._send_picture(frame)
+        self._send_picture(frame, self._last_point)
+        self._last_point = frame.trail[-1] if frame.trail else None
 
-    def _send_picture(self, frame: PackedFrame, **only: str) -> None:
+    def _send_picture(self, frame: PackedFrame, last: TrailPoint | None, **only: str) -> None:
+        """Send a picture to views that have the trails up to a point, None for no trails."""
         fields = {"step": frame.step, "readings": frame.readings, "fingerprint": frame.fingerprint}
-        numbers = {"number": self._sent, "pushed": self._pushed}
-        self.send({"kind": "picture", **numbers, **fields, **self._beside, **only}, [frame.content])
+        numbers, trail, buffers = {"number": self._sent, "pushed": self._pushed}, {}, [frame.content]
+        if frame.trail and self.draws_trails:
+            points, more = news(frame.trail, last)
+            trail = {"trail": {"more": more, "steps": [point.step for point in points]}}
+            trail["trail"]["moved"] = [point.moved for point in points]
+            buffers.append(packed_points(points, frame.world["bounds"]))
+        self.send({"kind": "picture", **numbers, **fields, **trail, **self._beside, **only}, buffers)
 
     def _repr_mimebundle_(self, **wanted: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]] | None:
         """Return the widget, and a PNG for places that show no widgets."""
@@ -190,6 +214,7 @@ class Connection:
             canvas.commands["reset"] = reset
         self._leaves = [player.changed.add(self.send_state)]
         if isinstance(player, Player):
+            canvas.traced = partial(player.trace, self)
             self._let_select(player)
         self.send_state()
         player.add_viewer(self, first=True)
@@ -220,7 +245,7 @@ class Connection:
 
     def close(self) -> None:
         """Disconnect them."""
-        self.canvas.commands = {}
+        self.canvas.commands, self.canvas.traced = {}, lambda on: None
         for leave in self._leaves:
             leave()
         self.canvas.unobserve_all("selected")
@@ -360,7 +385,7 @@ def give_size(widget: anywidget.AnyWidget, width: int | None, height: int) -> No
 
 @solara.component
 def _WorldView(model: FireModel, occasion: object) -> None:
-    element = SwarmCanvas.element(options={"bar": False, "keys": "", "toggles": {}})
+    element = SwarmCanvas.element(options={"bar": False, "keys": "", "toggles": {}, "errors": True})
     player = solara.use_memo(lambda: Player(model), [model])
     solara.use_effect(lambda: Connection(solara.get_widget(element), player).close, [player])
     solara.use_effect(player.show, [occasion])

@@ -19,7 +19,6 @@ from mesa_swarm.extras import missing
 from mesa_swarm.files import draft_of
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame
-from mesa_swarm.viewing.legend import LegendEntry
 from mesa_swarm.viewing.palette import LIGHT, rgb, scalar_pixels, value_colours
 from mesa_swarm.viewing.pictures import (
     CAPTION,
@@ -35,6 +34,7 @@ from mesa_swarm.viewing.pictures import (
     peaks_of,
     scaled,
     step_text,
+    trail_legend,
 )
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene
@@ -70,7 +70,8 @@ class Screen:
             figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor=LIGHT.field
         )
         self._canvas = FigureCanvasAgg(figure)
-        self._strip = _write_legend(figure, self._canvas, scene.own_legend(frame))
+        entries = [*map(entry_artist, scene.own_legend(frame)), *trail_legend(drawn, drawn.steps.tolist(), look.trails)]
+        self._strip = _write_legend(figure, self._canvas, entries)
         if look.size is None:  # the world is as large as without a legend
             self.size = width, height + self._strip
             figure.set_size_inches(self.size[0] / DOTS_PER_INCH, self.size[1] / DOTS_PER_INCH)
@@ -140,9 +141,8 @@ class Screen:
             self._axes.draw_artist(text)
 
 
-def _write_legend(figure: Figure, canvas: FigureCanvasAgg, entries: Sequence[LegendEntry]) -> int:
+def _write_legend(figure: Figure, canvas: FigureCanvasAgg, artists: Sequence[Artist]) -> int:
     """Write a legend at the foot of a figure, in as few rows as fit; return its height in pixels, an even number."""
-    artists = [entry_artist(entry) for entry in entries]
     for columns in range(len(artists), 0, -1):
         legend = figure.legend(
             handles=artists,

@@ -247,15 +247,16 @@ def _column(rows: Sequence[Columns], name: str) -> np.ndarray:
 
 def _poses(poses: np.ndarray, bounds: Sequence[float]) -> np.ndarray:
     turns = _turns(poses[..., 2:], 65536).astype(np.uint16)
-    return np.concatenate([_on_map(poses[..., :2], bounds, 65535), turns], axis=-1)
+    return np.concatenate([on_map(poses[..., :2], bounds, 65535), turns], axis=-1)
 
 
 def _places(places: np.ndarray, bounds: Sequence[float]) -> np.ndarray:
     nowhere = np.isnan(places)
-    return np.where(nowhere, np.uint16(NOWHERE), _on_map(np.where(nowhere, 0.0, places), bounds, NOWHERE - 1))
+    return np.where(nowhere, np.uint16(NOWHERE), on_map(np.where(nowhere, 0.0, places), bounds, NOWHERE - 1))
 
 
-def _on_map(places: np.ndarray, bounds: Sequence[float], most: int) -> np.ndarray:
+def on_map(places: np.ndarray, bounds: Sequence[float], most: int) -> np.ndarray:
+    """Return places as whole numbers from 0 to `most` along the width and the height of the map."""
     low, high = np.array(bounds).reshape(2, 2)
     return np.rint(np.clip((places - low) / (high - low), 0, 1) * most).astype(np.uint16)
 

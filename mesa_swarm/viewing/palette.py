@@ -224,6 +224,7 @@ MEANINGS = {
     "contact": "contact",
     "message": "message, from its sender",
     "trail": "trail",
+    "places": "where it was, way unknown",
     "perceived": "to the centroid that it perceives",
     "selection": "selected robot",
 }

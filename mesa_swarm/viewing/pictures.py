@@ -46,6 +46,7 @@ from mesa_swarm.viewing.palette import (
 )
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene, looks_in, scene_of
+from mesa_swarm.viewing.trails import reach, stride
 from mesa_swarm.wording import time_text
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
@@ -57,7 +58,7 @@ USUAL = 800
 CAPTION, MARGIN = 32, 4
 # What can be drawn: a model as it is now, a stored final state, or a frame and the scene behind it.
 Shown = FireModel | FinalState | tuple[Frame, Scene]
-# Most points of a trail: films draw them in every frame.
+# Points of a trail, from which on some are left out: films draw them in every frame.
 MOST_POINTS = 60
 DOTS_PER_INCH = 200
 # Around labels of robots, which may stand on fields and on other robots.
@@ -103,24 +104,70 @@ def parsed_size(text: str) -> tuple[int, int]:
 
 
 def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
-    """Return the positions (k, 2) of each robot of a step during the last `length` steps up to it, oldest first."""
-    past = drawn.steps[(drawn.steps >= step - length) & (drawn.steps <= step)]
-    chosen = past[:: -max(1, -(-len(past) // MOST_POINTS))][::-1].tolist()
-    frames = [drawn.frame(number) for number in chosen]
+    """Return the positions (k, 2) of each robot of a step during the last `length` steps up to it, oldest first.
+
+    Of more than `MOST_POINTS` only as many are left out as permits lines between the others that keep away from walls.
+    """
+    tracks = _tracks(drawn, step, length)
+    spared = _spared(drawn, tracks)
+    return [positions[::-1][::spared][::-1] for _, positions in tracks]
+
+
+def _tracks(drawn: PicturedSteps, step: int, length: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the same of all recorded steps, each robot's steps (k,) before its positions."""
+    steps = drawn.steps[(drawn.steps >= step - length) & (drawn.steps <= step)]
+    frames = [drawn.frame(number) for number in steps.tolist()]
     robots = frames[-1].robots
     if all(np.array_equal(frame.robots, robots) for frame in frames):
-        return list(np.stack([frame["position"] for frame in frames], axis=1))
+        return [(steps, track) for track in np.stack([frame["position"] for frame in frames], axis=1)]
     places: dict[int, list] = {robot: [] for robot in robots.tolist()}
     for frame in frames:
         for robot, place in zip(frame.robots.tolist(), frame["position"].tolist(), strict=True):
-            places.get(robot, []).append(place)
-    return [np.array(places[robot]) for robot in robots.tolist()]
+            places.get(robot, []).append((frame.step, place))
+    rows = (zip(*places[robot], strict=True) for robot in robots.tolist())
+    return [(np.array(times), np.array(track)) for times, track in rows]
+
+
+def _spared(drawn: PicturedSteps, tracks: Sequence[tuple[np.ndarray, np.ndarray]]) -> int:
+    """Return of how many points one is drawn: all of short trails, and of long ones as many as lines need."""
+    designs = drawn.scene.designs[:-1] or drawn.scene.designs  # the last one is that of unknown robots
+    longest = max((len(steps) for steps, _ in tracks), default=1)
+    return min(-(-longest // MOST_POINTS), *(stride(design.radius, design.max_speed) for design in designs))
+
+
+def trail_parts(drawn: PicturedSteps, step: int, length: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """Return trails as lines (k, 2) through places of successive steps, and places (m, 2) between which it is unknown.
+
+    Where a robot was put somewhere else, a line ends and another begins.
+    """
+    designs = drawn.scene.designs
+    tracks, lines, dots = _tracks(drawn, step, length), [], [np.empty((0, 2))]
+    spared, kinds = _spared(drawn, tracks), drawn.scene.design_of(drawn.frame(step).robots)
+    for (steps, places), kind in zip(tracks, kinds.tolist(), strict=True):
+        gaps, way = np.diff(steps), np.hypot(*np.diff(places, axis=0).T)
+        design = designs[kind]
+        jumps = way > [reach(design.radius, design.max_speed, gap) for gap in gaps.tolist()]
+        unknown = ~jumps & (gaps > 1)
+        dots.append(places[np.append(unknown, False) | np.append(False, unknown)])
+        parts = np.split(places, np.flatnonzero(jumps | unknown) + 1)
+        lines += [np.vstack([part[:-1:spared], part[-1:]]) for part in parts if len(part) > 1]
+    return lines, np.concatenate(dots)
 
 
 def draw_trails(axes: Axes, drawn: PicturedSteps, step: int, length: int) -> None:
-    """Draw trails as thin lines below the robots."""
-    lines = trails_of(drawn, step, length)
+    """Draw trails as thin lines below the robots, and as dots where not every step was recorded."""
+    lines, dots = trail_parts(drawn, step, length)
     axes.add_collection(LineCollection(lines, colors=LIGHT.trail, linewidths=0.8, zorder=4.5, label="trails"))
+    if len(dots):
+        axes.plot(*dots.T, ".", color=LIGHT.trail, markersize=3.4, markeredgewidth=0, zorder=4.5, label="places")
+
+
+def trail_legend(drawn: PicturedSteps, steps: Sequence[int], length: int) -> list[Artist]:
+    """Return the entry of a legend about dots, if trails of these steps have any."""
+    recorded = drawn.steps[(drawn.steps >= min(steps) - length) & (drawn.steps <= max(steps))]
+    if not length or (np.diff(recorded) == 1).all():
+        return []
+    return [Line2D([], [], color=LIGHT.trail, marker=".", linestyle="", label=MEANINGS["places"])]
 
 
 def draw_world(shown: Shown, axes: Axes, sectors: bool = False) -> None:
@@ -414,8 +461,8 @@ def _robot_entry(label: str, colour: str) -> Line2D:
     return Line2D([], [], color=colour, markerfacecoloralt=LIGHT.robot_front, label=label, **style)
 
 
-def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
-    """Return a figure of worlds side by side, by title, with one legend for all."""
+def world_figure(shown: Mapping[str, Shown], sectors: bool = False, more: Sequence[Artist] = ()) -> Figure:
+    """Return a figure of worlds side by side, by title, with one legend for all, and more entries in it."""
     worlds = in_one_scale({title: frame_and_scene(one) for title, one in shown.items()})
     columns = min(len(worlds), 3)
     rows = -(-len(worlds) // columns)
@@ -429,7 +476,8 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False) -> Figure:
         axes.set_title(literal(title), fontsize=11)
     for axes in grid[len(worlds) :]:
         axes.set_axis_off()
-    entries = {entry.get_label(): entry for world in worlds.values() for entry in legend_of(world)}
+    known = [entry for world in worlds.values() for entry in legend_of(world)]
+    entries = {entry.get_label(): entry for entry in (*known, *more)}
     figure.legend(
         handles=list(entries.values()),
         handler_map=LEGEND_HANDLERS,
@@ -516,7 +564,7 @@ def still_figure(drawn: PicturedSteps, steps: Sequence[int], look: Look) -> Figu
     """Return a figure of steps, side by side if they are several."""
     scene = drawn.scene
     shown = {f"{scene.name}, {step_text(step, scene.scale)}": (drawn.frame(step), scene) for step in steps}
-    figure = world_figure(shown, look.sectors)
+    figure = world_figure(shown, look.sectors, trail_legend(drawn, steps, look.trails))
     if look.trails:
         for axes, step in zip(figure.axes, steps, strict=False):
             draw_trails(axes, drawn, step, look.trails)

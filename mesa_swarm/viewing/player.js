@@ -1,7 +1,7 @@
 /* Plays a recording on a Stage. Frames come in chunks (see viewing/packing.py), out of the page itself or from
    `mesa-swarm replay`; the page's element "about" has which of the two. `window.mesaSwarmReplay` is for tests. */
 
-import { Stage, fillLegend, togglesOf } from "./canvas.js";
+import { Stage, TRAIL_STEPS, fillLegend, sameIds, togglesOf } from "./canvas.js";
 
 const FRAMES_A_SECOND = 30;
 const MOST_DECODED = 12;
@@ -95,6 +95,12 @@ class Segment {
     };
   }
 
+  /** Return where robots were in a row: a point of a trail. */
+  point(row) {
+    const { robots } = this.counts;
+    return { step: this.steps[row], ids: this.ids, values: this.#poses(this.tracks.pose.subarray(3 * row * robots, 3 * (row + 1) * robots)), stride: 3 };
+  }
+
   #tracks(source) {
     const { robots, sensors, fires, loads } = this.counts, found = {};
     const widths = { command: 2, heard: 2, distance: sensors, kind: sensors, label: 12 };
@@ -177,14 +183,19 @@ class Film {
   }
 
   /** Return the frame of a row if its chunk is at hand, else null. */
-  at(row) {
+  at(row) { return this.#found(row, (segment, place) => segment.frame(place)); }
+
+  /** Return the same of where robots were, as a point of a trail. */
+  pointAt(row) { return this.#found(row, (segment, place) => segment.point(place)); }
+
+  #found(row, read) {
     const place = Math.floor(row / this.about.chunk_rows), segments = this.#decoded.get(place);
     if (!segments) return null;
     this.#decoded.delete(place);
     this.#decoded.set(place, segments);
     let left = row - place * this.about.chunk_rows;
     for (const segment of segments) {
-      if (left < segment.rows) return segment.frame(left);
+      if (left < segment.rows) return read(segment, left);
       left -= segment.rows;
     }
     return null;
@@ -234,6 +245,8 @@ class Player {
   #then = 0;
   #shown = [];
   #read = 0;
+  // The row up to which the stage has trails.
+  #traced = null;
 
   constructor(about) {
     this.about = about;
@@ -262,7 +275,7 @@ class Player {
     const wanted = (this.#wanted = Math.min(Math.max(Math.round(row), 0), this.last));
     if (this.last < 0) return;
     try {
-      await this.film.ready(wanted);
+      await Promise.all([this.film.ready(wanted), this.stage.toggles.trails && this.film.ready(Math.max(0, wanted - this.#trailRows))]);
     } catch (error) {
       this.complain(error);
       return;
@@ -273,19 +286,37 @@ class Player {
   showRow(row) {
     const frame = this.film.at(row);
     if (!frame) return false;
+    const from = this.enter(this.worlds[this.about.later.findLastIndex(({ step }) => step <= frame.step) + 1]) ? null : this.#traced;
     this.row = this.#wanted = row;
-    this.enter(this.worlds[this.about.later.findLastIndex(({ step }) => step <= frame.step) + 1]);
+    frame.trail = this.stage.toggles.trails ? this.#trail(row, from) : undefined;
+    this.#traced = frame.trail ? row : null;
     this.stage.show(frame);
     this.film.ready(row + this.about.chunk_rows).catch((error) => this.complain(error));
     this.report(!this.playing);
     return true;
   }
 
-  /** Draw from now on a world in which other things stand, or other layers drive. */
+  /** Draw from now on a world in which other things stand, or other layers drive; return whether it is another. */
   enter(world) {
-    if (world === this.stage.world) return;
+    if (world === this.stage.world) return false;
     this.stage.world = world;
     this.describeLayers();
+    return true;
+  }
+
+  /** How many rows a trail reaches back. */
+  get #trailRows() { return Math.ceil(TRAIL_STEPS / this.about.every); }
+
+  /** Return the trail of a row: what goes on from the row that was drawn before, or all of it. */
+  #trail(row, from) {
+    const rows = this.#trailRows, more = from !== null && from <= row && row - from < rows, points = [];
+    const { ids } = this.film.pointAt(row);
+    for (let at = row; at >= Math.max(0, more ? from : row - rows); at--) {
+      const point = this.film.pointAt(at);
+      if (!point || !sameIds(point.ids, ids)) break;
+      points.unshift(point);
+    }
+    return { more, points };
   }
 
   play() {
@@ -490,6 +521,7 @@ class Player {
     box.name = name;
     box.addEventListener("change", () => {
       this.stage.set(name, box.checked);
+      if (name === "trails") this.goTo(this.row);
       this.describeLayers();
     });
     const text = document.createElement("span");

@@ -9,13 +9,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from mesa_swarm.errors import in_words
 from mesa_swarm.fire.model import FireModel
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.recorder import Recorder
+from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop
 from mesa_swarm.viewing.scene import Scene, scene_of
+from mesa_swarm.viewing.trails import TrailKeeper, TrailPoint, news
 
 MOST_BYTES = 48_000_000
 # Memory of a packed frame besides its content: itself, its readings, its fingerprint.
@@ -30,13 +31,15 @@ MOST_COLLECTED = 10_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PackedFrame:
-    """A frame on its way to browsers: its bytes, the world that they are drawn in, numbers beside it."""
+    """A frame on its way to browsers: its bytes, the world that they are drawn in, numbers and trails beside it."""
 
     step: int
     content: bytes
     world: dict = field(default_factory=dict, repr=False)
     readings: tuple[tuple[str, str], ...] = ()
     fingerprint: str = ""
+    # Where its robots were in the steps up to it, oldest first; frames share the points.
+    trail: tuple[TrailPoint, ...] = field(default=(), repr=False)
 
 
 class Past(ABC):
@@ -111,7 +114,7 @@ class RecentPast(Past):
         if self._frames and self._frames[-1].step == frame.step:
             self._frames.pop()
             self._bytes -= self._sizes.pop()
-        size = FRAME_BYTES + len(frame.content) + self._size_of_world(frame)
+        size = FRAME_BYTES + len(frame.content) + self._size_of_world(frame) + self._size_of_trail(frame)
         self._frames.append(frame)
         self._sizes.append(size)
         self._bytes += size
@@ -125,6 +128,11 @@ class RecentPast(Past):
         if self._frames and self._frames[-1].world is frame.world:
             return 0
         return WORLD_BYTES * len(repr(frame.world))
+
+    def _size_of_trail(self, frame: PackedFrame) -> int:
+        """Return how much memory the points take that the frame before does not have."""
+        known = self._frames[-1].trail[-1] if self._frames and self._frames[-1].trail else None
+        return sum(point.places.nbytes for point in news(frame.trail, known)[0])
 
     def cut(self, step: int) -> None:
         """Drop the frames of this step and of later ones."""
@@ -293,6 +301,9 @@ class Player(Played):
         self.selected: int | None = None
         self.selection = Listeners()
         self.stepping = False
+        # The viewers that draw trails, for which is noted where robots were: nothing is without them.
+        self._tracing: frozenset[Viewer] = frozenset()
+        self._trails = TrailKeeper()
         self._scene: Scene | None = None
         self._world: dict = {}
         self._scene_key: tuple = ()
@@ -336,6 +347,18 @@ class Player(Played):
         self._push()
         self.changed.notify()
 
+    def remove_viewer(self, viewer: Viewer) -> None:
+        """Send no more frames to a viewer."""
+        super().remove_viewer(viewer)
+        self.trace(viewer, False)
+
+    def trace(self, viewer: Viewer, on: bool) -> None:
+        """Note where robots are after each step, as long as any viewer draws trails."""
+        with self.capture_errors():
+            self._tracing = self._tracing | {viewer} if on else self._tracing - {viewer}
+            self._trails.follow(self.model if self._tracing else None)
+            self._trails.points()
+
     def select(self, robot: int | None) -> None:
         """Select the robot with this unique_id, or none."""
         if robot != self.selected:
@@ -350,6 +373,8 @@ class Player(Played):
         self.selection.clear()
         with self.lock:
             self.model = None
+            self._tracing = frozenset()
+            self._trails.follow(None)
             self.past.clear()
             self._scene, self._scene_key = None, ()
 
@@ -361,7 +386,7 @@ class Player(Played):
                 yield
             except Exception as problem:  # any error of a model is shown: a page must go on
                 self.loop.pause()
-                self.error = in_words(problem)
+                self.error = reported(problem)
 
     def _can_go_on(self) -> bool:
         return self.model is not None and not self.error and not self.finished
@@ -386,6 +411,8 @@ class Player(Played):
         return True
 
     def _take_step(self, model: FireModel) -> None:
+        if self._tracing:
+            self._trails.follow(model)
         self.stepping = True
         try:
             model.step()
@@ -420,7 +447,10 @@ class Player(Played):
             self._world = self._world if self._world == world else world
         content = packed_frame(frame_of(model, PACKED_FROM), self._scene)
         state_hash = model.state_hash() if fingerprint else ""
-        return PackedFrame(model.completed, content, self._world, readings_of(model), state_hash)
+        if self._tracing:
+            self._trails.follow(model)
+        trail = self._trails.points()
+        return PackedFrame(model.completed, content, self._world, readings_of(model), state_hash, trail)
 
 
 def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:

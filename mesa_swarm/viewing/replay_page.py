@@ -18,7 +18,7 @@ from mesa_swarm.viewing.scene import Scene, scene_of_recording
 MOST_ROWS = 256
 FEWEST_ROWS = 8
 ROBOT_ROWS = 200_000
-IMPORT = 'import { Stage, fillLegend, togglesOf } from "./canvas.js";\n'
+IMPORT = 'import { Stage, TRAIL_STEPS, fillLegend, sameIds, togglesOf } from "./canvas.js";\n'
 
 
 class Reel:

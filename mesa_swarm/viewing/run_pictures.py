@@ -20,6 +20,7 @@ from mesa_swarm.robots.snapshots import check_watched
 from mesa_swarm.viewing.palette import LIGHT, layer_colour
 from mesa_swarm.viewing.pictures import Shown, literal, step_text, world_figure
 from mesa_swarm.viewing.scene import scene_of
+from mesa_swarm.viewing.trails import reach, stride
 
 MOST_TRACES = 8
 
@@ -73,7 +74,8 @@ def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int 
     robots : int
         How many, 1 to 8.
     every : int
-        Steps from one point of a trace to the next, at least 1.
+        Steps from one point of a trace to the next, at least 1; fewer where a robot may go farther than its radius
+        meanwhile, so that no trace crosses a wall that its robot did not cross.
     progress : bool
         Whether to show a bar.
 
@@ -86,11 +88,20 @@ def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int 
     """
     count = check_count("robots", robots, minimum=1, maximum=MOST_TRACES)
     first, steps = model.steps, check_count("steps", steps, minimum=1)
-    places = _places(model, first + steps, check_count("every", every, minimum=1), progress)
+    spared = min([check_count("every", every, minimum=1), *_strides(model)])
+    places = _places(model, first + steps, spared, progress)
     figure = world_figure({f"{type(model).__name__}, {model.steps - first:,} steps": model})
     for row in range(min(count, len(model.swarm))):
-        _draw_trace(figure.axes[0], places[:, row], LIGHT.series[row % len(LIGHT.series)])
+        radius, speed = model.swarm.columns["radius"][row], model.swarm.columns["max_speed"][row]
+        colour = LIGHT.series[row % len(LIGHT.series)]
+        _draw_trace(figure.axes[0], places[:, row], colour, reach(radius, speed, spared))
     return figure
+
+
+def _strides(model: FireModel) -> list[int]:
+    """Return how many steps may lie between two points of the trace of each robot, see `stride`."""
+    radii, speeds = model.swarm.columns["radius"].tolist(), model.swarm.columns["max_speed"].tolist()
+    return [stride(radius, speed) for radius, speed in zip(radii, speeds, strict=True)]
 
 
 def _places(model: FireModel, last: int, every: int, progress: bool) -> np.ndarray:
@@ -105,8 +116,10 @@ def _places(model: FireModel, last: int, every: int, progress: bool) -> np.ndarr
     return np.array(places)
 
 
-def _draw_trace(axes: Axes, points: np.ndarray, colour: str) -> None:
+def _draw_trace(axes: Axes, points: np.ndarray, colour: str, farthest: float) -> None:
+    """Draw a trace, but for lines longer than a robot gets: it was put there."""
     lines = np.stack([points[:-1], points[1:]], axis=1)
+    lines = lines[np.hypot(*(lines[:, 1] - lines[:, 0]).T) <= farthest]
     axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.6, alpha=0.8, zorder=4.5))
     axes.plot(*points[0], "s", color=colour, markersize=4, zorder=4.6)
 

@@ -82,6 +82,19 @@ function isTaken(key, target, pointed) {
   return Boolean(target.closest(TYPED_IN));
 }
 
+function asBytes(part) { return new Uint8Array(part.buffer ?? part, part.byteOffset ?? 0, part.byteLength); }
+
+/** Return the trail of a frame: what a picture has of it beside its places, which are shares of the map, 65535 for all of it. */
+function trailOf({ bounds: [x0, y0, x1, y1] }, { more, steps, moved }, bytes) {
+  const shares = new Uint16Array(bytes.slice().buffer), length = shares.length / steps.length;
+  const low = [x0, y0], unit = [(x1 - x0) / 65535, (y1 - y0) / 65535];
+  const points = steps.map((step, k) => ({
+    step, stride: 2, moved: moved[k].length ? new Set(moved[k]) : null,
+    values: Float32Array.from(shares.subarray(k * length, (k + 1) * length), (share, at) => low[at % 2] + share * unit[at % 2]),
+  }));
+  return { more, points };
+}
+
 /** The bar, the canvas and the time line of one view of a widget. */
 class PlayerView {
   #name = Math.random().toString(36).slice(2);
@@ -98,6 +111,8 @@ class PlayerView {
   #shown = { pushed: 0, fingerprint: "" };
   #staged = true;
   #storing = 0;
+  // Whether the server was requested to send trails.
+  #traced = false;
   #leave = [];
   #parts = {};
   // Whether a pointer was used last, not the Tab key; whether the space bar was the player's; whether it waits to be seen.
@@ -117,6 +132,11 @@ class PlayerView {
     this.#listen(options);
     this.#retheme();
     if (options.compact) this.#watchKernel();
+    this.#begin();
+  }
+
+  #begin() {
+    this.#traced = false;
     this.#send({ do: "ready" });
   }
 
@@ -142,7 +162,7 @@ class PlayerView {
     const root = this.#root, show = (gone) => {
       const was = root.classList.contains("swarm-is-gone");
       showGone(root, gone ? (this.#drawn ? GONE : STORED) : "");
-      if (was && !gone) this.#send({ do: "ready" });
+      if (was && !gone) this.#begin();
     };
     const hear = function () { show(this?.model?.comm_live === false); }; // called with the view of which this is a part
     this.#model.on("comm_live_update", hear);
@@ -155,7 +175,7 @@ class PlayerView {
     this.#leave.push(() => target.removeEventListener(name, act, first));
   }
 
-  #build({ bar, head, toggles }) {
+  #build({ bar, head, toggles, errors }) {
     const parts = this.#parts, act = (name) => () => this.#send({ do: name });
     parts.play = iconButton("play", "Play", act("toggle"), { class: "swarm-main" });
     parts.back = iconButton("back", "Step back", act("back"));
@@ -176,6 +196,8 @@ class PlayerView {
     if (head) this.#root.append(make("div", { class: "swarm-head" }, parts.caption, parts.readings));
     const still = make("img", { class: "swarm-still", alt: "", src: this.#model.get("picture") || undefined });
     const stage = make("div", { class: "swarm-stage" }, still, this.#canvas, this.#tools(toggles), this.#key());
+    parts.error = make("p", { class: "swarm-error", role: "alert", hidden: true });
+    if (errors) this.#root.append(parts.error);
     if (this.#staged) this.#root.append(stage);
     else this.#root.classList.add("swarm-unstaged");
     if (bar) this.#root.append(make("div", { class: "swarm-past" }, parts.past, parts.when));
@@ -314,8 +336,8 @@ class PlayerView {
     else if (message.kind === "state") this.#settle(message.state);
     else if (message.kind === "picture") {
       const bytes = buffers[0];
-      this.#waiting.push({ ...message, bytes: new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength) });
-      if (this.#waiting.length > MOST_WAITING) this.#waiting.shift(); // in a hidden tab
+      this.#waiting.push({ ...message, bytes: asBytes(bytes), places: message.trail && asBytes(buffers[1]) });
+      if (this.#waiting.length > MOST_WAITING) this.#pass(this.#waiting.shift()); // in a hidden tab
       this.#askToDraw();
     }
   }
@@ -329,6 +351,7 @@ class PlayerView {
     if (before && this.#sameView(before)) { // a parameter was changed, something was added, or it was reset
       before.world = world;
       this.#fillBoxes();
+      this.#requestTrails();
       return;
     }
     before?.destroy();
@@ -340,6 +363,7 @@ class PlayerView {
     const calls = { onSelect, onFollow, onView, onDense: (dense) => this.#showDensity(dense), takesWheel: () => this.#takesWheel() };
     this.#stage = new Stage(this.#canvas, world, { theme: this.#root.dataset.theme, covered: () => this.#covered(), ...calls });
     for (const [name, on] of Object.entries(this.#parts.on)) this.#stage.set(name, on);
+    this.#requestTrails();
     this.#stage.select(this.#model.get("selected"));
     this.#enlarge();
     this.#fillKey();
@@ -386,7 +410,7 @@ class PlayerView {
     const picture = this.#waiting.shift();
     if (this.#waiting.length) this.#askToDraw();
     if (!picture || (this.#staged && !this.#stage)) return;
-    this.#stage?.show(unpacked(this.#world, picture.bytes));
+    this.#stage?.show(this.#frameOf(picture));
     this.#answer(picture);
     this.#root.dataset.drawn = ++this.#drawn;
     this.#canvas.step = picture.step;
@@ -397,6 +421,19 @@ class PlayerView {
       this.#write(picture);
     }
     this.#describeRest();
+  }
+
+  #frameOf({ bytes, trail, places }) {
+    return { ...unpacked(this.#world, bytes), trail: trail && trailOf(this.#world, trail, places) };
+  }
+
+  /** Leave a picture out, but for the trail that the next one goes on from. */
+  #pass(picture) { if (picture.trail) this.#stage?.pass(this.#frameOf(picture)); }
+
+  /** Have trails sent only while they are drawn. */
+  #requestTrails() {
+    const on = Boolean(this.#stage?.toggles.trails);
+    if (on !== this.#traced) this.#send({ do: "trails", value: (this.#traced = on) });
   }
 
   /** Report which picture was drawn: while they come quickly only every third one, which is less work for the server. */
@@ -445,6 +482,8 @@ class PlayerView {
     this.#state = { ...this.#state, ...state };
     const { playing, speed, speeds, finished, error, can_reset: canReset, caption, waits } = this.#state, parts = this.#parts;
     parts.caption.textContent = caption ?? "";
+    parts.error.hidden = !error;
+    if (parts.error.textContent !== error) parts.error.textContent = error;
     this.#root.dataset.playing = playing;
     this.#describeRest();
     relabel(parts.play, playing ? "pause" : "play", playing ? "Pause" : "Play");
@@ -513,6 +552,7 @@ class PlayerView {
     this.#parts.on[name] = this.#parts.switched[name] = on;
     this.#viewed();
     this.#stage?.set(name, on);
+    this.#requestTrails();
     this.#fillKey();
   }
 

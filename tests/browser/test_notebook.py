@@ -1,5 +1,7 @@
 """A model in outputs of a notebook, in a real browser: views, sizes, a kernel that is gone, a stored picture."""
 
+import re
+
 import pytest
 
 from mesa_swarm.dashboard.charts import ChartBoard
@@ -59,6 +61,28 @@ def page(chromium):
 @pytest.fixture
 def notebook(page):
     return FakeNotebook(page, FireFighting(n_robots=5, rng=1).show())
+
+
+class Broken(FireFighting):
+    """Its second step fails."""
+
+    def step(self):
+        super().step()
+        if self.steps == 2:
+            raise ZeroDivisionError("nothing left to share")
+
+
+def test_why_a_model_stopped_is_shown_above_it(page):
+    notebook = FakeNotebook(page, Broken(n_robots=5, rng=1).show())
+    view = notebook.open_view()
+    notebook.wait(view, "player.rest === 'true'")
+    assert view.locator(".swarm-error").is_hidden()
+    for step in (1, 2):
+        press(view, "Step")
+        notebook.wait(view, f"player.step === '{step}' || one.querySelector('.swarm-error:not([hidden])')")
+    shown = view.locator(".swarm-error").inner_text()
+    assert re.fullmatch(r"test_notebook\.py, line \d+: ZeroDivisionError: nothing left to share", shown)
+    assert view.get_by_role("button", name="Play", exact=True).is_disabled()
 
 
 def data_of(view) -> dict:

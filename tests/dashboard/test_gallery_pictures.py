@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 from xml.etree import ElementTree
 
 import pytest
+import shapely
 from PIL import Image
 
 from mesa_swarm.dashboard.gallery_pictures import (
@@ -21,6 +22,7 @@ from mesa_swarm.dashboard.gallery_pictures import (
     address_of,
     draw_both,
     draw_still,
+    drawing_of,
     main,
     moving_of,
     picture_at,
@@ -131,3 +133,15 @@ def test_cards_of_the_gallery_have_their_pictures_from_the_beginning():
     assert card["still"].startswith("<svg")
     assert card["moving"] == address_of("boids")
     assert (card["title"], card["about"]) == ("Boids", "Reynolds's three rules on robots that move in any direction.")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in SHOTS if SHOTS[name].trail])
+def test_trails_of_the_pictures_lead_through_no_obstacle(name):
+    """Their points are some steps apart."""
+    pictured = drawing_of(name, MOMENTS)
+    first = pictured.sights[0]
+    solid = [body.geometry for body in first.scene.obstacles(first.frame.step) if body.contact]
+    lines = [shapely.LineString(line + first.corner) for line in pictured.lines()]
+    assert lines
+    assert not shapely.intersects(lines, shapely.union_all(solid)).any()

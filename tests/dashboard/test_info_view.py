@@ -82,7 +82,8 @@ def test_a_file_that_cannot_be_read_is_named_in_the_panel(session, monkeypatch):
 
     monkeypatch.setattr(info_view, "model_info", refuse)
     _, context = solara.render(Info(session), handle_error=False)
-    assert [one.children[0] for one in html(context, "p")] == ["ValueError: mine.toml: how is 3"]
+    (text,) = [one.children[0] for one in html(context, "p")]
+    assert text.endswith(": ValueError: mine.toml: how is 3")
     context.close()
 
 

@@ -47,7 +47,7 @@ def test_panels_are_called_with_the_model_and_drawn_anew_after_a_step(session):
     session.step()
     assert labels(context) == ["step 1, 7"]
     texts = [widget.children[0] for widget in context.find(ipyvuetify.Html, tag="p").widgets]
-    assert texts == ["ValueError: no data"]
+    assert texts == ["test_own_panels.py, line 20: ValueError: no data"]
     context.close()
     assert session.viewers == ()
 

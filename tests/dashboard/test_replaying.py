@@ -154,7 +154,7 @@ def test_an_unreadable_row_is_reported(folder, monkeypatch):
 
     monkeypatch.setattr(type(player.recording), "__getitem__", torn)
     player.look(50)
-    assert player.error == "damaged from step 51 on"
+    assert player.error.endswith(": damaged from step 51 on")
     player.play()
     assert not player.playing
     player.rewind()

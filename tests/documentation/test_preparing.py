@@ -1,13 +1,15 @@
 """How pages of the site are prepared for any builder: equations, notebooks, recorded runs, slides, the gallery."""
 
+import re
 from pathlib import Path
 
 import nbformat
 import pytest
 from gallery_page import gallery_page
+from markdown import markdown
 from notebook_pages import write_page
 from recorded_runs import LARGEST, RecordedRun, recorded_runs, steps_a_row
-from typesetting import typeset
+from typesetting import typeset, typeset_docstring
 
 from mesa_swarm.dashboard.gallery_pictures import SHOTS
 from mesa_swarm.errors import InvalidValueError
@@ -53,6 +55,30 @@ class TestEquations:
         text = typeset(r"$a^* \le |b|_1$")
         inside = text[text.index("<math") :]
         assert not set("*|_`") & set(inside)
+
+    @pytest.mark.parametrize("text", ["$v$ is a speed", "that\n  $v$ is a speed", "- a\n- $v$ is a speed"])
+    def test_an_equation_at_the_beginning_of_a_line_stays_within_its_paragraph(self, text):
+        html = markdown(typeset(text))
+        assert html.count("<p>") == ("- " not in text)
+        assert re.search(r"</math>(</span>)? is a speed", html)
+
+    def test_an_equation_may_stand_in_the_brackets_of_latex(self):
+        assert typeset(r"a speed \(v_L\), then") == typeset("a speed $v_L$, then")
+        assert typeset("this:\n\n\\[ a\n< b \\]\n\nthat") == typeset("this:\n\n$$ a\n< b $$\n\nthat")
+        assert typeset(r"`\(v\)` and \(| x |\)").count("<math") == 1
+
+    def test_an_equation_of_a_docstring_is_drawn_where_it_stands(self):
+        text = typeset_docstring("Of it,\n\n    .. math:: a_1\n        + b\n\n    where :math:`a_1` is")
+        assert text.startswith('Of it,\n\n    <div class="equation"><math ')
+        assert text.count("<math") == 2
+        assert "math:" not in text
+        assert "_" not in text
+
+    @pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+    def test_no_command_of_latex_is_left_on_a_page(self, page):
+        drawn = typeset(page.read_text(encoding="utf-8"))
+        outside = re.sub(r"^(`{3,}|~{3,}).*?^\1|`[^`]*`", "", drawn, flags=re.DOTALL | re.MULTILINE)
+        assert re.findall(r"\\[a-zA-Z(\[]+|&#92;[a-zA-Z]+", outside) == [], "or one that the converter does not know"
 
     @pytest.mark.parametrize("interval", ["[0.1, 0.9]", "[-1,234, +5]", "[.5, 12.0]"])
     def test_an_interval_is_not_broken(self, interval):

@@ -21,6 +21,7 @@ NOT_IMPORTED = {
     "ipyvue": "its version 2 does not draw the dashboard",
     "ipyvuetify": "likewise",
     "solara-assets": "Solara serves its files without a connection",
+    "altair": "Mesa's own page, SolaraViz, imports it, without declaring it",
     "dask-jobqueue": "starts workers of a cluster through SLURM and the like, as the page on clusters shows",
     "pyabc": "the page on approximate Bayesian computation uses it",
 }
