@@ -7,14 +7,15 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "docs"))  # what makes the site
 sys.path.append(str(Path(__file__).parents[1] / "release"))  # what builds the package
 
 from support.hostile import Tally, table
-from support.pace import in_time, is_out_of_time, shuffle_files
+from support.pace import is_out_of_time, shuffle_files
+
+pytest_plugins = ["support.searches"]
 
 
 def pytest_addoption(parser):
@@ -96,10 +97,3 @@ def pytest_terminal_summary(terminalreporter):
 # Tests that run in the background of a shell, and what they start, ignore Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-# The first example of a property may compile a kernel, so that there is no deadline.
-settings.register_profile(
-    "fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
-)
-settings.register_profile("deep", parent=settings.get_profile("fast"), max_examples=in_time(2000))
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))

@@ -9,7 +9,7 @@ to point up. A class or `data-kind` of `fire` makes a circle a fire, `mark` a ma
 text, definitions and elements with `display:none` are ignored. Style sheets are not read.
 
 Curves are replaced by chords that stray from them by at most `tolerance`, in map units. The stroke counts only
-where there is no area: a line, or an open outline without fill, is as thick as its stroke.
+where there is no fill: a line is as thick as its stroke, and an outline without fill is a ring of that width.
 """
 
 import io
@@ -95,7 +95,13 @@ class Drawn(NamedTuple):
     role: str = "obstacle"
     filled: bool = True
     even_odd: bool = False
+    stroked: bool = False
     stroke_width: str = "1"
+
+    @property
+    def is_ring(self) -> bool:
+        """Whether only the stroke of a closed outline is painted."""
+        return self.stroked and not self.filled
 
 
 def fire_of(drawn: Drawn) -> FireSpot:
@@ -113,9 +119,9 @@ def fire_of(drawn: Drawn) -> FireSpot:
 
 def _round(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a disc if the element is round in the map, else a polygon."""
-    round_part = _disc(drawn)
+    round_part = None if drawn.is_ring else _disc(drawn)
     work.spend(CURVE if round_part is None else DISC)
-    yield round_part or _solid(drawn, work, _ellipse(drawn, tolerance))
+    yield round_part or _closed(drawn, work, _ellipse(drawn, tolerance))
 
 
 def _disc(drawn: Drawn) -> Shape | None:
@@ -145,14 +151,14 @@ def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
     height = check_number("height", _length(drawn, "height"), above=0)
     rx, ry = _corner_radii(drawn, width, height)
     if rx == 0 or ry == 0:
-        yield _solid(drawn, work, np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)]))
+        yield _closed(drawn, work, np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)]))
         return
     left, right, low, high = x + rx, x + width - rx, y + ry, y + height - ry
     centres = [(right, high), (left, high), (left, low), (right, low)]
     work.spend(4 * ROUNDED_CORNER)
     quarter, own = math.pi / 2, _own(drawn, tolerance)
     arcs = [elliptic_arc(at, (rx, ry), i * quarter, quarter, own) for i, at in enumerate(centres)]
-    yield _solid(drawn, work, np.concatenate(arcs))
+    yield _closed(drawn, work, np.concatenate(arcs))
 
 
 def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, float]:
@@ -166,7 +172,7 @@ def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, flo
 def _outline(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a polygon, or a polyline, which is closed if it is filled, else a thick line."""
     at = points("points", drawn.attributes.get("points", ""))
-    yield _solid(drawn, work, at) if drawn.filled or drawn.tag == "polygon" else _band(drawn, work, at)
+    yield _closed(drawn, work, at) if drawn.filled or drawn.tag == "polygon" else _band(drawn, work, at)
 
 
 def _line(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
@@ -175,7 +181,7 @@ def _line(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
 
 
 def _path(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    """Yield closed subpaths as outlines with holes, open ones too if filled, else as bands."""
+    """Yield closed subpaths as outlines with holes, open ones too if filled, else as bands; without fill as rings."""
     text = drawn.attributes.get("d", "")
     closed: list[np.ndarray] = []
     bands: list[np.ndarray] = []
@@ -185,10 +191,22 @@ def _path(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
         raise InvalidValueError("d draws nothing")
     if len(closed) > MOST_SUBPATHS:
         raise InvalidValueError(f"d has {len(closed)} parts; expected at most {MOST_SUBPATHS}")
+    if drawn.is_ring:
+        bands, closed = [*map(_ended, closed), *bands], []
     for outline, holes in nested(closed, drawn.even_odd, work):
         yield _solid(drawn, work, outline, holes)
     for at in bands:
         yield _band(drawn, work, at)
+
+
+def _closed(drawn: Drawn, work: Work, outline: np.ndarray) -> Shape:
+    """Return the area in an outline, or, where only its stroke is painted, a ring."""
+    return _band(drawn, work, _ended(outline)) if drawn.is_ring else _solid(drawn, work, outline)
+
+
+def _ended(outline: np.ndarray) -> np.ndarray:
+    """Return an outline that ends where it begins."""
+    return outline if (outline[0] == outline[-1]).all() else np.concatenate([outline, outline[:1]])
 
 
 def _solid(
@@ -201,7 +219,10 @@ def _solid(
 
 
 def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
-    """Return a line as thick as its stroke, with square-cut ends and mitred corners as SVG draws it."""
+    """Return a line as thick as its stroke, with square-cut ends and mitred corners as SVG draws it.
+
+    One that ends where it begins is a ring, with a corner there.
+    """
     thickness = length("stroke-width", drawn.stroke_width)
     width = check_number("stroke-width", thickness, above=0, maximum=LARGEST_COORDINATE)
     if not np.abs(at).max() <= LARGEST_ENTRY:
@@ -427,10 +448,15 @@ def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str, 
         place,
         matrix,
         role,
-        filled=style["fill"] not in ("none", "transparent") if "fill" in style else parent.filled,
+        filled=_paints(style["fill"]) if "fill" in style else parent.filled,
         even_odd=style["fill-rule"] == "evenodd" if "fill-rule" in style else parent.even_odd,
+        stroked=_paints(style["stroke"]) if "stroke" in style else parent.stroked,
         stroke_width=style.get("stroke-width", parent.stroke_width),
     )
+
+
+def _paints(paint: str) -> bool:
+    return paint not in ("none", "transparent")
 
 
 def _role(attributes: Mapping[str, str]) -> str | None:

@@ -195,3 +195,52 @@ def test_the_bounds_of_a_drawing_agree_with_its_size_but_for_rounding():
     assert moved_map.obstacles[0].position == pytest.approx((-6, 62))
     with pytest.raises(MapError, match="data-bounds spans 80 x 60, the drawing 80 x 60"):
         Map.from_svg(text.format(80 * (1 + 1e-7)))
+
+
+RINGS = {
+    '<rect x="100" y="100" width="200" height="80" {}/>': 204 * 84 - 196 * 76,
+    '<polygon points="100,100 300,100 300,180 100,180" {}/>': 204 * 84 - 196 * 76,
+    '<polyline points="100,100 300,100 300,180 100,180 100,100" {}/>': 204 * 84 - 196 * 76,
+    '<path d="M100 100H300V180H100Z" {}/>': 204 * 84 - 196 * 76,
+    '<path d="M 100 100 L 300 100 L 300 180 L 100 180 Z" {}/>': 204 * 84 - 196 * 76,
+    '<circle cx="200" cy="200" r="60" {}/>': math.pi * (62**2 - 58**2),
+    '<ellipse cx="200" cy="200" rx="60" ry="60.0001" {}/>': math.pi * (62**2 - 58**2),
+    '<rect x="100" y="100" width="200" height="80" rx="20" {}/>': 4 * (2 * 160 + 2 * 40 + math.tau * 20),
+    '<circle cx="100" cy="100" r="30" transform="scale(2)" {}/>': math.pi * (64**2 - 56**2),
+}
+
+
+@pytest.mark.parametrize("element", RINGS)
+@pytest.mark.parametrize(
+    "style", ['fill="none" stroke="#000" stroke-width="4"', 'style="fill:none;stroke:red;stroke-width:4"']
+)
+def test_an_outline_without_fill_is_a_ring_as_wide_as_its_stroke(element, style):
+    (ring,) = shapes(element.format(style))
+    assert ring.geometry.area == pytest.approx(RINGS[element], rel=2e-3)
+    assert len(ring.geometry.interiors) == 1
+    (inherited,) = shapes(f'<g fill="none" stroke="blue" stroke-width="4">{element.format("")}</g>')
+    assert inherited.geometry.equals(ring.geometry)
+
+
+def test_an_outline_with_a_fill_or_without_a_stroke_is_solid():
+    element = '<rect x="100" y="100" width="200" height="80" {}/>'
+    for style in ("", 'stroke="#000"', 'fill="none" stroke="none"', 'fill="none"'):
+        assert shapes(element.format(style))[0].geometry.area == 200 * 80
+
+
+def test_each_part_of_a_path_without_fill_is_a_ring_and_may_lie_in_another():
+    rings = shapes('<path fill="none" stroke="#000" stroke-width="2" d="M100 100H300V200H100Z M150 120h50v50h-50z"/>')
+    assert [ring.geometry.area for ring in rings] == pytest.approx([202 * 102 - 198 * 98, 52 * 52 - 48 * 48])
+
+
+def test_a_ring_as_wide_as_its_outline_is_solid():
+    (shape,) = shapes('<rect x="100" y="100" width="20" height="20" fill="none" stroke="#000" stroke-width="20"/>')
+    assert shape.geometry.area == pytest.approx(40 * 40)
+
+
+def test_a_fire_without_fill_is_a_fire_and_a_mark_without_fill_a_ring_on_the_ground():
+    ring = '<circle class="{}" cx="200" cy="200" r="60" fill="none" stroke="#000" stroke-width="4"/>'
+    assert Map.from_svg(ROOT.format(ring.format("fire"))).fires[0].radius == 60
+    (mark,) = shapes(ring.format("mark"))
+    assert not mark.contact
+    assert len(mark.geometry.interiors) == 1
