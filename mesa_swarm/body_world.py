@@ -103,9 +103,8 @@ class BodyWorld(MesaModel):
     def add_kind(self, name: str) -> int:
         """Declare a kind of bodies before there is any, and return its code in readings.
 
-        The first body of a kind declares it as well, see `add_body`. A gripper or a sensor for a kind that is not
-        known, but for its spelling, is refused when robots with it take their first step; of any other there is a
-        warning.
+        The first body of a kind declares it as well, see `add_body`. A gripper or a sensor for a misspelt kind is
+        refused when robots with it are added or take their first step; of any other unknown kind there is a warning.
 
         Parameters
         ----------

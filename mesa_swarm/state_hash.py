@@ -24,7 +24,6 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.source import functions_used, normal_source, values_used
-from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team, label_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of, is_float
@@ -89,7 +88,13 @@ def _digest_of_state(model: Any) -> Any:
 
 
 def described_bodies(bodies: Sequence[Body]) -> list:
-    """Return what bodies, those at rest too, are: mode, kind, and outlines, of bodies that move about their centres."""
+    """Return what bodies, those at rest too, are: mode, kind, and outlines, of bodies that move about their centres.
+
+    It does not depend on the order in which those at rest were created, as no step does.
+    """
+    bodies = sorted((body for body in bodies if body.mode == "fixed"), key=_rank) + [
+        body for body in bodies if body.mode != "fixed"
+    ]
     geometries = [body.shape.geometry if body.mode == "fixed" else body.form.outline for body in bodies]  # type: ignore[attr-defined]
     return [
         ";".join(f"{body.mode} {body.kind} {body.contact}" for body in bodies),
@@ -99,6 +104,11 @@ def described_bodies(bodies: Sequence[Body]) -> list:
         shapely.get_coordinates(geometries),
         np.array([_radius_of(body) for body in bodies], float),
     ]
+
+
+def _rank(body: Body) -> tuple:
+    shape = body.shape
+    return body.kind, body.contact, shape.radius, shapely.to_wkb(shape.geometry)
 
 
 def _radius_of(body: Body) -> float:
@@ -228,13 +238,8 @@ def described_control(control: Arbiter) -> list:
     if isinstance(control, Team):
         return [[label_of(key), described_control(one) if one is not None else None] for key, one in control.items()]
     layers = [described_layer(layer) for layer in control.layers]
-    if isinstance(control, StateMachine):
-        return [
-            type(control).__qualname__,
-            layers,
-            [[name, len(of_state)] for name, of_state in control.states.items()],
-            [[one.source, one.target, one.condition] for one in control.transitions],
-        ]
+    if graph := control._graph():
+        return [type(control).__qualname__, layers, *graph]
     own = {name: value for name, value in attributes_of(control).items() if name not in OF_ARBITERS}
     return [type(control).__qualname__, layers, own]
 

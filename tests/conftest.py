@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "docs"))  # what makes the site
 sys.path.append(str(Path(__file__).parents[1] / "release"))  # what builds the package
 
+from mesa_swarm import gallery
 from support.hostile import Tally, table
 from support.pace import is_out_of_time, shuffle_files
 
@@ -54,6 +55,21 @@ def pytest_collection_modifyitems(items):
 def pytest_runtest_setup(item):
     if item.get_closest_marker("slow") and is_out_of_time():
         pytest.skip("the time for slow tests is over")
+
+
+@pytest.fixture
+def model_folder(monkeypatch, tmp_path):
+    """Work in an empty folder; forget afterwards what was imported from it: other tests use the same names."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    finder = gallery.FileFinder()
+    monkeypatch.setattr(gallery, "_FILES", finder)
+    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
+    before = set(sys.modules)
+    yield tmp_path
+    for name in set(sys.modules) - before:
+        if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]
 
 
 @pytest.fixture

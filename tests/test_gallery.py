@@ -25,18 +25,9 @@ from support.own_models import BARE, install_package, write_model
 
 
 @pytest.fixture(autouse=True)
-def folder(monkeypatch, tmp_path):
-    """Work in an empty folder; forget afterwards what was imported from it."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    finder = gallery.FileFinder()
-    monkeypatch.setattr(gallery, "_FILES", finder)
-    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
-    before = set(sys.modules)
-    yield tmp_path
-    for name in set(sys.modules) - before:
-        if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(tmp_path)):
-            del sys.modules[name]
+def folder(model_folder):
+    """Work in an empty folder."""
+    return model_folder
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ MUTABLE = {
     *("HebbianLearning", "LearnFireWheels", "LearnFires", "Learner", "QLearning", "TableQLearning", "WireFittedQ"),
     "Checkpoint",  # grows while it is written
     *("CanvasView", "GridResults"),  # what has arrived so far
+    "Tries",  # an exercise counts them
     "_Motors",  # drives that users derive from it have attributes of their own
 }
 # Layers and policies inherit from classes without slots, or compute attributes once; tasks check what they inherit with

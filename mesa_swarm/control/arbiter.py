@@ -60,6 +60,10 @@ class Arbiter:
         """The names of the layers, as explanations, charts and recordings have them."""
         return tuple(layer.name for layer in self.layers)
 
+    def _graph(self) -> list:
+        """Return states and transitions of one that has them, for the fingerprint of a model."""
+        return []
+
     @property
     def parts(self) -> "tuple[Arbiter, ...]":
         """The arbiters that it is made of: itself, or those of a `Team`."""

@@ -170,6 +170,12 @@ class StateMachine(Arbiter):
         spans = zip(self._firsts[:-1].tolist(), self._firsts[1:].tolist(), strict=True)
         return {name: tuple(self.layers[a:b]) for name, (a, b) in zip(self.state_names, spans, strict=True)}
 
+    def _graph(self) -> list:
+        return [
+            [[name, len(layers)] for name, layers in self.states.items()],
+            [[one.source, one.target, one.condition] for one in self.transitions],
+        ]
+
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the layers, after that of their state: "search: Avoid"."""

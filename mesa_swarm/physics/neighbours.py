@@ -15,7 +15,7 @@ from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.radio import is_cut_but, is_nearer, sorted_senders
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.robots.actuators import ACT
-from mesa_swarm.robots.parts import check_identifier, check_kind
+from mesa_swarm.robots.parts import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.statics import KINDS, ROBOT, SOURCE
@@ -143,6 +143,10 @@ class NeighbourSensor(Sensor):
         if self.lamp and self.kind != KINDS[ROBOT]:
             raise InvalidValueError(f"lamp is True for bodies of the kind {self.kind!r}, which have none; leave it out")
         object.__setattr__(self, "name", self.name or ("neighbour" if self.kind == KINDS[ROBOT] else self.kind))
+
+    def check_model(self, model: Any) -> None:
+        """Refuse a misspelt kind of bodies."""
+        check_spelling(model, self.kind)
 
     def check_bodies(self, model: Any) -> None:
         """Refuse a kind of bodies that the model does not know, see `check_kind`."""

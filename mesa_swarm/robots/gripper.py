@@ -9,7 +9,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.actuators import ACT, Actuator
-from mesa_swarm.robots.parts import check_kind
+from mesa_swarm.robots.parts import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
 
 LARGEST_REACH = 1e6
@@ -74,6 +74,11 @@ class Gripper(Actuator):
         if isinstance(self.kinds, str) or not all(isinstance(kind, str) for kind in self.kinds) or not self.kinds:
             raise InvalidValueError(f"kinds is {shortened(self.kinds)}; expected names such as ('puck',)")
         object.__setattr__(self, "kinds", tuple(self.kinds))
+
+    def check_model(self, model: Any) -> None:
+        """Refuse misspelt kinds of bodies."""
+        for kind in self.kinds:
+            check_spelling(model, kind)
 
     def check_bodies(self, model: Any) -> None:
         """Refuse kinds of bodies that the model does not know, see `check_kind`."""

@@ -62,15 +62,25 @@ class RobotPart:
         """Raise an error if a model lacks what may be added after robots, such as a kind; called before they read."""
 
 
+def check_spelling(model: Any, kind: str) -> None:
+    """Refuse a kind of bodies that the model knows but for its spelling; any other may come later.
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    if kind not in model.kinds and get_close_matches(kind, model.kinds, n=1, cutoff=ALIKE):
+        model.kind_code(kind)
+
+
 def check_kind(model: Any, part: RobotPart, kind: str) -> None:
-    """Refuse a kind of bodies that the model does not know but for its spelling, and warn of any other.
+    """Refuse a kind of bodies that the model knows but for its spelling, and warn of any other that it does not know.
 
     Bodies may come later, or not at all in a run; `SwarmModel.add_kind` declares their kind.
     """
+    check_spelling(model, kind)
     if kind in model.kinds:
         return
-    if get_close_matches(kind, model.kinds, n=1, cutoff=ALIKE):
-        model.kind_code(kind)
     warnings.warn(
         f"a {type(part).__name__} is for the kind {kind!r}, of which the model has no body; if this is meant, declare "
         f"it by model.add_kind({kind!r})",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 
-@dataclass(slots=True)
+@dataclass
 class Tries:
     """How many answers in a row an exercise has refused, and the last of them."""
 

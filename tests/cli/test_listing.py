@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm import gallery
 from mesa_swarm.cli import listing
 from mesa_swarm.cli.listing import NotPlainError, Source, lines_of, listed
 from mesa_swarm.gallery import class_name, description, find_model, gallery_names, model_names
@@ -54,13 +53,8 @@ def test_what_runs_no_model_imports_nothing_that_is_slow(words):
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_a_file_is_imported_and_listed_in_the_same_way(typed, tmp_path, monkeypatch):
-    # Nothing of it stays: other tests have files of the same name.
-    monkeypatch.setattr(gallery, "_FILES", gallery.FileFinder())
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setitem(sys.modules, "mine", None)
-    del sys.modules["mine"]
-    write_model(tmp_path)
+def test_a_file_is_imported_and_listed_in_the_same_way(typed, model_folder):
+    write_model(model_folder)
     lines = lines_of(find_model("./mine.py"))
     assert typed("list ./mine.py") == (0, "\n".join(["./mine.py", *lines]) + "\n", "")
 

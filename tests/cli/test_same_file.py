@@ -45,11 +45,10 @@ def originals(tmp_path_factory):
 
 
 @pytest.fixture
-def folder(originals, tmp_path, monkeypatch):
+def folder(originals, model_folder):
     """Return a copy of them, in which commands are run."""
-    shutil.copytree(originals, tmp_path, dirs_exist_ok=True)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    shutil.copytree(originals, model_folder, dirs_exist_ok=True)
+    return model_folder
 
 
 def linked(source, name):

@@ -440,7 +440,7 @@ def test_a_real_number_takes_every_number(value):
 
     if math.isfinite(value):
         model = driven(sets(value=value)).run(1)
-        assert model.swarm.columns["0.sets.x"].tolist() == [value] * 2
+        assert model.swarm.columns["0.sets.x"].tolist() == [float(value)] * 2
 
 
 def test_nan_and_infinity_are_refused_by_whole_numbers():

@@ -4,7 +4,6 @@ import sys
 
 import pytest
 
-from mesa_swarm import gallery
 from mesa_swarm.dashboard import MODEL_VARIABLE, check_page_model, launch, page_models
 from mesa_swarm.dashboard.addresses import address_from, query_of
 from mesa_swarm.dashboard.compare_view import groups_of as compared_fields
@@ -24,18 +23,11 @@ ADDRESS = "./mine.py:Foraging"
 
 
 @pytest.fixture(autouse=True)
-def folder(monkeypatch, tmp_path):
+def folder(model_folder, monkeypatch):
     """Work in an empty folder with a page that was started with one of its models."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    finder = gallery.FileFinder()
-    monkeypatch.setattr(gallery, "_FILES", finder)
-    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
     monkeypatch.setenv(MODEL_VARIABLE, ADDRESS)
-    write_model(tmp_path)
-    yield tmp_path
-    for name in ("mine", "bare", "other"):
-        sys.modules.pop(name, None)
+    write_model(model_folder)
+    return model_folder
 
 
 def test_the_page_shows_the_model_that_it_was_started_with():

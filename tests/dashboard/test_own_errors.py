@@ -1,6 +1,5 @@
 """Errors of a user's model on the page: one line with file and line there, and one traceback in the terminal."""
 
-import sys
 from copy import deepcopy
 
 import ipyvuetify
@@ -60,20 +59,15 @@ PLACE = "of_{0}.py, line 9: KeyError: '{0}'"
 
 
 @pytest.fixture
-def own(tmp_path, monkeypatch):
+def own(model_folder, monkeypatch):
     """Write the file of a mistake, and return the address of its model, which the page was started with."""
-    monkeypatch.chdir(tmp_path)
-    before = set(sys.modules)
 
     def address(mistake: str) -> str:
-        (tmp_path / f"of_{mistake}.py").write_text(MISTAKES.format(mistake=mistake), encoding="utf-8")
+        (model_folder / f"of_{mistake}.py").write_text(MISTAKES.format(mistake=mistake), encoding="utf-8")
         monkeypatch.setenv(MODEL_VARIABLE, f"./of_{mistake}.py:Mine")
         return f"./of_{mistake}.py:Mine"
 
-    yield address
-    for name in set(sys.modules) - before:
-        if name.startswith("of_"):
-            del sys.modules[name]
+    return address
 
 
 def tracebacks(capfd) -> list[str]:
@@ -204,9 +198,8 @@ def test_a_player_in_a_notebook_is_given_the_line_to_show(own, monkeypatch):
     assert view.options["errors"], "it shows the error itself: no card stands beside it"
 
 
-def test_the_replay_tab_opens_for_a_model_by_address(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_model(tmp_path, "replayed_one.py")
+def test_the_replay_tab_opens_for_a_model_by_address(model_folder, monkeypatch):
+    write_model(model_folder, "replayed_one.py")
     monkeypatch.setenv(MODEL_VARIABLE, "./replayed_one.py:Foraging")
     session = Session("./replayed_one.py:Foraging")
     replaying = session.companion(Replaying)

@@ -15,19 +15,6 @@ PAGE = Path(__file__).parents[2] / "docs" / "own_package.md"
 NAMED = re.compile(r"# (\S+\.(?:py|toml))\n")
 
 
-@pytest.fixture
-def folder(monkeypatch, tmp_path):
-    """Work in an empty folder; forget afterwards what was imported from it."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    finder = gallery.FileFinder()
-    monkeypatch.setattr(gallery, "_FILES", finder)
-    monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, finder])
-    yield tmp_path
-    for name in ("gathering", "anthill", "anthill.gathering"):
-        sys.modules.pop(name, None)
-
-
 def install(folder: Path) -> None:
     """Do what pip does with the folder that the page shows."""
     project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
@@ -45,25 +32,25 @@ def install(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_files_code_and_commands_of_the_page_work_in_their_order(folder, capsys):
+def test_files_code_and_commands_of_the_page_work_in_their_order(model_folder, capsys):
     names = {"__name__": "page"}
     for language, block in every_block(PAGE):
         named = NAMED.match(block)
         if named:
-            (folder / named[1]).write_text(block)
+            (model_folder / named[1]).write_text(block)
         elif language == "python":
             exec(compile(block, "page", "exec"), names)
         for line in block.splitlines() if language == "sh" else ():
             if line == "pip install ./anthill":
-                install(folder)
+                install(model_folder)
             elif "dashboard" not in line:
                 run_command(line.removeprefix("mesa-swarm ").split(), capsys)
     assert (names["model"].steps, type(names["canvas"]).__name__) == (100, "SwarmCanvas")
 
 
 @pytest.mark.slow
-def test_the_page_shows_every_message_as_it_is(folder, capsys):
-    (folder / "a.py").write_text("from mesa_swarm import SwarmModel\n\nA = not_defined\n")
+def test_the_page_shows_every_message_as_it_is(model_folder, capsys):
+    (model_folder / "a.py").write_text("from mesa_swarm import SwarmModel\n\nA = not_defined\n")
     with pytest.raises(SystemExit):
         main(["run", "./a.py:A"])
     assert "cannot be imported: a.py, line 3: NameError: " in capsys.readouterr().err

@@ -14,7 +14,6 @@ import shlex
 import subprocess
 import sys
 import tarfile
-import time
 import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -223,7 +222,7 @@ def tried(installer: Installer) -> Iterator[str]:
 
 def tried_group(installer: Installer, extras: frozenset[str], its_pages: list[str]) -> Iterator[str]:
     """Run the lines of some extras in one environment, and what pages show for which it is."""
-    began, name = time.monotonic(), "-".join(sorted(extras)) or "none"
+    name = "-".join(sorted(extras)) or "none"
     home = installer.environment(name)
     mine = [line for line in run_here() if closure(line.extras or ()) == extras]
     words = {tuple(line.here(installer.wheel)): line for line in mine}
@@ -238,7 +237,7 @@ def tried_group(installer: Installer, extras: frozenset[str], its_pages: list[st
         "commands": [(page, one) for page, (_, commands) in shown.items() for one in commands],
     }
     faults = [] if failed else installer.faults(home, wanted)
-    print(f"[{name}] {time.monotonic() - began:.0f} s: {len(wanted['imports'])} imports, {len(mine)} lines", flush=True)
+    print(f"[{name}] {len(wanted['imports'])} imports, {len(mine)} lines", flush=True)
     for line in mine:
         wrong = failed.get(words.get(tuple(line.here(installer.wheel)), line), "")
         print(f"  {'FAILED' if wrong or faults else 'ok'}  {line}", flush=True)

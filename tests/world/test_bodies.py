@@ -270,11 +270,13 @@ def test_a_kind_that_is_not_a_name_is_refused(odd):
 
 
 @pytest.mark.parametrize("part", [Gripper(kinds=("pukc",)), NeighbourSensor(kind="pukc", k=1)])
-def test_a_kind_that_the_model_does_not_know_is_refused_at_the_first_step_of_robots_with_a_part_for_it(part):
+def test_a_misspelt_kind_is_refused_where_robots_are_added_and_at_their_first_step(part):
     design = RobotDesign(actuators=(part,)) if isinstance(part, Gripper) else RobotDesign(sensors=(part,))
     model = empty()
-    model.add_body(disc((100, 100), 5), kind="puck")
     model.add_robots(design, 1)
+    model.add_body(disc((100, 100), 5), kind="puck")
+    with pytest.raises(UnknownNameError, match="unknown kind 'pukc'; did you mean 'puck'"):
+        model.add_robots(design, 1)
     with pytest.raises(UnknownNameError, match=r"unknown kind 'pukc'; did you mean 'puck'\?.*model.add_kind\('pukc'\)"):
         model.step()
     assert model.completed == 0
