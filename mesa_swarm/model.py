@@ -24,7 +24,7 @@ from mesa_swarm.errors import (
     shortened,
 )
 from mesa_swarm.imperfect_model import ImperfectModel
-from mesa_swarm.mesa_model import Collector, add_reporters, rows_in
+from mesa_swarm.mesa_model import Collector, add_reporters, collects, rows_in
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
 from mesa_swarm.parameters import Dial, Noise, Slip
@@ -42,7 +42,13 @@ from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
 from mesa_swarm.state import attributes_of
-from mesa_swarm.state_hash import described_bodies, described_designs, described_movers, state_hash_of
+from mesa_swarm.state_hash import (
+    described_bodies,
+    described_designs,
+    described_movers,
+    described_process,
+    state_hash_of,
+)
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
@@ -69,8 +75,7 @@ class EngineModel(ImperfectModel):
         *("_noise", "_snapshots", "observers", "datacollector", "_collect_every", *OF_STEP),
     )
     _fleeting: ClassVar[tuple[str, ...]] = (
-        *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector"),
-        *("_collect_every", *OF_STEP),
+        *("observers", "_senses", "_senses_version", "_sensed", "_noise", "_snapshots", "datacollector", *OF_STEP),
     )
     _numbers: ClassVar[dict[str, tuple[type, ...]]] = {
         "running": (bool, np.bool_),
@@ -127,8 +132,8 @@ class EngineModel(ImperfectModel):
     def datacollector(self) -> mesa.DataCollector:
         """What is collected in each step, see `collect_every`; it may be replaced by another data collector.
 
-        Such a collector gets `collisions` and `total_collisions` as well. It is collected by the model's class, as is
-        usual in Mesa, or else, in steps in which that does not collect, by the model at the end of the step.
+        Such a collector gets `collisions` and `total_collisions` as well. It is collected by the methods of the model's
+        class where these do, as is usual in Mesa, and otherwise by the model at the end of each step.
 
         Raises
         ------
@@ -457,10 +462,10 @@ class EngineModel(ImperfectModel):
             )
 
     def _collect_once(self, rows_begun: tuple[int, ...]) -> None:
-        """Collect by a collector of the user's own, unless the step of the model's class has."""
+        """Collect by a collector of the user's own, unless the methods of the model's class do, whenever they do."""
         collector, due = self.__dict__["datacollector"], self._row_due
         self._rows_begun, self._row_due = None, False
-        if due and rows_in(collector) == rows_begun:
+        if due and rows_in(collector) == rows_begun and not collects(self):
             collector.collect(self)
 
     @property
@@ -545,10 +550,11 @@ class EngineModel(ImperfectModel):
         """Return a fingerprint of all numbers that steps read or write: equal for equal runs, in any number of threads.
 
         Hashed are all columns, bodies of every kind with their shapes and poses, fields, the bounds of the map,
-        designs, parameters of layers, of the radio, of imperfections and of what burns, rules by their source,
-        processes, learners and the declared state. Not hashed are threads, the engine, `collect_every`, reporters,
-        observers, looks, parameters that nothing reads, states of random streams, and Mesa agents of other classes. All
-        sensors are read first, so that the fingerprint is independent of earlier readings.
+        designs, parameters of layers, of the radio, of imperfections and of what burns, rules by their source and the
+        constants that they read, processes, learners and the declared state. Not hashed are threads, the engine,
+        `collect_every`, reporters, observers, looks, parameters that nothing reads, attributes of a model that only its
+        own `step` reads (use `state`), states of random streams, and Mesa agents of other classes. All sensors are read
+        first, so that the fingerprint is independent of earlier readings.
 
         Examples
         --------
@@ -575,7 +581,7 @@ class EngineModel(ImperfectModel):
         yield "radio", self.communication
         if self._imperfect is not None:
             yield "imperfections", [self._imperfect.imperfections, self._imperfect.key]
-        yield "processes", [type(process).__qualname__ for process in self.processes]
+        yield "processes", [described_process(process) for process in self.processes]
         if self._control is not None:
             yield "control", self._control
 

@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import InvalidValueError, PlacementError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.room import room_to_try
-from mesa_swarm.open_model import OpenModel
+from mesa_swarm.open_model import OpenModel, Process
 from mesa_swarm.world.bodies import Body, placed
 from mesa_swarm.world.movers import Driven, Movers, occupied, swept
 from mesa_swarm.world.placement import QUARTER_SEGMENTS, place_apart
@@ -119,7 +119,7 @@ def _random_shape(x: float, y: float, size: float, forms: str, rng: np.random.Ge
     return rectangle((x - half_width, y - half_height), (x + half_width, y + half_height))
 
 
-class Wander:
+class Wander(Process):
     """A process that moves driven bodies: straight on, and in a new random direction where something is in the way.
 
     They do not turn about their centres. They never overlap each other, bodies of other such processes, what stands or
@@ -159,6 +159,10 @@ class Wander:
     >>> round(float(np.hypot(*(model.run(21).movers.position[0] - (100, 100)))), 6)  # from the second step on
     10.0
     """
+
+    speed: float
+    ids: np.ndarray
+    azimuth: np.ndarray
 
     def __init__(self, bodies: Sequence[Body], *, speed: float) -> None:
         self.speed = check_number("speed", speed, above=0, maximum=LARGEST_COORDINATE)

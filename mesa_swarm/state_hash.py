@@ -2,9 +2,10 @@
 
 Hashed are the state (columns, poses, fields, declared state, memory of layers, processes, learners), the bodies with
 their shapes, the bounds of the map, designs, and the parameters of layers, radio, imperfections and fires; of a rule
-its source in normal form. Not hashed are what does not change a step: threads, the engine, intervals of collecting,
-reporters, observers, looks and the arguments of the constructor as such. Numbers count as float64 or int64 bytes, so
-that the fingerprint is the same for every version of Python.
+its source in normal form, and of rules, functions and methods of custom parts the numbers that they read by name. Not
+hashed are what does not change a step: threads, the engine, intervals of collecting, reporters, observers, looks and
+the arguments of the constructor as such; nor attributes of a custom model that only its `step` reads, which belong into
+`model.state`. Numbers count as float64 or int64 bytes, so that the fingerprint is the same for every version of Python.
 """
 
 import math
@@ -13,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache, lru_cache
 from hashlib import blake2b
-from types import FunctionType
+from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.behaviour import Behaviour
-from mesa_swarm.control.source import functions_used, normal_source, values_used
+from mesa_swarm.control.source import Read, is_apart, what_is_read
 from mesa_swarm.control.team import Team, label_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of, is_float
@@ -33,8 +34,6 @@ from mesa_swarm.world.shapes import Shape
 
 # Columns that depend on the order in which things were created are not part of the state.
 NOT_HASHED = frozenset({"number", "design", "contact_index", "group"})
-OURS = "mesa_swarm."
-GALLERY = "mesa_swarm.models."
 # Attributes of arbiters that are described apart, or follow from what is.
 OF_ARBITERS = ("layers", "others", "state_names", "transitions")
 # Beyond this, floats do not represent all whole numbers.
@@ -205,6 +204,8 @@ def _add_object(digest: Any, value: Any, depth: int) -> None:
     describe, names, has_checkpoint = _parts_of(kind)  # type: ignore[arg-type]
     if describe is not None:
         add_part(digest, describe(value), depth + 1)
+    if values := values_read_by(value):
+        add_part(digest, values, depth + 1)
     for name in names:
         digest.update(f"{name};".encode())
         add_part(digest, getattr(value, name), depth + 1)
@@ -228,6 +229,29 @@ def _has(kind: type, *methods: str) -> bool:
     return all(callable(getattr(kind, name, None)) for name in methods)
 
 
+def described_process(process: Any) -> list:
+    """Return what a process is besides its plain state, which is hashed with the state of the model.
+
+    Dataclasses and functions that it holds count, and numbers that its methods read by name.
+    """
+    held = {} if _has(type(process), "checkpoint", "restore") else attributes_of(process)
+    plain = (*ATOMS, np.ndarray, np.generic, np.random.Generator)
+    parts = {name: value for name, value in held.items() if not isinstance(value, plain)}
+    return [type(process).__qualname__, parts, values_read_by(process)]
+
+
+def values_read_by(part: Any) -> list:
+    """Return the plain values that the methods of a custom class read by name, as they were when first asked for."""
+    return _values_read_by(type(part))  # type: ignore[arg-type]
+
+
+@cache
+def _values_read_by(kind: type) -> list:
+    bases = [base for base in kind.__mro__ if not is_apart(base.__module__)]
+    methods = [value for base in bases for value in vars(base).values() if isinstance(value, FunctionType)]
+    return [[method.__qualname__, values] for method in methods if (values := what_is_read(method).values)]
+
+
 def described_policy(policy: Any) -> list:
     """Return the numbers of a trained policy, but not how it was trained."""
     return [policy.arrays(), policy.settings()]
@@ -241,42 +265,24 @@ def described_control(control: Arbiter) -> list:
     if graph := control._graph():
         return [type(control).__qualname__, layers, *graph]
     own = {name: value for name, value in attributes_of(control).items() if name not in OF_ARBITERS}
-    return [type(control).__qualname__, layers, own]
+    return [type(control).__qualname__, layers, own, values_read_by(control)]
 
 
 def described_layer(layer: Any) -> Any:
     """Return what a layer reads: the fields of a dataclass, all attributes of another."""
     if isinstance(layer, Behaviour) or is_dataclass(layer) or _has(type(layer), "checkpoint", "restore"):
         return layer
-    return [type(layer).__qualname__, attributes_of(layer)]
+    return [type(layer).__qualname__, attributes_of(layer), values_read_by(layer)]
 
 
 def described_rule(behaviour: Behaviour) -> list:
-    """Return the code of a rule, its parameters, and with what its memory begins."""
-    return [_digest_of_code(behaviour.rule.function), behaviour.parameters, behaviour.memory]
+    """Return the code of a rule and what it reads, its parameters, and with what its memory begins."""
+    return [_digest_of_read(behaviour.read), behaviour.parameters, behaviour.memory]
 
 
-@cache
-def _digest_of_code(function: FunctionType) -> bytes:
-    """Return the digest of the sources of a function and of those that it calls, and of plain values around them.
-
-    As they are now: what is compiled does not change any more.
-    """
-    parts = [part for part in functions_used(function) if part is function or not _is_ours(part)]
-    sources = [normal_source(part) or part.__qualname__ for part in parts]
-    return digest_of_part([sources, [[*used] for part in parts for used in values_used(part) if _is_plain(used[1])]])
-
-
-def _is_ours(function: FunctionType) -> bool:
-    home = function.__module__ or ""
-    return home.startswith(OURS) and not home.startswith(GALLERY)
-
-
-def _is_plain(value: Any) -> bool:
-    """Return whether a value is one that compiled code takes as a constant."""
-    if isinstance(value, tuple):
-        return all(map(_is_plain, value))
-    return type(value) in ATOMS or isinstance(value, (np.ndarray, np.number, np.bool_))
+@lru_cache(maxsize=1024)
+def _digest_of_read(read: Read) -> bytes:
+    return digest_of_part(read)
 
 
 def _described_geometry(geometry: BaseGeometry) -> list:
@@ -288,7 +294,8 @@ DESCRIBED: tuple[tuple[type, Callable[[Any], Any]], ...] = (
     (Agent, lambda agent: agent.unique_id),
     (Behaviour, described_rule),
     (Arbiter, described_control),
-    (FunctionType, lambda function: normal_source(function) or function.__qualname__),
+    (FunctionType, what_is_read),
+    (SimpleNamespace, vars),
     (Shape, lambda shape: [shape.geometry, shape.radius, shape.contact]),
     (BaseGeometry, _described_geometry),
 )

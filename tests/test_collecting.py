@@ -14,8 +14,8 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, StepWarning
 
 
-class Counting(SwarmModel):
-    """A model whose class collects where it is asked to: before the step, after it, at the beginning or not at all."""
+class Plain(SwarmModel):
+    """A model with a data collector that it does not collect, but at the beginning where that is asked for."""
 
     def __init__(self, *, own: bool = True, where: str = "after", every: int = 1, rng=None):
         reporters = {"robots": lambda model: len(model.robots)}
@@ -29,10 +29,17 @@ class Counting(SwarmModel):
             self.datacollector.collect(self)
 
     def step(self):
+        super().step()
+        self.robots[0].remove()
+
+
+class Counting(Plain):
+    """A model whose class collects where it is asked to: before the step or after it."""
+
+    def step(self):
         if "before" in self.where:
             self.datacollector.collect(self)
         super().step()
-        self.robots[0].remove()
         if "after" in self.where:
             self.datacollector.collect(self)
 
@@ -43,7 +50,8 @@ def rows_of(model):
 
 @given(st.integers(0, 3), st.sampled_from(["after", "before", "none"]))
 def test_a_collector_of_ones_own_has_one_row_a_step_and_the_collisions(steps, where):
-    frame = rows_of(Counting(where=where, rng=1).run(steps))
+    kind = Plain if where == "none" else Counting
+    frame = rows_of(kind(where=where, rng=1).run(steps))
     assert len(frame) == steps
     assert set(frame) == {"robots", "collisions", "total_collisions"}
 
@@ -51,7 +59,7 @@ def test_a_collector_of_ones_own_has_one_row_a_step_and_the_collisions(steps, wh
 def test_rows_are_as_they_are_when_the_class_collects_or_at_the_end_of_its_step():
     values = {where: rows_of(Counting(where=where, rng=1).run(3))["robots"].tolist() for where in ("before", "after")}
     assert values == {"before": [3, 2, 1], "after": [2, 1, 0]}
-    assert rows_of(Counting(where="none", rng=1).run(3))["robots"].tolist() == [2, 1, 0]
+    assert rows_of(Plain(where="none", rng=1).run(3))["robots"].tolist() == [2, 1, 0]
 
 
 def test_a_row_of_the_beginning_is_kept_as_in_mesa():
@@ -60,8 +68,25 @@ def test_a_row_of_the_beginning_is_kept_as_in_mesa():
 
 def test_a_collector_of_ones_own_that_the_class_collects_has_rows_of_all_steps_whatever_collect_every_is():
     assert len(rows_of(Counting(every=4, rng=1).run(3))) == 3
-    assert len(rows_of(Counting(every=2, where="none", rng=1).run(3))) == 1
-    assert len(rows_of(Counting(every=0, where="none", rng=1).run(3))) == 0
+    assert len(rows_of(Plain(every=2, where="none", rng=1).run(3))) == 1
+    assert len(rows_of(Plain(every=0, where="none", rng=1).run(3))) == 0
+
+
+class EachTenth(SwarmModel):
+    """A model that collects now and then."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+        self.datacollector = mesa.DataCollector(model_reporters={"step": "steps"})
+
+    def step(self):
+        super().step()
+        if self.steps % 10 == 0:
+            self.datacollector.collect(self)
+
+
+def test_a_class_that_collects_now_and_then_has_rows_of_these_steps_only():
+    assert rows_of(EachTenth(rng=1).run(30))["step"].tolist() == [10, 20, 30]
 
 
 def test_agents_are_collected_once_too():

@@ -3,7 +3,8 @@
 import copy
 import linecache
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import ModuleType, SimpleNamespace
 
 import mesa
 import pytest
@@ -13,11 +14,13 @@ from hypothesis import strategies as st
 from mesa_swarm import (
     AGENT3,
     AGENT9,
+    Actuator,
     Emitter,
     Field,
     Map,
     Process,
     Radio,
+    RobotDesign,
     SwarmModel,
     disc,
     polygon,
@@ -351,6 +354,137 @@ def test_a_function_that_a_rule_calls_counts():
         rule = rule_of(text.replace("5", limit))
         hashes.append(world(controlled(behaviour(rule), Explore())).state_hash())
     assert hashes[0] != hashes[1]
+
+
+READERS = {
+    "a module": ("places.NEAR", {"places": ModuleType("places")}),
+    "a tuple in a module": ("places.FAR[0]", {"places": ModuleType("places")}),
+    "a class": ("Places.near", {"Places": type("Places", (), {})}),
+    "a namespace": ("space.near", {"space": SimpleNamespace()}),
+    "a list": ("listed[0]", {"listed": [5]}),
+    "a dict": ('named["near"]', {"named": {"near": 5}}),
+}
+
+
+def set_number(holder, number):
+    """Give whatever a rule reads its number."""
+    if isinstance(holder, list):
+        holder[0] = number
+    elif isinstance(holder, dict):
+        holder["near"] = number
+    else:
+        holder.NEAR = holder.near = number
+        holder.FAR = (number, 3)
+
+
+@pytest.mark.parametrize("where", READERS)
+def test_a_number_that_a_rule_reads_of_anything_counts_as_it_is_when_the_rule_gets_its_robots(where):
+    words, space = READERS[where]
+    (holder,) = space.values()
+    rule = rule_of(PLAIN.replace("< distance", f"< {words}"))
+    rule.__globals__.update(space)
+    hashes = []
+    for number in (5, 6, 5):
+        set_number(holder, number)
+        hashes.append(world(controlled(behaviour(rule), Explore())).state_hash())
+    assert hashes[0] == hashes[2] != hashes[1]
+
+
+def test_a_default_of_a_function_that_a_rule_calls_counts():
+    text = "def near(x, limit=LIMIT):\n    return x < limit\n\n"
+    text += "def rule(me):\n    return (0.0, 1.0) if near(me.distance[0]) else PASS\n"
+    hashes = set()
+    for limit in (5, 6):
+        space = {"PASS": PASS, "LIMIT": limit}
+        exec(text, space)
+        hashes.add(world(controlled(behaviour(space["rule"]), Explore())).state_hash())
+    assert len(hashes) == 2
+
+
+def test_a_rule_goes_by_its_constants_as_they_are_when_it_gets_its_robots_and_so_does_its_hash():
+    space = {"PASS": PASS, "GAIN": 0.1}
+    exec("def rule(me):\n    return GAIN * me.max_speed, me.max_speed\n", space)
+    turning, ends = behaviour(space["rule"]), []
+    for gain in (0.1, 0.9, 0.1):
+        space["GAIN"] = gain
+        model = SwarmModel(map="openspace", rng=1)
+        model.add_robots(AGENT9, poses=[(400, 300, 0.0)])
+        model.control = Subsumption(turning)
+        begun = model.state_hash()
+        space["GAIN"] = 0.5  # too late for this model
+        ends.append((begun, model.run(10).robots[0].heading, model.state_hash()))
+    assert ends[0] == ends[2]
+    assert all(one != other for one, other in zip(ends[0], ends[1], strict=True))
+
+
+@dataclass(frozen=True)
+class Rates:
+    """A part of a process."""
+
+    growth: float = 1.0
+
+
+class Holding:
+    """A process that holds something."""
+
+    def __init__(self, held):
+        self.held = held
+
+    def step(self, model):
+        """Do nothing."""
+
+
+def falling(rate):
+    return lambda time: 1.0 - rate * time
+
+
+PARTS_OF_PROCESSES = {
+    "dataclass": (Rates(1.0), Rates(1.0), Rates(2.0)),
+    "function": (falling(0.1), falling(0.1), falling(0.2)),
+    "namespace": (SimpleNamespace(a=1), SimpleNamespace(a=1), SimpleNamespace(a=2)),
+    "list": ([Rates(1.0)], [Rates(1.0)], [Rates(2.0)]),
+}
+
+
+@pytest.mark.parametrize("kind", PARTS_OF_PROCESSES)
+def test_what_a_process_holds_counts(kind):
+    hashes = []
+    for held in PARTS_OF_PROCESSES[kind]:
+        model = world()
+        model.add_process(Holding(held))
+        hashes.append(model.state_hash())
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def lamps(brightness):
+    class Lit(Actuator):
+        name = "lit"
+        width = 1
+
+        def apply(self, model, rows):
+            """Set a column to a number around the class."""
+            model.swarm.columns["temperature"][rows] = brightness
+
+    return Lit()
+
+
+def test_a_number_that_a_method_of_a_custom_part_reads_counts():
+    hashes = []
+    for brightness in (0.1, 0.1, 0.2):
+        model = SwarmModel(map="openspace", rng=1)
+        model.add_robots(RobotDesign(actuators=(lamps(brightness),)), poses=[(400, 300, 0.0)])
+        hashes.append(model.state_hash())
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+@given(st.permutations([disc((100, 100), 9), rectangle((200, 200), (240, 260)), disc((300, 100), 9)]))
+def test_the_order_in_which_obstacles_were_created_does_not_count(shapes):
+    model, other = (SwarmModel(map="openspace", rng=1) for _ in range(2))
+    for shape in shapes:
+        model.add_obstacle(shape)
+    for shape in sorted(shapes, key=lambda shape: shape.bounds):
+        other.add_obstacle(shape)
+    assert model.state_hash() == other.state_hash()
 
 
 def test_a_rule_whose_source_is_unknown_counts_by_its_name():

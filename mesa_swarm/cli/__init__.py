@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, policies, run, studies
 from mesa_swarm.cli.lines import any_letters
-from mesa_swarm.errors import SwarmError, in_words
+from mesa_swarm.errors import SwarmError, in_words, located
 from mesa_swarm.work_done import one_line
 
 INTERRUPTED = 130
@@ -98,7 +98,7 @@ def _in_words(error: Exception) -> str:
     if isinstance(error, OSError):
         unnamed = "standard output or a temporary file" if error.errno in DISK_FULL else None
         return ": ".join(str(part) for part in (error.filename or unnamed, error.strerror or error) if part)
-    return f"{in_words(error)} (--debug shows where)"
+    return f"{located(error)} (--debug shows where)"
 
 
 def _range_of(error: Exception) -> str:

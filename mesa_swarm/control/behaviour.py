@@ -11,7 +11,7 @@ import numpy as np
 from mesa_swarm.control.custom_fields import RuleFields, checked_memory
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
-from mesa_swarm.control.source import own_randomness, uses_attribute
+from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
 from mesa_swarm.errors import (
     BehaviourError,
     InvalidValueError,
@@ -50,6 +50,14 @@ class Behaviour:
         self.name = rule.name
         self.__doc__ = rule.function.__doc__
         self._known: tuple = NOT_KNOWN
+        self._swarm: Any = None  # where it is bound
+        self._read: Read | None = None
+        self._version = -1
+
+    @property
+    def read(self) -> Read:
+        """What the rule reads besides its arguments, as it was when the robots that it drives were given it."""
+        return self._read or what_is_read(self.rule.function)
 
     @property
     def remembered(self) -> tuple[str, ...]:
@@ -62,7 +70,7 @@ class Behaviour:
 
     def __getstate__(self) -> dict:
         """Leave out the views of columns: copies have columns of their own."""
-        return {**self.__dict__, "_known": NOT_KNOWN}
+        return {**self.__dict__, "_known": NOT_KNOWN, "_version": -1}
 
     def __call__(self, **changes: float) -> "Behaviour":
         """Return the same rule with other parameters."""
@@ -84,6 +92,8 @@ class Behaviour:
                 f"rule {self.name} uses {source}, which the model's seed does not govern; "
                 "use me.chance, a number from 0 to 1 that is drawn for every robot in every step"
             )
+        if self._read is None or self._swarm is not swarm:
+            self._read, self._version = what_is_read(self.rule.function), -1
         self._swarm, self._prefix = swarm, prefix
         for name, first in self.memory.items():
             swarm.remember(f"{prefix}.{name}", first.shape, first.dtype.type, first)
@@ -98,7 +108,9 @@ class Behaviour:
         try:
             columns, fields = self._columns(senses)
             fields.load()
-            wrong = self.rule.run(columns, fields, values, at, command, layer, index)
+            if self._version < 0:
+                self._version = self.rule.version_of(self.read)
+            wrong = self.rule.run(self._version, columns, fields, values, at, command, layer, index)
             fields.store()
         except UncompiledBehaviourWarning:  # where warnings are errors
             raise

@@ -28,12 +28,15 @@ from numba.extending import intrinsic, overload
 from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
 
-from mesa_swarm.control.source import functions_used, operands, values_used
+from mesa_swarm.control.source import attributes_used, functions_used, operands, operations, values_used
 from mesa_swarm.geometry.compiled import FUNCTIONS
 
 MOST_LOOPS = 1_000_000
+# Operations of which a function with loops has one.
+LOOPS = {"FOR_ITER", "JUMP_BACKWARD", "JUMP_BACKWARD_NO_INTERRUPT"}
+LOOPS |= {f"POP_JUMP_BACKWARD_IF_{what}" for what in ("TRUE", "FALSE", "NONE", "NOT_NONE")}
 # Part of the digest by which compiled rules are stored: to be changed with what this file adds to them.
-VERSION = 1
+VERSION = 2
 # Code in these folders is not a rule's: the package's own, which ends.
 OURS = str(Path(__file__).parents[1])
 GALLERY = str(Path(__file__).parents[1] / "models")
@@ -42,6 +45,10 @@ LARGEST_WHOLE = 2.0**63
 
 class LoopsError(Exception):
     """The loops of a rule ran too often: the line, and the name of the function that it is in."""
+
+
+class _StopError(BaseException):
+    """The same in plain Python, which no ``except Exception`` of a rule catches."""
 
 
 class MemoryKindError(Exception):
@@ -189,7 +196,7 @@ class _Limit(FunctionPass):
         loops = compute_cfg_from_blocks(code.blocks).loops()
         for loop in sorted(loops.values(), key=attrgetter("header")):
             line = min(statement.loc.line for label in loop.body for statement in code.blocks[label].body)
-            _count_in(code, loop.header, (line, state.func_id.func.__name__))
+            _count_in(code, loop, (line, state.func_id.func.__name__))
         code._definitions = ir_utils.build_definitions(code.blocks)
         return True
 
@@ -205,20 +212,38 @@ class LimitedCompiler(CompilerBase):
         return [passes]
 
 
-def _count_in(code: Any, header: int, where: tuple[int, str]) -> None:
-    """Split the block with which a loop begins: count, and either go on or raise an error."""
-    block = code.blocks[header]
-    scope, place = block.scope, block.loc
-    rest, stop = (max(code.blocks) + more for more in (1, 2))
+def places_of_loops(function: FunctionType) -> list[tuple[str, int]]:
+    """Return name and first line of the functions with loops that a rule reaches: compiled code names them."""
+    loops = [part for part in functions_used(function) if operations(part) & LOOPS]
+    return [(part.__name__, part.__code__.co_firstlineno) for part in loops]
+
+
+def _count_in(code: Any, loop: Any, where: tuple[int, str]) -> None:
+    """Lead all ways back to the beginning of a loop over a block that counts: either on, or to an error."""
+    begin = code.blocks[loop.header]
+    scope, place = begin.scope, begin.loc
+    again, stop = (max(code.blocks) + more for more in (1, 2))
     counter, is_over = (scope.redefine(f"$limit_{word}", place) for word in ("counter", "over"))
-    code.blocks[rest], code.blocks[stop] = ir.Block(scope, place), ir.Block(scope, place)
-    code.blocks[rest].body = block.body
+    for label in loop.body:
+        body = code.blocks[label].body
+        body[-1] = _redirected(body[-1], loop.header, again)
+    code.blocks[again], code.blocks[stop] = ir.Block(scope, place), ir.Block(scope, place)
     code.blocks[stop].body = [ir.StaticRaise(LoopsError, where, place)]
-    block.body = [
+    code.blocks[again].body = [
         ir.Assign(ir.Global("count_loop", count_loop, place), counter, place),
         ir.Assign(ir.Expr.call(counter, [], (), place), is_over, place),
-        ir.Branch(is_over, stop, rest, place),
+        ir.Branch(is_over, stop, loop.header, place),
     ]
+
+
+def _redirected(last: Any, before: int, after: int) -> Any:
+    """Return the last statement of a block with another block to go to instead of one."""
+    if isinstance(last, ir.Jump) and last.target == before:
+        return ir.Jump(after, last.loc)
+    if isinstance(last, ir.Branch) and before in (last.truebr, last.falsebr):
+        yes, no = (after if label == before else label for label in (last.truebr, last.falsebr))
+        return ir.Branch(last.cond, yes, no, last.loc)
+    return last
 
 
 def _limited(code: Any, scope: Any, old: Any) -> Iterator[Any]:
@@ -233,13 +258,8 @@ def _limited(code: Any, scope: Any, old: Any) -> Iterator[Any]:
         yield from _call(scope, kept_item, [old.target, old.value], value, old.loc)
         old.value = value
         yield old
-    elif isinstance(old, ir.Assign) and isinstance(old.value, ir.Expr) and old.value.op == "call":
-        called = _called(code, old.value)
-        if called is not None:
-            function = scope.redefine("$limit_function", old.loc)
-            yield ir.Assign(ir.Global("limited", limited(called), old.loc), function, old.loc)
-            old.value.func = function
-        yield old
+    elif isinstance(old, ir.Assign) and (functions := _within_limits(_constant(code, old))) is not None:
+        yield ir.Assign(ir.Global("limited", functions, old.loc), old.target, old.loc)
     else:
         yield old
 
@@ -250,15 +270,28 @@ def _call(scope: Any, function: Callable, given: list, result: Any, place: Any) 
     yield ir.Assign(ir.Expr.call(variable, given, (), place), result, place)
 
 
-def _called(code: Any, call: Any) -> Dispatcher | None:
-    """Return the function that is called, if it is a compiled one of the user's."""
+def _constant(code: Any, assignment: Any) -> Any:
+    """Return what a name, or an attribute of a module, stands for; None if that is not a constant."""
+    value = assignment.value
+    if isinstance(value, (ir.Global, ir.FreeVar)):
+        return value.value
+    if not (isinstance(value, ir.Expr) and value.op == "getattr"):
+        return None
     try:
-        value = code.infer_constant(call.func)
+        return code.infer_constant(assignment.target)
     except Exception:  # Numba's, of what is not a constant
         return None
+
+
+def _within_limits(value: Any) -> Any:
+    """Return compiled functions of the user's, also in a tuple, as they are within limits; None if there is none."""
     if isinstance(value, (DUFunc, GUFunc)):
         raise UnsupportedError(f"the loops of {value.__name__}, a compiled ufunc, cannot be counted")
-    return value if _is_users(value) else None
+    if isinstance(value, tuple):
+        parts = [_within_limits(part) for part in value]
+        found = any(part is not None for part in parts)
+        return tuple(old if new is None else new for old, new in zip(value, parts, strict=True)) if found else None
+    return limited(value) if _is_users(value) else None
 
 
 # What compiled functions keep of the user's options.
@@ -314,13 +347,14 @@ class _Tracer:
     """A trace function that counts calls, and jumps back, which are the iterations of loops."""
 
     def __init__(self) -> None:
-        self.left = MOST_LOOPS
+        self.calls = self.loops = MOST_LOOPS
 
     def __call__(self, frame: FrameType, event: str, argument: Any) -> Callable | None:
         """Begin to count in a function, unless it is the package's."""
         if event != "call" or _is_ours(frame.f_code):
             return None
-        self._count(frame)
+        self.calls -= 1
+        self._check(frame)
         frame.f_trace_opcodes, frame.f_trace_lines = BY_OPERATION, not BY_OPERATION
         return self._within()
 
@@ -333,16 +367,16 @@ class _Tracer:
             if event in ("line", "opcode"):
                 here = frame.f_lasti if BY_OPERATION else frame.f_lineno
                 if here <= last:
-                    self._count(frame)
+                    self.loops -= 1
+                    self._check(frame)
                 last = here
             return trace
 
         return trace
 
-    def _count(self, frame: FrameType) -> None:
-        self.left -= 1
-        if self.left < 0:
-            raise LoopsError(frame.f_lineno, frame.f_code.co_name)
+    def _check(self, frame: FrameType) -> None:
+        if self.calls < 0 or self.loops < 0:
+            raise _StopError(frame.f_lineno, frame.f_code.co_name)
 
 
 # Before Python 3.12 a loop in one line is not seen by lines.
@@ -358,6 +392,8 @@ def counted_loops() -> Iterator[None]:
     sys.settrace(_Tracer())
     try:
         yield
+    except _StopError as stop:
+        raise LoopsError(*stop.args) from None
     finally:
         sys.settrace(None)
 
@@ -386,19 +422,30 @@ def uncounted(function: FunctionType) -> list[str]:
     """Return the names of what a plain rule uses whose loops are not counted: compiled code that is not a function."""
     names = []
     for part in functions_used(function):
-        attributes = operands(part, "LOAD_ATTR", "LOAD_METHOD")
-        for name, value in values_used(part):
-            if isinstance(value, (DUFunc, GUFunc)):
-                names.append(name)
-            elif isinstance(value, ModuleType):
-                names += [
-                    f"{name}.{attribute}" for attribute in attributes if _is_users(getattr(value, attribute, None))
-                ]
+        names += [name for name, value in values_used(part) if not isinstance(value, Dispatcher) and _holds(value)]
+        names += [name for name, value in attributes_used(part) if _holds(value)]
+        names += [name for name, value in _imported(part) if _holds(value)]
         cells = part.__closure__ or ()
         names += [
             name for name, cell in zip(part.__code__.co_freevars, cells, strict=True) if _is_users(_content(cell))
         ]
     return sorted(set(names))
+
+
+def _holds(value: Any) -> bool:
+    """Return whether a value is compiled code of the user's, or a container of such."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, (list, tuple, set)):
+        return any(map(_holds, value))
+    return isinstance(value, (DUFunc, GUFunc)) or _is_users(value)
+
+
+def _imported(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """Yield what a function imports when it is called, of modules that are imported already."""
+    modules = [sys.modules.get(name) for name in operands(function, "IMPORT_NAME")]
+    for name in operands(function, "IMPORT_FROM"):
+        yield from ((name, getattr(module, name)) for module in modules if hasattr(module, name))
 
 
 def _content(cell: Any) -> Any:

@@ -6,7 +6,7 @@ import re
 import sys
 import warnings
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, reduce
 from types import FunctionType
 from typing import Any
@@ -27,9 +27,11 @@ from mesa_swarm.control.limits import (
     allow_loops,
     calls_itself,
     counted_loops,
+    places_of_loops,
     plain_parts,
     uncounted,
 )
+from mesa_swarm.control.source import Read
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
 from mesa_swarm.robots.design import RobotDesign
@@ -210,6 +212,16 @@ class Rule:
         self.function = function
         self.name = function.__name__
         self._loops: dict[tuple, tuple[tuple[int, ...], Callable]] = {}
+        self._read: list[Read] = []
+
+    def version_of(self, read: Read) -> int:
+        """Return the number of the version of the rule that reads this, see `source.what_is_read`.
+
+        Compiled code has what it reads as constants: where that has changed, the rule is compiled again.
+        """
+        if read not in self._read:
+            self._read.append(read)
+        return self._read.index(read)
 
     def __deepcopy__(self, memo: dict) -> "Rule":
         """Return the rule itself: functions are never copied."""
@@ -230,16 +242,19 @@ class Rule:
             )
         return rule_of, (function,)
 
-    def run(self, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *written: Any) -> int:
+    def run(
+        self, version: int, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *written: Any
+    ) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
         Where it returns more or fewer numbers than a robot's drive takes, that robot's row r is returned as -2 - r.
+        `version` is that of `version_of`.
         `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `written` are
         the columns `command` and `layer`, and the index of the layer. `at` (1,) is set to the robot that the rule is
         about, to name it if the rule raises an error.
         """
         form = fields.form
-        kinds = form, *map(type, values)
+        kinds = version, form, *map(type, values)
         known = *columns, *fields.arrays
         if kinds in self._loops:
             places, loop = self._loops[kinds]
@@ -250,21 +265,25 @@ class Rule:
         if not problem:
             self._loops[kinds] = places, loop
             return loop(taken, values, at, *written)
+        names = uncounted(self.function)
+        if names:  # what may not end is named before it begins
+            self._complain(problem, form, numbers[0], names)
         # What a rule does wrong to a robot is seen in plain Python: Numba only knows types.
         wrong = loop(taken, values, at, *written)
         if wrong < 0:
             at[0] = -1
-            self._complain(problem, form, numbers[0])
+            if not names:
+                self._complain(problem, form, numbers[0])
             self._loops[kinds] = places, loop
         return wrong
 
-    def _complain(self, problem: str, form: FieldForm, numbers: int) -> None:
+    def _complain(self, problem: str, form: FieldForm, numbers: int, names: Sequence[str] = ()) -> None:
         """Refuse a rule that is wrong somewhere; warn of one that is only slow."""
         defect = defect_in(problem, form, self.function, numbers)
         if defect:
             raise DefectError(defect)
-        code, names = self.function.__code__, ", ".join(uncounted(self.function))
-        limits = f"; loops in {names} are not counted, and may not end" if names else ""
+        limits = f"; loops in {', '.join(names)} are not counted, and may not end" if names else ""
+        code = self.function.__code__
         warnings.warn_explicit(
             f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: {brief(problem)}"
             f"{limits}",
@@ -329,7 +348,7 @@ def _tried(
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
     fields = fields_used(function, (*Me._fields, *form.names))
-    digest = digest_of(function, str(form), fields, numbers, VERSION)
+    digest = digest_of(function, str(form), fields, numbers, VERSION, places_of_loops(function))
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
     rule: Any = njit(error_model="numpy", boundscheck=True, pipeline_class=LimitedCompiler)(renamed(function, digest))
     places, loop = _loop(form, fields, rule, COMPILED)

@@ -4,16 +4,25 @@ import dis
 import inspect
 import io
 import random
+import sys
 import textwrap
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 GENERATORS = (np.random.Generator, np.random.RandomState, np.random.BitGenerator, random.Random)
+GALLERY = "mesa_swarm.models."
+# Packages whose functions and constants are as they are.
+COMPUTING = ("numpy", "numba", "scipy", "shapely", "mesa", "mesa_swarm")
+# Deepest nesting of values that count.
+DEEPEST = 6
+# Instead of a value that is neither a number nor a text nor holds such.
+NOTHING = "\0nothing"
 # Tokens that are layout; what they separate is separated by their numbers.
 LAYOUT = {tokenize.NEWLINE: ";", tokenize.INDENT: "{", tokenize.DEDENT: "}"}
 SKIPPED = (tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER)
@@ -127,10 +136,140 @@ def values_used(function: FunctionType) -> Iterator[tuple[str, Any]]:
             continue
 
 
-def operands(function: FunctionType, *operations: str) -> set[str]:
-    """Return the names on which the function's code, and code nested in it, does one of these operations."""
+def attributes_used(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """Yield dotted names that a function reads of modules, classes and plain objects, with what they stand for now.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> gains = SimpleNamespace(turn=0.5)
+    >>> def turning(me):
+    ...     return -gains.turn, gains.turn
+    >>> list(attributes_used(FunctionType(turning.__code__, {"gains": gains})))
+    [('gains.turn', 0.5), ('gains.turn', 0.5)]
+    """
+    known = dict(values_used(function))
+    for code in _codes(function):
+        path, value = "", None
+        for step in dis.get_instructions(code):
+            if step.opname in ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_DEREF"):
+                path, value = (step.argval, known[step.argval]) if step.argval in known else ("", None)
+            elif path and step.opname in ("LOAD_ATTR", "LOAD_METHOD") and step.argval in (held := _held_by(value)):
+                path, value = f"{path}.{step.argval}", held[step.argval]
+                yield path, value
+            else:
+                path = ""
+
+
+def _held_by(owner: Any) -> dict[str, Any]:
+    """Return the attributes of a module, a class or a plain object; none of other packages, which are constant."""
+    if isinstance(owner, type):
+        return {name: value for base in reversed(owner.__mro__) for name, value in vars(base).items()}
+    if isinstance(owner, ModuleType) and is_apart(owner.__name__):
+        return {}
+    return dict(getattr(owner, "__dict__", {}))
+
+
+def is_apart(module: str) -> bool:
+    """Return whether a module belongs to Python, or to a package that computes."""
+    package = module.partition(".")[0]
+    is_python = package in sys.stdlib_module_names and package != "__main__"
+    return (is_python or package in COMPUTING) and not module.startswith(GALLERY)
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """What a function and those that it calls read besides their arguments, as it was: sources, and values by name."""
+
+    sources: tuple[str, ...]
+    values: tuple[tuple[str, Any], ...]
+
+
+def what_is_read(function: FunctionType) -> Read:
+    """Return what a function, and the functions in its reach outside this package, read besides arguments.
+
+    Examples
+    --------
+    >>> def shifted(x, by=2.0):
+    ...     return x + by
+    >>> def ahead(me):
+    ...     return shifted(me.max_speed), 1.0
+    >>> what_is_read(FunctionType(ahead.__code__, {"shifted": shifted})).values
+    (('shifted.by', 2.0),)
+    """
+    parts, values = [function], []
+    for part in parts:
+        if part is not function:
+            values += [(f"{part.__name__}.{name}", frozen(value)) for name, value in _defaults_of(part)]
+        for name, value in (*values_used(part), *attributes_used(part)):
+            functions = _functions_in(value)
+            called = [function for function in functions if not is_apart(function.__module__ or "")]
+            parts += [function for function in called if function not in parts]
+            if not functions and (plain := frozen(value)) is not NOTHING:
+                values.append((name, plain))
+    return Read(tuple(normal_source(part) or part.__qualname__ for part in parts), tuple(dict.fromkeys(values)))
+
+
+def _defaults_of(function: FunctionType) -> list[tuple[str, Any]]:
+    code, defaults = function.__code__, function.__defaults__ or ()
+    names = code.co_varnames[: code.co_argcount]
+    by_place = zip(names[len(names) - len(defaults) :], defaults, strict=True)
+    return [*by_place, *sorted((function.__kwdefaults__ or {}).items())]
+
+
+def _functions_in(value: Any) -> list[FunctionType]:
+    """Return a function, as it was written if it is compiled, or those in a list of functions."""
+    items = value if isinstance(value, (list, tuple)) else [value]
+    functions = [getattr(item, "py_func", item) for item in items]
+    return [function for function in functions if isinstance(function, FunctionType)]
+
+
+def frozen(value: Any, depth: int = 0) -> Any:
+    """Return numbers, texts, arrays and what holds such as a value that does not change and has a hash.
+
+    Of anything else `NOTHING`.
+    """
+    if value is None or type(value) in (bool, int, float, str, bytes, complex):
+        return value
+    if isinstance(value, np.generic):
+        return frozen(value.item(), depth)
+    if isinstance(value, np.ndarray):
+        return (value.shape, value.dtype.str, value.tobytes()) if value.dtype.kind in "biufcSU" else NOTHING
+    if isinstance(value, (SimpleNamespace, dict)) or (is_dataclass(value) and not isinstance(value, type)):
+        pairs = value.items() if isinstance(value, dict) else _fields_of(value)
+        items: Iterable = sorted(pairs, key=lambda pair: repr(pair[0]))
+    elif isinstance(value, (set, frozenset)):
+        items = sorted(value, key=repr)
+    elif isinstance(value, (list, tuple)):
+        items = value
+    else:
+        return NOTHING
+    if depth > DEEPEST:
+        return NOTHING
+    inner = tuple(frozen(item, depth + 1) for item in items)
+    return NOTHING if inner and all(item is NOTHING for item in inner) else inner
+
+
+def _fields_of(value: Any) -> list[tuple[str, Any]]:
+    if isinstance(value, SimpleNamespace):
+        return list(vars(value).items())
+    return [(field.name, getattr(value, field.name)) for field in fields(value)]
+
+
+def _codes(function: FunctionType) -> list[CodeType]:
+    """Return the code of a function, and code nested in it."""
     codes = [function.__code__]
     for code in codes:
         codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
-    steps = (step for code in codes for step in dis.get_instructions(code))
+    return codes
+
+
+def operations(function: FunctionType) -> set[str]:
+    """Return the names of the operations in a function's code, and code nested in it."""
+    return {step.opname for code in _codes(function) for step in dis.get_instructions(code)}
+
+
+def operands(function: FunctionType, *operations: str) -> set[str]:
+    """Return the names on which the function's code, and code nested in it, does one of these operations."""
+    steps = (step for code in _codes(function) for step in dis.get_instructions(code))
     return {step.argval for step in steps if step.opname in operations}

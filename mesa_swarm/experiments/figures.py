@@ -326,13 +326,16 @@ def series_figure(portraits: dict[str, FinalState]) -> Figure:
 
 
 def _draw_series(axes: Axes, name: str, portraits: dict[str, FinalState]) -> None:
-    for i, (title, portrait) in enumerate(portraits.items()):
-        rows, means = window_means(portrait.series[name])
+    windows = [window_means(portrait.series[name]) for portrait in portraits.values()]
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+    drawn = with_lanes_beyond(axes, drawable(np.concatenate([means for _, means in windows])))
+    ends = np.cumsum([len(means) for _, means in windows])
+    curves = np.split(drawn, ends[:-1])
+    for i, ((title, portrait), (rows, _), means) in enumerate(zip(portraits.items(), windows, curves, strict=True)):
         steps = rows * portrait.collect_every
         style = ("-", "--", "-.", ":")[i % 4]
         axes.plot(steps, means, style, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=literal(title))
     axes.set_ylabel(literal(f"{name.replace('_', ' ')}\n(window mean)"), fontsize=9)
-    axes.yaxis.set_major_locator(MaxNLocator(5))
     axes.margins(x=0)
     axes.spines[["top", "right"]].set_visible(False)
 
@@ -341,4 +344,5 @@ def window_means(values: np.ndarray, windows: int = 40) -> tuple[np.ndarray, np.
     """Return the middles (in steps, counted from 1) and means of equal windows over a series."""
     parts = np.array_split(np.arange(len(values)), max(min(windows, len(values)), 1))
     middles = np.array([part.mean() + 1 for part in parts if len(part)])
-    return middles, np.array([values[part].mean() for part in parts if len(part)])
+    with np.errstate(over="ignore"):  # a mean that is too large is infinite
+        return middles, np.array([values[part].mean() for part in parts if len(part)])

@@ -93,7 +93,9 @@ def _sample(values: Sequence[float]) -> np.ndarray:
 
 def _confidence(confidence: float) -> float:
     """Return a confidence that is above 0 and below 1."""
-    return check_number("confidence", confidence, above=0.0, maximum=math.nextafter(1.0, 0.0))
+    if check_number("confidence", confidence, above=0.0, maximum=1.0) == 1.0:
+        raise InvalidValueError("confidence is 1; expected a number above 0 and below 1")
+    return confidence
 
 
 def _mean(sample: np.ndarray) -> float:

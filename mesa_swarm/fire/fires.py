@@ -307,17 +307,17 @@ class History:
     @property
     def steps(self) -> np.ndarray:
         """The steps of the rows, shape (k,)."""
-        return np.array(self._steps, np.int64)
+        return read_only(np.array(self._steps, np.int64))
 
     @property
     def temperature(self) -> np.ndarray:
         """Temperatures, shape (k, f)."""
-        return self._table(0)
+        return read_only(self._table(0))
 
     @property
     def robots(self) -> np.ndarray:
         """Robots at each fire, -1 once it is out, shape (k, f)."""
-        return self._table(1).astype(np.int64)
+        return read_only(self._table(1).astype(np.int64))
 
     def _table(self, which: int) -> np.ndarray:
         width = max((row.shape[1] for row in self._rows), default=0)

@@ -86,6 +86,8 @@ CHANGES = (
     POSES,
     "values of fields",
 )
+# Values of attributes that may be changed in place.
+IN_PLACE = (np.ndarray, list, dict, set)
 ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 
 
@@ -95,13 +97,13 @@ class ChangeDetector:
     Detected are robots, obstacles, loads, fires and other agents that were added or removed; whatever their handles
     set, columns of `OF_ROBOTS` and `OF_FIRES` that were written directly, loads and other agents that were moved,
     values of fields; every attribute of the model and of other agents that was replaced: `control`, `fire_constants`,
-    `imperfections`, `communication`, a number, a text; and whatever changed in `model.state`, processes and other
-    declared state.
+    `imperfections`, `communication`, a number, a text; arrays, lists, dicts and sets of other agents that were changed
+    in place; and whatever changed in `model.state`, processes and other declared state.
 
     Not detected are attributes that change when a model is read (`World._fleeting`), such as its data collector; draws
-    from the model's random streams; changes within an attribute, such as a list, an array, a learner or the memory of a
-    layer; other columns that were written directly; attributes that robots and bodies were given. What a failed step
-    has left behind is reported like a change by hand.
+    from the model's random streams; changes within an attribute of the model, such as a list, an array, a learner or
+    the memory of a layer; other columns that were written directly; attributes that robots and bodies were given. What
+    a failed step has left behind is reported like a change by hand.
     """
 
     __slots__ = ("_agents", "_attributes", "_declared", "_fleeting", "_objects", "_processes")
@@ -163,27 +165,35 @@ class ChangeDetector:
 
 
 class _Seen(NamedTuple):
-    """An agent as it was: its attributes, and its place in the model's space."""
+    """An agent as it was: its attributes, what those hold that can be changed in place, and its place in the space."""
 
     agent: Agent
     attributes: dict[str, Any]
+    contents: list[bytes]
     place: list[float] | None
 
     @classmethod
     def of(cls, agent: Agent) -> "_Seen":
-        return cls(agent, vars(agent).copy(), _place_of(agent))
+        return cls(agent, vars(agent).copy(), _contents_of(agent), _place_of(agent))
 
     def is_same(self, agent: Agent) -> bool:
         was, now = self.attributes, vars(agent)
         if agent is not self.agent or len(was) != len(now) or _place_of(agent) != self.place:
             return False
-        return all(name in was and was[name] is value for name, value in now.items())
+        if not all(name in was and was[name] is value for name, value in now.items()):
+            return False
+        return _contents_of(agent) == self.contents
 
 
 def _other_agents(model: FireModel) -> list[Agent]:
     """Return the agents that are neither robots nor bodies, of most models none."""
     kinds = [kind for kind in model.agents_by_type if not issubclass(kind, ArenaAgent)]
     return [agent for kind in kinds for agent in model.agents_by_type[kind]] if kinds else []
+
+
+def _contents_of(agent: Agent) -> list[bytes]:
+    """Return a fingerprint of each attribute of an agent that may change in place."""
+    return [fingerprint(value) for value in vars(agent).values() if isinstance(value, IN_PLACE)]
 
 
 def _place_of(agent: Agent) -> list[float] | None:

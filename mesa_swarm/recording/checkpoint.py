@@ -34,7 +34,7 @@ from mesa_swarm.recording.collected import (
     set_clock,
 )
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
-from mesa_swarm.recording.making import check_made, check_process_class
+from mesa_swarm.recording.making import OF_PACKAGE, check_made, check_process_class
 from mesa_swarm.recording.parts import (
     classes_near,
     control_from_json,
@@ -58,7 +58,7 @@ LARGEST_NUMBER = 1e15
 WORDS = 625
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
 # Parts of a stored state that follow how a run is observed.
-OBSERVING = ("collect_every", "reporters", "history")
+OBSERVING = ("reporters", "history")
 OF_BURNING = f"{Burning.__module__}.{Burning.__qualname__}"
 
 
@@ -111,13 +111,10 @@ def checkpoint_of(model: FireModel, since: dict[Path, int] | None = None, *, ste
 def differing_part(one: FireModel, other: FireModel) -> str:
     """Return the name of a part of the state in which two models differ, an empty text if there is none.
 
-    What only observes a run, such as reporters and how often they are collected, is not compared, and collected rows
-    are where both models collect the same.
+    What only observes a run, such as reporters, is not compared, and collected rows are where both models have them.
     """
     mine, others = checkpoint_of(one), checkpoint_of(other)
     for name, what, content, same in _paired_parts(mine.facts, others.facts):
-        if name == "collected" and mine.facts["collect_every"] != others.facts["collect_every"]:
-            continue
         if name not in OBSERVING and _with_arrays(content, mine) != _with_arrays(same, others):
             return what
     return "" if mine.state_hash == others.state_hash else "its state hash"
@@ -392,8 +389,9 @@ def _restore_declared(model: FireModel, facts: dict, packed: ModelPacked) -> Non
 
 
 def _made_process(model: FireModel, kind: str) -> Any:
-    """Make a process that no constructor adds, of a class in the model's own module, without its constructor."""
-    found = next((one for one in classes_near(model) if _is_kind(one, kind) and callable(asked(one, "step"))), None)
+    """Make a process that no constructor adds, of a class in the model's own module or the package, without it."""
+    classes = (*classes_near(model), *OF_PACKAGE)
+    found = next((one for one in classes if _is_kind(one, kind) and callable(asked(one, "step"))), None)
     if found is None or issubclass(found, Agent | Model):
         raise RecordingError(_odd_process(model, kind))
     check_process_class(found)

@@ -12,10 +12,14 @@ from typing import Any
 from mesa.agent import Agent
 
 from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.fire.spreading import Spreading
 from mesa_swarm.open_model import Process
+from mesa_swarm.scattering import Wander
 
 # The attribute by which a class declares that it may be made so.
 RESUMABLE = "resumable"
+# Processes that ship with the package, which any model may have been given.
+OF_PACKAGE = (Spreading, Wander)
 FUNCTIONS = (FunctionType, BuiltinFunctionType, WrapperDescriptorType)
 # What Python adds to classes that derive from a protocol.
 OF_PROTOCOLS = ("_abc_impl", "_is_protocol", "_is_runtime_protocol")
@@ -35,7 +39,7 @@ def check_process_class(kind: type) -> None:
     ...     level: float = 0.0
     >>> check_process_class(Tide)
     """
-    if Process not in kind.__mro__ and getattr(kind, RESUMABLE, False) is not True:
+    if not (Process in kind.__mro__ or kind in OF_PACKAGE or getattr(kind, RESUMABLE, False) is True):
         raise RecordingError(
             f"process {kind.__name__} is not one that the model's constructor adds, and its class does not derive from "
             "mesa_swarm.Process; add the process in the constructor, or derive its class"

@@ -27,8 +27,8 @@ from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_
 from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
-from mesa_swarm.recording.making import check_agent_class, check_made, check_process_class
-from mesa_swarm.recording.parts import control_to_json, own_code, summary
+from mesa_swarm.recording.making import OF_PACKAGE, check_agent_class, check_made, check_process_class
+from mesa_swarm.recording.parts import classes_near, control_to_json, own_code, summary
 from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of, scenery_of, shows
 from mesa_swarm.recording.schema import (
     MOST_EVERY,
@@ -405,6 +405,7 @@ class _Checkpoints:
         self.due = 0 if every else sys.maxsize
         self._buffer = buffer
         self._every = every
+        self._warned = False
         self._control = control_to_json(model.control)
         self._processes, self._kinds = {*model._processes}, {*model.agents_by_type}
         self._since: dict[SeriesPath, int] = {}
@@ -417,6 +418,7 @@ class _Checkpoints:
     def postpone(self, model: FireModel, why_not: str) -> None:
         """Do without a checkpoint of the present state, which cannot be stored."""
         self.due, self.why_not = model.completed + self._every, why_not
+        self._warned = True  # by `record`
 
     def put_intervention(self, model: FireModel, what: list[str]) -> None:
         """Store what was changed before the step that Mesa has just counted, and the state after the change."""
@@ -436,9 +438,18 @@ class _Checkpoints:
             check_collected(self._collected + self._more, self._buffer.writer.sealed.end)
         except RecordingError as error:
             self.why_not = str(error)
+            self._warn(model)
             return b""
         self.why_not = ""
         return content
+
+    def _warn(self, model: FireModel) -> None:
+        """Warn once that states are no longer stored."""
+        if self._warned:
+            return
+        self._warned = True
+        text = f"the state of {type(model).__name__} after step {model.completed} cannot be stored in its recording: "
+        warnings.warn(without_middle(text + self.why_not), UnstoredStateWarning, stacklevel=2)
 
     def _check_control(self, model: FireModel) -> None:
         """Refuse a control with custom rules that it did not have when the recording began."""
@@ -455,6 +466,11 @@ class _Checkpoints:
         for number in model._processes.keys() - self._processes:
             process = model._processes[number]
             check_process_class(type(process))
+            if type(process) not in (*classes_near(model), *OF_PACKAGE):
+                raise RecordingError(
+                    f"process {type(process).__name__} was added by hand, and its class is not in "
+                    f"{type(model).__module__}; define it there, or add the process in the constructor"
+                )
             check_made(process, () if isinstance(process, Checkpointed) else attributes_of(process))
         for kind in model.agents_by_type.keys() - self._kinds:
             if not issubclass(kind, ArenaAgent):

@@ -11,7 +11,17 @@ from mesa_swarm.recording.parts import family
 from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.transfer import take_over
-from mesa_swarm.recording.verify import Rerun, Watch, check_row, last_same, restored, run_to, started_again, states_to
+from mesa_swarm.recording.verify import (
+    Rerun,
+    Watch,
+    check_row,
+    has_row,
+    last_same,
+    restored,
+    run_to,
+    started_again,
+    states_to,
+)
 
 # An address in a recording that is longer is not shown.
 LONGEST_ADDRESS = 80
@@ -113,7 +123,8 @@ def state_at(recording: Recording, model_class: type, step: int, watch: Watch = 
 def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -> Rerun:
     """Return a model with the state of the last whole checkpoint at or before a step, or one started again.
 
-    A state that is not that of its row is refused; one after a change by hand has no row.
+    A state that is not that of its row, or of the recording's start, is refused; one of a step without a row is not
+    used. States after a change by hand have no row.
     """
     by_hand = {one.checkpoint for one in recording.interventions}
     usable = [place for place, one in enumerate(recording.checkpoints) if one <= step]
@@ -122,6 +133,8 @@ def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -
             states = states_to(recording, place)
         except RecordingError:  # damaged: an earlier one, or running again, gives the same state, but slower
             continue
+        if place not in by_hand and not has_row(recording, recording.checkpoints[place]):
+            continue  # nothing proves that it is the state of its step
         rerun = Rerun(recording, restored(recording, model_class, states), place, watch)
         if place not in by_hand:
             check_row(rerun)

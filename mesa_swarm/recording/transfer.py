@@ -29,6 +29,7 @@ from mesa_swarm.recording.attributes import (
 from mesa_swarm.recording.collected import reporters_of, set_clock
 from mesa_swarm.recording.parts import control_to_json, objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
+from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING, Swarm
 from mesa_swarm.state import ATOMS, Checkpointed, add_to, attributes_of
 from mesa_swarm.world.arena import next_id, set_next_id
@@ -42,6 +43,7 @@ SETTINGS = ("communication", "imperfections", "fire_constants", "scale", "collec
 # Parts of a model to which its attributes may refer.
 PARTS = ("swarm", "space", "fires", "map", "rng", "random", "streams", "datacollector")
 OURS = "mesa_swarm."
+PERFECT = Imperfections()
 
 
 def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
@@ -143,8 +145,14 @@ def _take_bodies(new: FireModel, old: FireModel, fresh: FireModel) -> None:
 
 def changed_settings(model: FireModel, other: FireModel) -> list[str]:
     """Return the settings in which two models of the same class differ, `control` among them."""
-    names = [name for name in SETTINGS if getattr(model, name) != getattr(other, name)]
+    names = [name for name in SETTINGS if _setting(model, name) != _setting(other, name)]
     return names if _same_control(model.control, other.control) else [*names, "control"]
+
+
+def _setting(model: FireModel, name: str) -> Any:
+    """Return a setting; perfect imperfections are none, as a robot has that was made to fail."""
+    value = getattr(model, name)
+    return None if value == PERFECT else value
 
 
 def _take_settings(new: FireModel, old: FireModel, fresh: FireModel) -> None:

@@ -344,12 +344,22 @@ def run_to(rerun: Rerun, step: int) -> None:
 def check_row(rerun: Rerun) -> None:
     """Refuse a stored state, from which a model was just made, that is not that of the row of its step."""
     recording, step = rerun.recording, rerun.model.completed
-    row = recording.row_after(step) - 1
-    if row < 0 or recording[row].step != step or recording.provenance["format"] <= LATE_READINGS:
+    facts, row = recording.provenance, recording.row_after(step) - 1
+    if step == facts["start"]["step"]:
+        if hash_in_format(rerun.model, facts["format"]) != facts["start"]["state_hash"]:
+            raise RecordingError(f"the stored state of step {step} is not that with which the recording began")
+        return
+    if facts["format"] <= LATE_READINGS:
         return
     difference = _difference(row, recording[row], rerun.frame(recording[row]))
     if difference is not None:
         raise RecordingError(f"the stored state of step {step} does not match the row of this step: {difference}")
+
+
+def has_row(recording: Recording, step: int) -> bool:
+    """Return whether a recording has a row of a step, or begins with it, so that a stored state can be compared."""
+    row = recording.row_after(step) - 1
+    return step == recording.provenance["start"]["step"] or (row >= 0 and recording[row].step == step)
 
 
 def last_same(rerun: Rerun, step: int) -> int:

@@ -40,6 +40,7 @@ from mesa_swarm.geometry.diffusion import (
     spread,
     withdraw,
 )
+from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Shape, as_numbers
 
 MOST_CELLS = 50_000_000
@@ -220,7 +221,7 @@ class ScalarField:
     def blocked(self) -> np.ndarray:
         """Which cells obstacles block: their centres are within one; a bool array (rows, columns)."""
         sides = self._current_walls().sides
-        return (sides & BLOCKED > 0) if sides.size else np.zeros(self._values.shape, bool)
+        return read_only((sides & BLOCKED > 0) if sides.size else np.zeros(self._values.shape, bool))
 
     def deposit(self, positions: Any, amounts: Any = 1.0) -> None:
         """Add amounts to the cells in which positions lie.

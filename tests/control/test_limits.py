@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit, vectorize
+from numba.core.errors import NumbaExperimentalFeatureWarning
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
@@ -42,6 +43,7 @@ def run(rule, steps=1, plain=False):
 def refused(rule, match):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UncompiledBehaviourWarning)
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)  # of functions as arguments
         with pytest.raises(BehaviourError, match=match) as caught:
             driven(rule).run(1)
     assert len(str(caught.value)) <= 300
@@ -154,9 +156,54 @@ def of_an_inner_function(me):
     return inner(1.0), 0.0
 
 
-WITH_LOOPS = {part.py_func.__name__: part.py_func for part in (spin, ended, counts_up)}
+@njit
+def spin_on(x):
+    """Never return either."""
+    while x > 0.0:
+        x += 2.0
+    return x
+
+
+@njit
+def applied(function, x):
+    """Call a function that is given."""
+    return function(x)
+
+
+WAYS = (spin, spin_on)
+
+
+def called_in_a_tuple(me):
+    return WAYS[0](1.0), 0.0
+
+
+def called_as_an_argument(me):
+    return applied(spin, 1.0), 0.0
+
+
+def called_as_an_argument_of_a_module(me):
+    return applied(tools.spin, 1.0), 0.0
+
+
+def called_by_another_name(me):
+    way = spin if me.radius > 1.0 else spin_on
+    return way(1.0), 0.0
+
+
+def of_an_inner_function_as_an_argument(me):
+    def inner(x):
+        while x > 0.0:
+            x += 1.0
+        return x
+
+    return applied(inner, 1.0), 0.0
+
+
+WITH_LOOPS = {part.py_func.__name__: part.py_func for part in (spin, spin_on, ended, counts_up)}
 ENDLESS = [while_loop, while_true_pass, for_loop, nested_loops, comprehension, called, called_by_another]
 ENDLESS += [called_in_a_module, called_in_a_loop, of_a_generator, of_an_inner_function]
+ENDLESS += [called_in_a_tuple, called_as_an_argument, called_as_an_argument_of_a_module, called_by_another_name]
+ENDLESS += [of_an_inner_function_as_an_argument]
 
 
 @pytest.mark.parametrize("rule", ENDLESS, ids=lambda rule: rule.__name__)
@@ -251,8 +298,7 @@ def test_the_budget_is_a_million_iterations_and_not_one_more():
             pass
         return PASS
 
-    # The last pass through the head of the loop, by which it ends, counts as well.
-    driven(counted(times=MOST_LOOPS - 1)).run(1)
+    driven(counted(times=MOST_LOOPS)).run(1)
     refused(counted(times=MOST_LOOPS + 1), "looped more than 1,000,000 times")
 
 
@@ -292,6 +338,58 @@ def factorial(n):
     return 1 if n < 2 else n * factorial(n - 1)
 
 
+def test_iterations_are_counted_and_not_how_often_loops_begin_or_functions_are_called():
+    @behaviour
+    def nested(me):
+        n = 0
+        for _ in range(300_000):
+            for k in range(2):
+                n += k
+        return PASS if n else (0.0, 0.0)
+
+    @behaviour
+    def empty(me):
+        n = 1
+        for _ in range(600_000):
+            for k in range(0):
+                n += k
+        return PASS if n else (0.0, 0.0)
+
+    driven(nested).run(1)
+    driven(empty).run(1)
+
+
+def twice(k):
+    return 2 * k
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+def test_a_plain_rule_may_call_a_function_in_each_of_its_iterations():
+    @behaviour
+    def calling(me):
+        last = {}
+        for k in range(600_000):
+            last["k"] = twice(k)
+        return PASS
+
+    driven(calling, 1).run(1)
+
+
+def swallows(me):
+    last = {}
+    while True:
+        try:
+            for k in range(10):
+                last["k"] = k
+        except Exception:
+            pass
+
+
+def test_a_plain_rule_that_swallows_errors_is_refused_too():
+    refused(behaviour(swallows), r"looped more than 1,000,000 times in one step, in swallows, line \d+")
+
+
 def uses_factorial(me):
     return (0.0, 1.0) if factorial(4) == 24 else PASS
 
@@ -308,6 +406,19 @@ def test_what_cannot_be_counted_in_a_plain_rule_is_named():
     assert uncounted(mixed) == ["squared", "tools.spin"]
     with pytest.warns(UncompiledBehaviourWarning, match="loops in squared, tools.spin are not counted"):
         driven(behaviour(mixed)).run(1)
+
+
+TABLE = {"spin": spin}
+
+
+@pytest.mark.parametrize("name", ["TABLE", "WAYS", "tools.spin"])
+def test_what_a_plain_rule_may_loop_in_is_named_before_it_begins(name):
+    space = {"TABLE": TABLE, "WAYS": WAYS, "tools": tools, "reached": []}
+    called = {"TABLE": 'TABLE["spin"]', "WAYS": "WAYS[0]", "tools.spin": "tools.spin"}[name]
+    exec(f"def unbounded(me):\n    str({{}})\n    reached.append(1)\n    return {called}(-1.0), 0.0\n", space)
+    with pytest.raises(UncompiledBehaviourWarning, match=f"loops in {name} are not counted, and may not end"):
+        driven(behaviour(space["unbounded"])).run(1)  # warnings are errors here
+    assert not space["reached"]
 
 
 PROGRAM = """

@@ -60,7 +60,7 @@ def test_a_robot_that_nothing_stops_achieves_its_motion(heading, forward, sidewa
 @given(headings, turns, st.floats(-5, 5), st.floats(-5, 5))
 def test_a_robot_that_collides_achieves_its_displacement_turned_back_by_half_its_turn(heading, turn, dx, dy):
     # The chord of an arc points along the heading half-way, and is 2 sin(turn / 2) / turn of the arc's length.
-    shortening = 1.0 if turn == 0.0 else 2.0 * math.sin(turn / 2) / turn
+    shortening = 1.0 if abs(turn) < 1e-9 else 2.0 * math.sin(turn / 2) / turn
     forward, sideways, turned = achieved((1.0, 2.0), (1.0 + dx, 2.0 + dy), heading, (9.0, 9.0, turn))
     displacement = complex(dx, dy) * complex(math.cos(heading + turn / 2), -math.sin(heading + turn / 2))
     assert complex(forward, sideways) == pytest.approx(displacement / shortening, abs=1e-9)

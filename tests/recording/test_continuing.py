@@ -14,6 +14,7 @@ from mesa_swarm.gallery import find_model, gallery_names
 from mesa_swarm.mesa_model import add_reporters
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.models.boids import Boids
+from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.observers import Observer
@@ -314,6 +315,15 @@ def test_rows_go_on_with_a_reporter_added_by_hand_and_one_that_the_change_adds_h
     assert frame["my completed"].tolist() == [1, 2, 3, 4, 5]
     assert frame["late"].isna().tolist() == [True, True, False, False, False]
     assert frame["my collisions"].isna().tolist() == [True, True, True, False, False]
+
+
+def test_a_run_in_which_a_robot_failed_goes_on_with_more_noise_and_the_robot_stays_as_it_is():
+    model = CollisionAvoidance(n_robots=5, rng=1).run(20)
+    model.robots[0].fail("stop")
+    model = model.continued(noise=0.2)
+    before = model.swarm.position[0].copy()
+    assert model.run(10).swarm.position[0].tolist() == before.tolist()
+    assert model.imperfections.sensing.error == 0.2
 
 
 def test_a_data_collector_that_replaced_the_models_own_goes_on():

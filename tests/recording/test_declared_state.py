@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from mesa_swarm import Process, SwarmModel
-from mesa_swarm.control import Explore, Subsumption
-from mesa_swarm.errors import RecordingError
+from mesa_swarm import AGENT9, Process, SwarmModel
+from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.errors import RecordingError, UnstoredStateWarning
+from mesa_swarm.fire import Spreading
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.container import Packed
+from mesa_swarm.scattering import scatter
 from support.scenes import blind
 
 
@@ -243,6 +245,43 @@ def test_a_process_added_by_hand_that_would_not_be_made_again_is_named_when_its_
         assert reason in recorder.why_no_checkpoint
     with pytest.raises(RecordingError, match="after step 2, changed by hand: set of processes"):
         Trails.resume(tmp_path / "run.arrow")
+
+
+def test_processes_of_the_package_are_made_again_in_models_that_are_assembled(tmp_path):
+    model = SwarmModel(map="original", rng=1)
+    scatter(model, 3, size=15, speed=0.5)
+    model.add_fire((400, 300), radius=20)
+    spreading = model.add_process(Spreading(rate=0.03, most=5))
+    model.add_robots(AGENT9, 5)
+    model.control = Subsumption(Avoid(distance=15), Explore())
+    path = tmp_path / "run.arrow"
+    with model.record(path, checkpoint_every=10):
+        model.run(15)
+        scatter(model, 1, size=8, speed=0.2)
+        model.run(5)
+    assert SwarmModel.verify(path).same
+    again = SwarmModel.resume(path, step=17).run(3)
+    assert again.state_hash() == model.state_hash()
+    assert [process for process in again.processes if isinstance(process, Spreading)] == [spreading]
+
+
+def test_a_state_that_is_no_longer_stored_is_named_once_while_recording(tmp_path):
+    class Tide:
+        level = 0.0
+
+        def step(self, model):
+            """Rise."""
+            self.level += 1.0
+
+    model = Trails(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=5):
+        model.run(3)
+        model.add_process(Tide())
+        with pytest.warns(
+            UnstoredStateWarning, match="after step 3 cannot be stored in its recording: process Tide"
+        ) as caught:
+            model.run(12)
+    assert len(caught) == 1
 
 
 def test_such_processes_of_the_constructor_are_stored_and_resumed(tmp_path):

@@ -79,9 +79,9 @@ def test_the_state_of_another_run_in_the_place_of_its_own_is_noticed_and_resume_
     genuine = taken_apart(path)
     forged = put_together(with_state(genuine, to_bytes(checkpoint_of(other.run(step))), step), path)
     assert noticed(forged, FireFighting)
-    if step:
-        with pytest.raises(RecordingError, match=f"stored state of step {step} does not match the row of this step"):
-            FireFighting.resume(forged, step=step)
+    wrong = "does not match the row of this step" if step else "is not that with which the recording began"
+    with pytest.raises(RecordingError, match=f"the stored state of step {step} {wrong}"):
+        FireFighting.resume(forged, step=step)
 
 
 class Counting(SwarmModel):
@@ -146,3 +146,35 @@ def test_a_state_that_cannot_be_read_is_named(tmp_path):
     assert (verdict.same, verdict.step) == (False, STEP)
     assert "its stored state cannot be read" in str(verdict)
     assert Counting.resume(path, step=STEP).state_hash() == Counting(rng=1).run(STEP).state_hash()
+
+
+def test_a_state_that_no_row_proves_is_not_gone_on_from(tmp_path):
+    model, path = FireFighting(n_robots=4, rng=1), tmp_path / "run.arrow"
+    with model.record(path, every=10, checkpoint_every=6):
+        model.run(25)
+    assert Recording(path).checkpoints == (0, 6, 12, 18, 24)
+    other = FireFighting(n_robots=4, rng=2).run(12)
+    put_together(with_state(taken_apart(path), to_bytes(checkpoint_of(other)), 12), path)
+    for step in (12, 15):
+        again = FireFighting.resume(path, step=step)
+        assert again.state_hash() == FireFighting(n_robots=4, rng=1).run(step).state_hash()
+
+
+def test_a_forged_interval_of_collecting_is_noticed_with_the_rows_that_it_would_excuse(tmp_path):
+    path = recorded(Counting(rng=1), tmp_path / "run.arrow")
+    whole = taken_apart(path)
+    state = from_bytes(whole.items[place_of(whole, STEP)].content)
+    forged = replace_state(state, facts={**state.facts, "collect_every": 3})
+    put_together(with_state(whole, to_bytes(forged), STEP), path)
+    assert str(verify(path, Counting)) == "step 6 is the first that differs: its stored state differs in collect_every"
+
+
+def test_an_interval_of_collecting_that_is_changed_by_hand_is_noted(tmp_path):
+    model, path = Counting(rng=1), tmp_path / "run.arrow"
+    with model.record(path, checkpoint_every=3):
+        model.run(4)
+        model.collect_every = 5
+        model.run(8)
+    assert verify(path, Counting).same
+    rows = Counting.resume(path, step=11).run(1).datacollector.get_model_vars_dataframe()
+    assert rows.equals(model.datacollector.get_model_vars_dataframe())

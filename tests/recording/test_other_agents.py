@@ -56,6 +56,59 @@ class Flock(SwarmModel):
             eldest.remove()
 
 
+class Prowler(Agent):
+    """An agent that moves by changing its arrays and lists in place."""
+
+    def __init__(self, model):
+        super().__init__(model)
+        self.position, self.seen, self.known = np.array([400.0, 300.0]), [], {}
+
+    def step(self):
+        self.position += 0.4
+
+
+class Hunt(SwarmModel):
+    """A model with a body that follows such an agent."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.prowler = Prowler(self)
+        self.add_body(disc((400, 300), 6), kind="wolf", agent=self.prowler)
+        self.add_robots(AGENT9, 20)
+        self.control = Subsumption(Avoid(distance=15), Explore())
+
+
+CHANGES_IN_PLACE = {
+    "array": lambda agent: agent.step(),
+    "element": lambda agent: agent.position.__setitem__(0, 100.0),
+    "list": lambda agent: agent.seen.append(1),
+    "dict": lambda agent: agent.known.update(a=1),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES_IN_PLACE)
+def test_what_is_changed_in_place_in_an_agent_is_noted_so_that_the_recording_verifies_and_resumes(tmp_path, change):
+    model = Hunt(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=20):
+        model.run(5)
+        CHANGES_IN_PLACE[change](model.prowler)
+        model.run(7)
+    path = tmp_path / "run.arrow"
+    assert [one.what for one in Recording(path).interventions] == [("place or attributes of other agents",)]
+    assert "all 12 rows to step 12 are the same; changed by hand" in str(Hunt.verify(path))
+    assert Hunt.resume(path, step=9).run(3).state_hash() == model.state_hash()
+
+
+def test_an_agent_that_is_stepped_in_a_loop_of_the_users_is_noted_in_each_step(tmp_path):
+    model = Hunt(rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        for _ in range(6):
+            model.prowler.step()
+            model.step()
+    assert len(Recording(tmp_path / "run.arrow").interventions) == 6
+    assert Hunt.verify(tmp_path / "run.arrow").same
+
+
 def seen(model):
     flock = [
         (one.unique_id, one.age, one.place.tolist(), one.parent and one.parent.unique_id)
