@@ -89,12 +89,12 @@ class Boids(SwarmModel):
     @property
     def alignment(self) -> float:
         """Mean cosine of the angle between the directions of travel of robots in sight of each other."""
-        return neighbour_alignment(self.swarm.position, self.travel, self.sight)
+        return float(neighbour_alignment(self.swarm.position, self.travel, self.sight))
 
     @property
     def polarization(self) -> float:
         """Length of the mean of all directions of travel: near 0 for random, 1 for equal directions."""
-        return polarization(self.travel)
+        return float(polarization(self.travel))
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: means over the second half, None without data."""

@@ -66,12 +66,12 @@ class Flocking(SwarmModel):
     @property
     def alignment(self) -> float:
         """Mean cosine of the angle between the headings of robots that are in sight of each other."""
-        return neighbour_alignment(self.swarm.position, self.swarm.heading, self.sight)
+        return float(neighbour_alignment(self.swarm.position, self.swarm.heading, self.sight))
 
     @property
     def polarization(self) -> float:
         """Length of the mean of all headings: near 0 for random, 1 for equal headings."""
-        return polarization(self.swarm.heading)
+        return float(polarization(self.swarm.heading))
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: means over the second half, None without data."""

@@ -26,16 +26,18 @@ def check_array(name: str, value: object, *axes: Axes, finite: bool = True, miss
     may be missing, NaN, None and masked ones are NaN.
     """
     array = _table(name, value, axes)
-    is_listed = array.dtype == object and all(number is None or isinstance(number, Real) for number in array.flat)
-    if array.dtype.kind not in "iuf" and not is_listed:
+    if array.dtype.kind not in "iuf" and not _holds_numbers(array):
         raise InvalidValueError(f"{name} is an array of {array.dtype}; expected real numbers")
     array = array.astype(float)  # None, as a collector has it, is NaN
-    wrong = np.isinf(array) if missing else ~np.isfinite(array)
-    if finite and wrong.any():
+    if finite and (wrong := np.isinf(array) if missing else ~np.isfinite(array)).any():
         where = tuple(np.argwhere(wrong)[0].tolist())
         expected = "finite numbers, or NaN for missing ones" if missing else "finite numbers"
         raise InvalidValueError(f"{name} is {array[where]:g} at {list(where)}; expected {expected}")
     return array
+
+
+def _holds_numbers(array: np.ndarray) -> bool:
+    return array.dtype == object and all(number is None or isinstance(number, Real) for number in array.flat)
 
 
 def check_points(name: str, value: object, *axes: Axes, table: bool = False, missing: bool | None = None) -> np.ndarray:
@@ -44,9 +46,11 @@ def check_points(name: str, value: object, *axes: Axes, table: bool = False, mis
     If it may be a `table` over time as well, or with other `axes`, points may also be missing: NaN or masked.
     """
     shapes = axes or ((("n", 2), ("k", "n", 2)) if table else (("n", 2),))
-    points = check_array(name, value, *shapes, missing=table if missing is None else missing)
+    may_miss = table if missing is None else missing
+    points = check_array(name, value, *shapes, finite=not may_miss)
     furthest = np.fmax.reduce(np.abs(points), axis=None, initial=0.0)
     if furthest > LARGEST_COORDINATE:
+        check_array(name, points, *shapes, missing=may_miss)  # infinity is named with its place
         raise InvalidValueError(f"{name} reaches {furthest:g}; expected coordinates of at most {LARGEST_COORDINATE:g}")
     return points
 
@@ -57,9 +61,9 @@ def check_headings(name: str, value: object, *axes: Axes) -> np.ndarray:
     A heading beyond 4 pi is probably in degrees, of which a warning is given.
     """
     headings = check_array(name, value, *(axes or (("n",), ("k", "n"))), finite=False)
-    if np.isinf(headings).any():
-        raise InvalidValueError(f"{name} holds an infinity; expected radians, or NaN for no direction")
     largest = np.fmax.reduce(np.abs(headings), axis=None, initial=0.0)
+    if largest == math.inf:
+        raise InvalidValueError(f"{name} holds an infinity; expected radians, or NaN for no direction")
     if largest > LARGEST_HEADING:
         warnings.warn(
             f"{name} reaches {largest:g}, beyond 4 pi; expected radians: numpy.radians converts degrees",
@@ -131,14 +135,18 @@ def check_length(name: str, value: object) -> float:
 
 
 def _table(name: str, value: object, shapes: tuple[Axes, ...]) -> np.ndarray:
-    wanted = f"an array of shape {' or '.join(map(_in_words, shapes))}"
     try:
-        array = unmasked(value)
+        array = value if type(value) is np.ndarray else unmasked(value)
     except ValueError:  # lists of unequal length
-        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
-    if not any(_fits(array.shape, axes) for axes in shapes):
-        raise InvalidValueError(f"{name} has the shape {array.shape}; expected {wanted}")
-    return array
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {_wanted(shapes)}") from None
+    for axes in shapes:
+        if _fits(array.shape, axes):
+            return array
+    raise InvalidValueError(f"{name} has the shape {array.shape}; expected {_wanted(shapes)}")
+
+
+def _wanted(shapes: tuple[Axes, ...]) -> str:
+    return f"an array of shape {' or '.join(map(_in_words, shapes))}"
 
 
 def _in_words(axes: Axes) -> str:
@@ -147,9 +155,12 @@ def _in_words(axes: Axes) -> str:
 
 def _fits(shape: tuple[int, ...], axes: Axes) -> bool:
     """Return whether a shape is an expected one."""
-    return len(shape) == len(axes) and all(
-        isinstance(axis, str) or axis == length for axis, length in zip(axes, shape, strict=True)
-    )
+    if len(shape) != len(axes):
+        return False
+    for axis, length in zip(axes, shape, strict=True):
+        if axis != length and not isinstance(axis, str):
+            return False
+    return True
 
 
 def _level_of_user() -> int:

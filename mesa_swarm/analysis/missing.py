@@ -50,6 +50,10 @@ class Measure(float):
     def __reduce__(self) -> tuple:
         return float, (float(self),)
 
+    def __deepcopy__(self, memo: dict) -> float:
+        """Return a plain float: data collectors copy each value, which the usual way would take 10 microseconds."""
+        return float(self)
+
 
 class Measures(np.ndarray):
     """Measures over time, one for each row of a table: an array that also has the numbers of values left out.
@@ -98,7 +102,7 @@ def by_row(function: Callable[..., float], *arrays: np.ndarray, missing: np.ndar
     `missing` has one flag for each robot, and another axis before it in tables.
     """
     if missing.ndim == 1:
-        return Measure(function(*arrays), int(missing.sum()))
+        return Measure(function(*arrays), int(np.count_nonzero(missing)))
     rows = [function(*row) for row in zip(*arrays, strict=True)]
     return Measures.of(np.array(rows, float), missing.sum(axis=1))
 

@@ -89,7 +89,9 @@ def polarization(heading: np.ndarray) -> Value:
 
 
 def _polarization(azimuth: np.ndarray) -> float:
-    azimuth = azimuth[~np.isnan(azimuth)]
+    is_missing = np.isnan(azimuth)
+    if is_missing.any():
+        azimuth = azimuth[~is_missing]
     if not len(azimuth):
         return math.nan
     return min(math.hypot(np.cos(azimuth).mean(), np.sin(azimuth).mean()), 1.0)
