@@ -15,7 +15,7 @@ from mesa_swarm.errors import InvalidValueError, StepWarning
 
 
 class Plain(SwarmModel):
-    """A model with a data collector that it does not collect, but at the beginning where that is asked for."""
+    """A model with a data collector that it does not collect, but at the beginning where that is required."""
 
     def __init__(self, *, own: bool = True, where: str = "after", every: int = 1, rng=None):
         reporters = {"robots": lambda model: len(model.robots)}

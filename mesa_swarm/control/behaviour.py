@@ -93,7 +93,8 @@ class Behaviour:
                 "use me.chance, a number from 0 to 1 that is drawn for every robot in every step"
             )
         if self._read is None or self._swarm is not swarm:
-            self._read, self._version = what_is_read(self.rule.function), -1
+            self._read = what_is_read(self.rule.function)
+            self._version = self.rule.version_of(self._read)
         self._swarm, self._prefix = swarm, prefix
         for name, first in self.memory.items():
             swarm.remember(f"{prefix}.{name}", first.shape, first.dtype.type, first)

@@ -212,16 +212,18 @@ class Rule:
         self.function = function
         self.name = function.__name__
         self._loops: dict[tuple, tuple[tuple[int, ...], Callable]] = {}
-        self._read: list[Read] = []
+        self._versions: list[tuple[Read, FunctionType]] = []
 
     def version_of(self, read: Read) -> int:
         """Return the number of the version of the rule that reads this, see `source.what_is_read`.
 
         Compiled code has what it reads as constants: where that has changed, the rule is compiled again.
         """
-        if read not in self._read:
-            self._read.append(read)
-        return self._read.index(read)
+        known = [other for other, _ in self._versions]
+        if read not in known:
+            self._versions.append((read, _with_names(self.function)))
+            return len(known)
+        return known.index(read)
 
     def __deepcopy__(self, memo: dict) -> "Rule":
         """Return the rule itself: functions are never copied."""
@@ -260,7 +262,7 @@ class Rule:
             places, loop = self._loops[kinds]
             return loop(tuple([known[place] for place in places]), values, at, *written)
         numbers = _numbers_in(columns)
-        (places, loop), problem = _compiled(self.function, form, known, values, numbers)
+        (places, loop), problem = _compiled(self.function, self._versions[version][1], form, known, values, numbers)
         taken = tuple([known[place] for place in places])
         if not problem:
             self._loops[kinds] = places, loop
@@ -314,14 +316,25 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
     return views
 
 
+def _with_names(function: FunctionType, **names: Any) -> FunctionType:
+    """Return a function with names of its own: those around it as they are now, and others."""
+    around = {**function.__globals__, **names}
+    made = FunctionType(function.__code__, around, function.__name__, function.__defaults__, function.__closure__)
+    made.__kwdefaults__, made.__qualname__ = function.__kwdefaults__, function.__qualname__
+    return made
+
+
 def _compiled(
-    function: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
+    function: FunctionType, now: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
-    """Return the loop over all robots, compiled if that can be, and Numba's explanation if not."""
+    """Return the loop over all robots, compiled if that can be, and Numba's explanation if not.
+
+    Compiled is `now`, the function with the names around it as they were when the robots were given the rule.
+    """
     recursive = calls_itself(function)
     if recursive:
         return _plain(function, form), f"{recursive} calls itself"
-    variants = [function, *(_with_longer_pass(function, count) for count in numbers if count != len(PASS))]
+    variants = [now, *(_with_longer_pass(now, count) for count in numbers if count != len(PASS))]
     problems = []
     for variant in variants:
         loop, problem = _tried(variant, form, columns, values, numbers)
@@ -339,8 +352,7 @@ def _numbers_in(columns: tuple) -> list[int]:
 def _with_longer_pass(function: FunctionType, count: int) -> FunctionType:
     """Return a rule in which the name `PASS` is for this count of numbers: all its branches have to be of one type."""
     passes = {n: (math.inf,) * count for n in function.__code__.co_names if function.__globals__.get(n) is PASS}
-    names, code = {**function.__globals__, **passes}, function.__code__
-    return FunctionType(code, names, function.__name__, function.__defaults__, function.__closure__)
+    return _with_names(function, **passes)
 
 
 def _tried(

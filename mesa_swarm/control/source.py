@@ -190,12 +190,10 @@ def what_is_read(function: FunctionType) -> Read:
 
     Examples
     --------
-    >>> def shifted(x, by=2.0):
-    ...     return x + by
     >>> def ahead(me):
-    ...     return shifted(me.max_speed), 1.0
-    >>> what_is_read(FunctionType(ahead.__code__, {"shifted": shifted})).values
-    (('shifted.by', 2.0),)
+    ...     return gain * me.max_speed, 1.0
+    >>> what_is_read(FunctionType(ahead.__code__, {"gain": 0.5})).values
+    (('gain', 0.5),)
     """
     parts, values = [function], []
     for part in parts:

@@ -150,7 +150,7 @@ def changed_settings(model: FireModel, other: FireModel) -> list[str]:
 
 
 def _setting(model: FireModel, name: str) -> Any:
-    """Return a setting; perfect imperfections are none, as a robot has that was made to fail."""
+    """Return a setting; imperfections that change nothing, as `Robot.fail` sets them, count as None."""
     value = getattr(model, name)
     return None if value == PERFECT else value
 
