@@ -91,9 +91,7 @@ def described_bodies(bodies: Sequence[Body]) -> list:
 
     It does not depend on the order in which those at rest were created, as no step does.
     """
-    bodies = sorted((body for body in bodies if body.mode == "fixed"), key=_rank) + [
-        body for body in bodies if body.mode != "fixed"
-    ]
+    bodies = [*_sorted([body for body in bodies if body.mode == "fixed"]), *(b for b in bodies if b.mode != "fixed")]
     geometries = [body.shape.geometry if body.mode == "fixed" else body.form.outline for body in bodies]  # type: ignore[attr-defined]
     return [
         ";".join(f"{body.mode} {body.kind} {body.contact}" for body in bodies),
@@ -105,9 +103,13 @@ def described_bodies(bodies: Sequence[Body]) -> list:
     ]
 
 
-def _rank(body: Body) -> tuple:
-    shape = body.shape
-    return body.kind, body.contact, shape.radius, shapely.to_wkb(shape.geometry)
+def _sorted(bodies: list[Body]) -> list[Body]:
+    """Return bodies at rest in an order that follows from what they are."""
+    outlines = shapely.to_wkb(np.array([body.shape.geometry for body in bodies], object))  # at once: 20 times faster
+    ranks = [
+        (body.kind, body.contact, body.shape.radius, outline) for body, outline in zip(bodies, outlines, strict=True)
+    ]
+    return [bodies[place] for place in sorted(range(len(bodies)), key=ranks.__getitem__)]
 
 
 def _radius_of(body: Body) -> float:
