@@ -10,6 +10,7 @@ import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
+from operator import itemgetter
 from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
@@ -199,7 +200,9 @@ def what_is_read(function: FunctionType) -> Read:
     for part in parts:
         if part is not function:
             values += [(f"{part.__name__}.{name}", frozen(value)) for name, value in _defaults_of(part)]
-        for name, value in (*values_used(part), *attributes_used(part)):
+        # By name: the order of operations is not the same for every version of Python.
+        attributes = sorted(dict(attributes_used(part)).items(), key=itemgetter(0))
+        for name, value in (*values_used(part), *attributes):
             functions = _functions_in(value)
             called = [function for function in functions if not is_apart(function.__module__ or "")]
             parts += [function for function in called if function not in parts]
