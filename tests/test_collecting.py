@@ -14,6 +14,11 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, StepWarning
 
 
+def layer_of(agent):
+    """Return the layer that drives a robot; obstacles, which are agents too, have none."""
+    return getattr(agent, "layer", None)
+
+
 class Plain(SwarmModel):
     """A model with a data collector that it does not collect, but at the beginning where that is required."""
 
@@ -24,7 +29,7 @@ class Plain(SwarmModel):
         self.control = Subsumption(Avoid(), Explore())
         self.where = where
         if own:
-            self.datacollector = mesa.DataCollector(model_reporters=reporters, agent_reporters={"x": "layer"})
+            self.datacollector = mesa.DataCollector(model_reporters=reporters, agent_reporters={"x": layer_of})
         if "begin" in where:
             self.datacollector.collect(self)
 

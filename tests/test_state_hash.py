@@ -228,7 +228,7 @@ NOT_SEEN = {
     "threads": {"threads": 3},
     "the engine": {"engine": "shapely"},
     "how often is collected": {"collect_every": 7, "history_every": 3},
-    "reporters": {"model_reporters": {"n": lambda model: 1}, "agent_reporters": {"x": "layer"}},
+    "reporters": {"model_reporters": {"n": lambda model: 1}, "agent_reporters": {"x": lambda agent: agent.unique_id}},
     "constants of fires without fires": {"fire_constants": LASTING, "extinguish_range": 3.0},
 }
 
