@@ -24,6 +24,8 @@ COMPUTING = ("numpy", "numba", "scipy", "shapely", "mesa", "mesa_swarm")
 DEEPEST = 6
 # Instead of a value that is neither a number nor a text nor holds such.
 NOTHING = "\0nothing"
+# The file of code that was compiled from a text.
+UNNAMED = "<string>"
 # Tokens that are layout; what they separate is separated by their numbers.
 LAYOUT = {tokenize.NEWLINE: ";", tokenize.INDENT: "{", tokenize.DEDENT: "}"}
 SKIPPED = (tokenize.COMMENT, tokenize.NL, tokenize.ENCODING, tokenize.ENDMARKER)
@@ -45,6 +47,8 @@ def normal_source(function: FunctionType) -> str:
     >>> normal_source(ahead)
     'def ahead ( me ) : ; { return me . max_speed , me . max_speed ; }'
     """
+    if function.__code__.co_filename == UNNAMED:  # Python 3.13 has the source of `python -c` under the same name
+        return ""
     try:
         text = textwrap.dedent(inspect.getsource(function))
         lines = list(_logical_lines(text))
