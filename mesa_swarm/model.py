@@ -573,7 +573,7 @@ class EngineModel(ImperfectModel):
         """Iterate over what steps read besides what they write, by name."""
         yield "map", self.map.bounds
         yield "bodies", described_bodies(self._obstacles)
-        if self._movers is not None:
+        if self._movers is not None and self._movers.agents:
             yield "driven bodies", described_movers(self._movers)
         yield "fields", [field.declared for field in self.fields.values()]
         yield "designs", described_designs(self.swarm.designs, self.swarm.columns["design"])

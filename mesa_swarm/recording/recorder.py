@@ -18,7 +18,7 @@ import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
 from mesa_swarm.files import shown_path
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.fire.model import BURNING, FireModel
 from mesa_swarm.observers import Observer
 from mesa_swarm.recording.changes import POSES, ChangeDetector, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
@@ -463,7 +463,7 @@ class _Checkpoints:
 
     def _check_classes(self, model: FireModel) -> None:
         """Refuse processes and agents, added since the recording began, that would not be made again."""
-        for number in model._processes.keys() - self._processes:
+        for number in model._processes.keys() - self._processes - {BURNING}:  # which the first fire begins
             process = model._processes[number]
             check_process_class(type(process))
             if type(process) not in (*classes_near(model), *OF_PACKAGE):

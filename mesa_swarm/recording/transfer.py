@@ -161,6 +161,8 @@ def _take_settings(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     for name in by_hand:
         if name != "control":
             setattr(new, name, getattr(old, name))
+    if old._imperfect is not None and new._imperfect is None and old.imperfections == PERFECT:
+        new.imperfections = PERFECT
     if FAILED_SENSORS in old.swarm.columns:
         new.prepare_failures()
     if new._imperfect is not None and old._imperfect is not None:
