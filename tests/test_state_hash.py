@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from types import ModuleType, SimpleNamespace
 
 import mesa
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -39,7 +40,7 @@ from mesa_swarm.control import (
     VectorSum,
     behaviour,
 )
-from mesa_swarm.control.source import normal_source
+from mesa_swarm.control.source import normal_source, what_is_read
 from mesa_swarm.fire import FightFire, SeekHeat, design_constants
 from mesa_swarm.gallery import find_model, gallery_names
 from mesa_swarm.learning import QLearning
@@ -401,7 +402,56 @@ def test_a_default_of_a_function_that_a_rule_calls_counts():
     assert len(hashes) == 2
 
 
-def test_a_rule_goes_by_its_constants_as_they_are_when_it_gets_its_robots_and_so_does_its_hash():
+def world_of_one(rule):
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_robots(AGENT9, poses=[(400, 300, 0.0)])
+    model.control = Subsumption(rule)
+    return model
+
+
+@pytest.mark.parametrize("where", ["global", "closure", "module"])
+def test_a_constant_that_is_changed_before_the_first_step_counts_and_so_does_its_hash(where):
+    cfg = ModuleType("cfg")
+    cfg.GAIN = gain = 0.1
+    space = {"PASS": PASS, "GAIN": 0.1, "cfg": cfg}
+
+    def of_closure(me):
+        return gain * me.max_speed, me.max_speed
+
+    words = "GAIN" if where == "global" else "cfg.GAIN"
+    exec(f"def rule(me):\n    return {words} * me.max_speed, me.max_speed\n", space)
+    rule = behaviour(of_closure if where == "closure" else space["rule"])
+    plain, changed = world_of_one(rule), world_of_one(rule)
+    before = (plain.state_hash(), plain.run(3).robots[0].heading)
+    space["GAIN"] = cfg.GAIN = gain = 0.9
+    after = (changed.state_hash(), changed.run(3).robots[0].heading)
+    assert all(one != other for one, other in zip(before, after, strict=True))
+
+
+@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+def test_a_plain_rule_reads_its_constants_in_every_step_and_its_hash_has_them():
+    space = {"PASS": PASS, "GAIN": 0.1}
+    exec("def rule(me):\n    str({})\n    return GAIN * me.max_speed, me.max_speed\n", space)
+    model, other = world_of_one(behaviour(space["rule"])), world_of_one(behaviour(space["rule"]))
+    model.run(2), other.run(2)
+    hashed = model.state_hash()
+    assert hashed == other.state_hash()
+    space["GAIN"] = 0.9
+    assert model.state_hash() != hashed
+    assert model.step() or model.robots[0].heading != pytest.approx(other.robots[0].heading * 1.5)
+
+
+def test_a_copy_of_a_model_whose_rule_has_begun_keeps_its_constants():
+    space = {"PASS": PASS, "GAIN": 0.1}
+    exec("def rule(me):\n    return GAIN * me.max_speed, me.max_speed\n", space)
+    model = world_of_one(behaviour(space["rule"])).run(2)
+    twin = copy.deepcopy(model)
+    space["GAIN"] = 0.9
+    assert twin.state_hash() == model.state_hash()
+    assert twin.run(5).state_hash() == model.run(5).state_hash()
+
+
+def test_a_rule_goes_by_its_constants_as_they_are_at_its_first_step_and_so_does_its_hash():
     space = {"PASS": PASS, "GAIN": 0.1}
     exec("def rule(me):\n    return GAIN * me.max_speed, me.max_speed\n", space)
     turning, ends = behaviour(space["rule"]), []
@@ -411,10 +461,31 @@ def test_a_rule_goes_by_its_constants_as_they_are_when_it_gets_its_robots_and_so
         model.add_robots(AGENT9, poses=[(400, 300, 0.0)])
         model.control = Subsumption(turning)
         begun = model.state_hash()
+        model.step()
         space["GAIN"] = 0.5  # too late for this model
-        ends.append((begun, model.run(10).robots[0].heading, model.state_hash()))
+        ends.append((begun, model.run(9).robots[0].heading, model.state_hash()))
     assert ends[0] == ends[2]
     assert all(one != other for one, other in zip(ends[0], ends[1], strict=True))
+
+
+@pytest.mark.parametrize(
+    ("number", "other"), [(7, 7.0), (0.0, -0.0), (1, True), (np.float32(0.1), float(np.float32(0.1)))]
+)
+def test_constants_that_are_equal_but_of_another_type_or_sign_are_compiled_again(number, other):
+    space = {"PASS": PASS, "GAIN": number}
+    exec("def rule(me):\n    return 0.1 * GAIN, 0.2\n", space)
+    reads = [what_is_read(space["rule"])]
+    space["GAIN"] = other
+    reads.append(what_is_read(space["rule"]))
+    rule = behaviour(space["rule"]).rule
+    assert [rule.version_of(read) for read in (*reads, *reads)] == [0, 1, 0, 1]
+
+
+def test_a_constant_that_is_nan_is_compiled_once():
+    space = {"PASS": PASS, "GAIN": np.float64("nan")}
+    exec("def rule(me):\n    return 0.1 * GAIN, 0.2\n", space)
+    rule = behaviour(space["rule"]).rule
+    assert [rule.version_of(what_is_read(space["rule"])) for _ in range(3)] == [0, 0, 0]
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,9 @@ class Behaviour:
 
     @property
     def read(self) -> Read:
-        """What the rule reads besides its arguments, as it was when the robots that it drives were given it."""
-        return self._read or what_is_read(self.rule.function)
+        """What the rule reads besides its arguments: compiled as it was at its first step, in plain Python as it is."""
+        begun = self._read is not None and self.rule.is_compiled(self._read)
+        return self._read if begun else what_is_read(self.rule.function)  # type: ignore[return-value]
 
     @property
     def remembered(self) -> tuple[str, ...]:
@@ -92,9 +93,8 @@ class Behaviour:
                 f"rule {self.name} uses {source}, which the model's seed does not govern; "
                 "use me.chance, a number from 0 to 1 that is drawn for every robot in every step"
             )
-        if self._read is None or self._swarm is not swarm:
-            self._read = what_is_read(self.rule.function)
-            self._version = self.rule.version_of(self._read)
+        if self._swarm is not swarm:
+            self._read, self._version = None, -1
         self._swarm, self._prefix = swarm, prefix
         for name, first in self.memory.items():
             swarm.remember(f"{prefix}.{name}", first.shape, first.dtype.type, first)
@@ -110,7 +110,8 @@ class Behaviour:
             columns, fields = self._columns(senses)
             fields.load()
             if self._version < 0:
-                self._version = self.rule.version_of(self.read)
+                self._read = self.read
+                self._version = self.rule.version_of(self._read)
             wrong = self.rule.run(self._version, columns, fields, values, at, command, layer, index)
             fields.store()
         except UncompiledBehaviourWarning:  # where warnings are errors

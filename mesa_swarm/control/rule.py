@@ -212,18 +212,25 @@ class Rule:
         self.function = function
         self.name = function.__name__
         self._loops: dict[tuple, tuple[tuple[int, ...], Callable]] = {}
-        self._versions: list[tuple[Read, FunctionType]] = []
+        self._versions: dict[str, int] = {}
+        self._with_names: list[FunctionType] = []
+        self._compiled: set[int] = set()
 
     def version_of(self, read: Read) -> int:
         """Return the number of the version of the rule that reads this, see `source.what_is_read`.
 
-        Compiled code has what it reads as constants: where that has changed, the rule is compiled again.
+        Compiled code has what it reads as constants: where that has changed, the rule is compiled again. Versions are
+        compared as texts, in which 7, 7.0 and True differ, and NaN is like itself.
         """
-        known = [other for other, _ in self._versions]
-        if read not in known:
-            self._versions.append((read, _with_names(self.function)))
-            return len(known)
-        return known.index(read)
+        text = repr(read)
+        if text not in self._versions:
+            self._versions[text] = len(self._versions)
+            self._with_names.append(_with_names(self.function))
+        return self._versions[text]
+
+    def is_compiled(self, read: Read) -> bool:
+        """Return whether this process has compiled the version of the rule that reads this."""
+        return self._versions.get(repr(read), -1) in self._compiled
 
     def __deepcopy__(self, memo: dict) -> "Rule":
         """Return the rule itself: functions are never copied."""
@@ -262,9 +269,10 @@ class Rule:
             places, loop = self._loops[kinds]
             return loop(tuple([known[place] for place in places]), values, at, *written)
         numbers = _numbers_in(columns)
-        (places, loop), problem = _compiled(self.function, self._versions[version][1], form, known, values, numbers)
+        (places, loop), problem = _compiled(self.function, self._with_names[version], form, known, values, numbers)
         taken = tuple([known[place] for place in places])
         if not problem:
+            self._compiled.add(version)
             self._loops[kinds] = places, loop
             return loop(taken, values, at, *written)
         names = uncounted(self.function)

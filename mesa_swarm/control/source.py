@@ -237,7 +237,8 @@ def frozen(value: Any, depth: int = 0) -> Any:
     if value is None or type(value) in (bool, int, float, str, bytes, complex):
         return value
     if isinstance(value, np.generic):
-        return frozen(value.item(), depth)
+        number = frozen(value.item(), depth)
+        return number if value.dtype.kind == "b" or value.dtype.itemsize == 8 else (value.dtype.str, number)
     if isinstance(value, np.ndarray):
         return (value.shape, value.dtype.str, value.tobytes()) if value.dtype.kind in "biufcSU" else NOTHING
     if isinstance(value, (SimpleNamespace, dict)) or (is_dataclass(value) and not isinstance(value, type)):
