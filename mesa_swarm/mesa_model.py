@@ -255,7 +255,10 @@ def add_reporters(collector: mesa.DataCollector, reporters: Mapping[str, Any]) -
 
 
 def collects(model: Any) -> bool:
-    """Return whether a method of a model's custom class, other than its constructor, names `collect`."""
+    """Return whether a method of a model's custom class, other than its constructor, collects its data collector.
+
+    As far as names show: a class may have a `collect` for something else.
+    """
     return _collects(type(model))  # type: ignore[arg-type]
 
 
@@ -265,7 +268,7 @@ def _collects(kind: type) -> bool:
     custom = [base for base in kind.__mro__ if base.__module__.partition(".")[0] not in ours]
     methods = [value for base in custom for name, value in vars(base).items() if name != "__init__"]
     codes = [method.__code__ for method in methods if isinstance(method, FunctionType)]
-    return any("collect" in code.co_names for code in codes)
+    return any({"collect", "datacollector"}.issubset(code.co_names) for code in codes)
 
 
 def rows_in(collector: mesa.DataCollector) -> tuple[int, ...]:

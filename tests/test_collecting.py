@@ -90,6 +90,26 @@ class EachTenth(SwarmModel):
             self.datacollector.collect(self)
 
 
+class Gatherers(SwarmModel):
+    """A model that collects something else."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(rng=rng)
+        self.datacollector = mesa.DataCollector(model_reporters={"step": "steps"})
+        self.found = []
+
+    def collect(self, piece):
+        self.found.append(piece)
+
+    def step(self):
+        super().step()
+        self.collect(self.steps)
+
+
+def test_a_class_that_collects_something_else_has_a_row_of_every_step():
+    assert rows_of(Gatherers(rng=1).run(4))["step"].tolist() == [1, 2, 3, 4]
+
+
 def test_a_class_that_collects_now_and_then_has_rows_of_these_steps_only():
     assert rows_of(EachTenth(rng=1).run(30))["step"].tolist() == [10, 20, 30]
 
