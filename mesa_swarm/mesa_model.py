@@ -4,9 +4,7 @@ import inspect
 import warnings
 from collections import defaultdict
 from collections.abc import Callable, Container, Mapping
-from functools import cache
 from random import Random
-from types import FunctionType
 from typing import Any, ClassVar, cast
 
 import mesa
@@ -252,23 +250,6 @@ def add_reporters(collector: mesa.DataCollector, reporters: Mapping[str, Any]) -
     for name in [name for name in reporters if name not in collector.model_reporters]:
         collector.model_reporters[name] = reporters[name]
         collector.model_vars[name] = [None] * rows
-
-
-def collects(model: Any) -> bool:
-    """Return whether a method of a model's custom class, other than its constructor, collects its data collector.
-
-    As far as names show: a class may have a `collect` for something else.
-    """
-    return _collects(type(model))  # type: ignore[arg-type]
-
-
-@cache
-def _collects(kind: type) -> bool:
-    ours = ("mesa", "mesa_swarm", "builtins")
-    custom = [base for base in kind.__mro__ if base.__module__.partition(".")[0] not in ours]
-    methods = [value for base in custom for name, value in vars(base).items() if name != "__init__"]
-    codes = [method.__code__ for method in methods if isinstance(method, FunctionType)]
-    return any({"collect", "datacollector"}.issubset(code.co_names) for code in codes)
 
 
 def rows_in(collector: mesa.DataCollector) -> tuple[int, ...]:

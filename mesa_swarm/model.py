@@ -24,7 +24,7 @@ from mesa_swarm.errors import (
     shortened,
 )
 from mesa_swarm.imperfect_model import ImperfectModel
-from mesa_swarm.mesa_model import Collector, add_reporters, collects, rows_in
+from mesa_swarm.mesa_model import Collector, add_reporters, rows_in
 from mesa_swarm.moved import moved_name
 from mesa_swarm.observers import Observers
 from mesa_swarm.parameters import Dial, Noise, Slip
@@ -57,7 +57,7 @@ from mesa_swarm.world.statics import SOURCE
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 REPORTERS = {name: name for name in ("collisions", "total_collisions")}
 # What is known of the present step, or of the last one.
-OF_STEP = ("_begun", "_omitted", "_rows_begun", "_row_due")
+OF_STEP = ("_begun", "_omitted", "_rows_begun", "_row_due", "_row_added", "_mixed")
 
 
 class EngineModel(ImperfectModel):
@@ -69,6 +69,8 @@ class EngineModel(ImperfectModel):
     _omitted: bool = False  # whether a warning was given of a step without the model's own
     _rows_begun: tuple[int, ...] | None = None  # during a step with a data collector of the user's own
     _row_due: bool = False
+    _row_added: bool | None = None  # whether the model added the row of the step before, rather than its class
+    _mixed: bool = False  # whether a warning was given that both do
     _snapshots: Snapshots | None = None
     _stored_apart: ClassVar[tuple[str, ...]] = (
         *("_engine", "_own_parts", "_channel", "_control", "_senses", "_senses_version", "_sensed"),
@@ -132,8 +134,8 @@ class EngineModel(ImperfectModel):
     def datacollector(self) -> mesa.DataCollector:
         """What is collected in each step, see `collect_every`; it may be replaced by another data collector.
 
-        Such a collector gets `collisions` and `total_collisions` as well. It is collected by the methods of the model's
-        class where these do, as is usual in Mesa, and otherwise by the model at the end of each step.
+        Such a collector gets `collisions` and `total_collisions` as well. It is collected by the model's class, as is
+        usual in Mesa, or else, in steps in which that does not collect, by the model at the end of the step.
 
         Raises
         ------
@@ -462,11 +464,23 @@ class EngineModel(ImperfectModel):
             )
 
     def _collect_once(self, rows_begun: tuple[int, ...]) -> None:
-        """Collect by a collector of the user's own, unless the methods of the model's class do, whenever they do."""
+        """Collect by a collector of the user's own, unless the step of the model's class has."""
         collector, due = self.__dict__["datacollector"], self._row_due
         self._rows_begun, self._row_due = None, False
-        if due and rows_in(collector) == rows_begun and not collects(self):
+        if not due:
+            return
+        is_added = rows_in(collector) == rows_begun
+        if is_added:
             collector.collect(self)
+        if self._row_added is not None and self._row_added != is_added and not self._mixed:
+            self._mixed = True
+            warnings.warn(
+                f"{type(self).__name__} collects after some steps only, and the model after the others, so that each "
+                "has a row; collect_every=0 leaves collecting to the class",
+                StepWarning,
+                stacklevel=4,
+            )
+        self._row_added = is_added
 
     @property
     def contacts(self) -> "Contacts":

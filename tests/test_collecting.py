@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT9, SwarmModel, batch_run
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, StepWarning
+from mesa_swarm.experiments.reports import reduced
+from mesa_swarm.viewing.final_state import final_state_of
 
 
 def layer_of(agent):
@@ -80,8 +82,8 @@ def test_a_collector_of_ones_own_that_the_class_collects_has_rows_of_all_steps_w
 class EachTenth(SwarmModel):
     """A model that collects now and then."""
 
-    def __init__(self, *, rng=None):
-        super().__init__(rng=rng)
+    def __init__(self, *, every=1, rng=None):
+        super().__init__(rng=rng, collect_every=every)
         self.datacollector = mesa.DataCollector(model_reporters={"step": "steps"})
 
     def step(self):
@@ -110,8 +112,30 @@ def test_a_class_that_collects_something_else_has_a_row_of_every_step():
     assert rows_of(Gatherers(rng=1).run(4))["step"].tolist() == [1, 2, 3, 4]
 
 
-def test_a_class_that_collects_now_and_then_has_rows_of_these_steps_only():
-    assert rows_of(EachTenth(rng=1).run(30))["step"].tolist() == [10, 20, 30]
+def test_where_a_class_collects_now_and_then_each_step_has_a_row_and_a_warning_names_the_way_out():
+    with pytest.warns(StepWarning, match=r"EachTenth collects after some steps only.*collect_every=0") as caught:
+        model = EachTenth(rng=1).run(30)
+    assert len(caught) == 1
+    assert rows_of(model)["step"].tolist() == list(range(1, 31))
+
+
+def test_with_collect_every_0_a_class_that_collects_now_and_then_has_rows_of_these_steps_only():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert rows_of(EachTenth(every=0, rng=1).run(33))["step"].tolist() == [10, 20, 30]
+
+
+def test_reports_of_rows_of_some_steps_have_the_final_value_of_the_last_step_and_no_sum():
+    model = EachTenth(every=0, rng=1).run(33)
+    assert reduced(model, ["final value of step", "maximum of step"]) == {
+        "final value of step": 33,
+        "maximum of step": 30,
+    }
+    with pytest.raises(
+        InvalidValueError, match="sum of step would be over 3 of 33 steps, those in which EachTenth coll"
+    ):
+        reduced(model, ["sum of step"])
+    assert final_state_of(model).series == {}
 
 
 def test_agents_are_collected_once_too():

@@ -242,7 +242,7 @@ def comparison_pictures(comparison: PairedRuns) -> dict[str, bytes]:
     pictures["final_state.png"] = world_figure(worlds)
     if all(portrait.history["robots"].size for portrait in portraits.values()):
         pictures["robots_at_fires.png"] = fires_figure(portraits)
-    else:
+    elif all(portrait.series for portrait in portraits.values()):
         pictures["over_time.png"] = series_figure(portraits)
     return {name: png(figure) for name, figure in pictures.items()}
 

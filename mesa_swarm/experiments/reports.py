@@ -166,7 +166,7 @@ def _of_numbers(reduction: str, reporter: str, numbers: np.ndarray) -> float:
 
 def _final(model: SwarmModel, reporter: str, rows: np.ndarray) -> float:
     """Return the value after the last step, NaN if it is missing."""
-    if model.collect_every > 1 and model.completed % model.collect_every:
+    if (model.collect_every > 1 and model.completed % model.collect_every) or _collects_now_and_then(model):
         return _number(model, reporter, _now(model, reporter))
     return float(rows[-1]) if len(rows) else math.nan
 
@@ -177,11 +177,25 @@ def _check_known(model: SwarmModel, reporter: str) -> None:
 
 def _check_sum(model: SwarmModel, reduction: str, reporter: str) -> None:
     """Refuse a sum over some of the steps."""
+    if reduction == SUM and _collects_now_and_then(model):
+        raise InvalidValueError(
+            f"sum of {reporter} would be over {_count_of_rows(model):,} of {model.completed:,} steps, those in which "
+            f"{type(model).__name__} collects; collect in every step, or measure the mean of {reporter}"
+        )
     if reduction == SUM and model.collect_every > 1:
         raise InvalidValueError(
             f"sum of {reporter} would be over one step in {model.collect_every} (collect_every); collect every step, "
             f"or measure the mean of {reporter}"
         )
+
+
+def _collects_now_and_then(model: SwarmModel) -> bool:
+    """Return whether collecting is left to the class of a model, which has not collected after every step."""
+    return model.collect_every == 0 and 0 < _count_of_rows(model) < model.completed
+
+
+def _count_of_rows(model: SwarmModel) -> int:
+    return max(map(len, model.datacollector.model_vars.values()), default=0)
 
 
 def _now(model: SwarmModel, reporter: str) -> object:

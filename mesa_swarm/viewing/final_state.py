@@ -25,7 +25,9 @@ class FinalState:
 
 def final_state_of(model: FireModel) -> FinalState:
     """Return the state of a model as it is now, with what was collected until then."""
-    collected = {name: _column(values) for name, values in model.datacollector.model_vars.items()}
+    # Of rows that a class has collected by itself the steps are not known.
+    rows = model.datacollector.model_vars if model.collect_every else {}
+    collected = {name: _column(values) for name, values in rows.items()}
     return FinalState(
         frame=frame_of(model),
         scene=scene_of(model),
