@@ -38,8 +38,9 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.sensitivity import sensitivity
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
+    from mesa_swarm.kernels.part import Part
     from mesa_swarm.looks import Chart, ColourMap, Looks
-    from mesa_swarm.open_model import Process
+    from mesa_swarm.model.processes import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
@@ -85,7 +86,8 @@ _MODULES = {
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
     "looks": "Chart ColourMap Looks",
-    "open_model": "Process",
+    "kernels.part": "Part",
+    "model.processes": "Process",
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
     "robots.actuators": "Actuator Emitter Lamp",
@@ -135,6 +137,7 @@ __all__ = [
     "ModelInfo",
     "NeighbourSensor",
     "OmniDrive",
+    "Part",
     "Process",
     "ProximitySensor",
     "RadiationSensor",

@@ -69,7 +69,7 @@ class Choice:
     help: str = ""
 
 
-# The parameters that every model takes, see `ImperfectModel`; a model that declares one has a default of its own.
+# The parameters that every model takes, see `EngineModel`; a model that declares one has a default of its own.
 Noise = Annotated[float, Slider(0, 1, 0.01, "relative error of every sensor, standard deviation")]
 Slip = Annotated[float, Slider(0, 1, 0.01, "probability, per wheel and step, of losing half its speed")]
 Dial = Annotated[float, Slider(0, 1, 0.05, "dial from ideal robots, 0, to imperfect ones, 1")]

@@ -10,7 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import InvalidValueError, PlacementError, check_choice, check_count, check_number, shortened
 from mesa_swarm.geometry.room import room_to_try
-from mesa_swarm.open_model import OpenModel, Process
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.processes import Process
 from mesa_swarm.world.bodies import Body, placed
 from mesa_swarm.world.movers import Driven, Movers, occupied, swept
 from mesa_swarm.world.placement import QUARTER_SEGMENTS, place_apart
@@ -34,7 +35,7 @@ TABLES: "WeakKeyDictionary[Wander, ref[Movers]]" = WeakKeyDictionary()
 
 
 def scatter(
-    model: OpenModel,
+    model: EngineModel,
     count: int,
     *,
     size: float = 20.0,
@@ -95,7 +96,7 @@ def scatter(
     return bodies
 
 
-def _free_places(model: OpenModel, number: int, size: float, gap: float, rng: np.random.Generator) -> np.ndarray:
+def _free_places(model: EngineModel, number: int, size: float, gap: float, rng: np.random.Generator) -> np.ndarray:
     """Return places (number, 2) of obstacles of this size."""
     radius = size * (1.0 + 2.0 * CLEAR) + gap
     space = room_to_try(model.map.bounds, list(occupied(model.bodies)), radius, QUARTER_SEGMENTS)
@@ -180,13 +181,13 @@ class Wander(Process):
         self.ids = np.array([body.unique_id for body in listed], np.int64)
         self.azimuth = np.full(len(listed), math.nan)
 
-    def check_model(self, model: OpenModel) -> None:
+    def check_model(self, model: EngineModel) -> None:
         """Refuse a model of which its bodies are not: it may have others with the same unique_id."""
         table = TABLES.get(self)
         if table is not None and table() is not model.movers:
             raise InvalidValueError("bodies of Wander are not of this model; expected some of its add_body")
 
-    def step(self, model: OpenModel) -> None:
+    def step(self, model: EngineModel) -> None:
         """Ask for the next pose of each body."""
         found = {body.unique_id: body for body in model.movers.agents if body.carrier is None}
         places = [place for place, number in enumerate(self.ids.tolist()) if number in found]
@@ -221,7 +222,7 @@ class _Obstacles:
     Others may have been sent already, by a process before this one.
     """
 
-    def __init__(self, model: OpenModel, bodies: Sequence[Driven]) -> None:
+    def __init__(self, model: EngineModel, bodies: Sequence[Driven]) -> None:
         moving = {body.unique_id for body in bodies}
         others = list(occupied(body for body in model.bodies if body.unique_id not in moving))
         outlines = [placed(body.form.outline, body.pose) for body in bodies]

@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING, Any, Self, cast
 from mesa_swarm.composer import composer
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.extras import missing
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.fire.constants import FireConstants, design_constants
+from mesa_swarm.fire.fires import Fire, Fires
+from mesa_swarm.fire.part import FiresPart
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.streams import Seed
+from mesa_swarm.trigger import Trigger
+from mesa_swarm.world.map import Map
 
 if TYPE_CHECKING:  # optional, or slow to load
     from mesa_swarm.about import ModelInfo
@@ -16,7 +22,7 @@ if TYPE_CHECKING:  # optional, or slow to load
     from mesa_swarm.recording.verify import Verification
 
 
-class SwarmModel(FireModel):
+class SwarmModel(EngineModel, shows_all=True):
     """A world of robots, obstacles and fires, advanced step by step.
 
     Parameters
@@ -76,6 +82,75 @@ class SwarmModel(FireModel):
     >>> model.run(10).steps
     10
     """
+
+    if TYPE_CHECKING:  # a type checker does not see the parameters of `EngineModel`, which are common to all classes
+
+        def __init__(self, *, map: str | os.PathLike | Map = "openspace", rng: Seed = None, **common: Any) -> None: ...
+
+    else:
+
+        def __init__(
+            self,
+            *,
+            map: str | os.PathLike | Map = "openspace",
+            rng: Seed = None,
+            fire_constants: FireConstants | None = None,
+            extinguish_range: float = 10.0,
+            history_every: int | Trigger = 1,
+        ) -> None:
+            super().__init__(map=map, rng=rng)
+            constants = design_constants() if fire_constants is None else fire_constants
+            self.parts.stand(FiresPart(self, constants, extinguish_range, history_every), before="processes")
+            for spot in self.map.fires:
+                self.add_fire(spot.position, radius=spot.radius, temperature=spot.temperature)
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.swarm)} robots, {len(self.fires)} fires"
+        return f"<{type(self).__name__} on map {self.map.name}, step {self.steps}: {counts}>"
+
+    @property
+    def fires(self) -> Fires:
+        """The fires' columns, and their handles by index."""
+        return self.parts.fires.fires
+
+    @property
+    def extinguish_range(self) -> float:
+        """A robot whose body is this near to a fire's edge can fight it and takes its heat; may be changed."""
+        return self.parts.fires.extinguish_range
+
+    @extinguish_range.setter
+    def extinguish_range(self, extinguish_range: float) -> None:
+        self.parts.fires.extinguish_range = extinguish_range
+
+    @property
+    def fire_constants(self) -> FireConstants:
+        """The constants of the fires and of the heat in robots; may be changed between steps."""
+        return self.parts.fires.constants
+
+    @fire_constants.setter
+    def fire_constants(self, constants: FireConstants) -> None:
+        self.parts.fires.set_constants(constants)
+
+    def add_fire(
+        self,
+        position: Sequence[float],
+        *,
+        radius: float | None = None,
+        area: float | None = None,
+        temperature: float = 1.0,
+    ) -> Fire:
+        """Add a fire and return its agent.
+
+        Parameters
+        ----------
+        position : (x, y)
+            Within the map.
+        radius, area : float
+            Either or both; area = (radius / 10) ** 2 unless both are given.
+        temperature : float
+            Above 0, at most 1.
+        """
+        return self.parts.fires.add_fire(position, radius, area, temperature)
 
     def record(
         self,

@@ -15,7 +15,8 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.gallery import find_model, gallery_names
-from mesa_swarm.imperfect_model import COMMON, SLIP_MAGNITUDE
+from mesa_swarm.model.common import COMMON
+from mesa_swarm.model.imperfections import SLIP_MAGNITUDE
 from mesa_swarm.parameters import Noise, Slider, parameters_of
 from mesa_swarm.robots.imperfections import MEASURED
 

@@ -14,8 +14,8 @@ from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import CollisionAvoidance
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, UnobservedStepError
+from mesa_swarm.model.observers import Observer
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.observers import Observer
 
 HAS_EVENTS = hasattr(mesa.Model, "schedule_event")
 with_events = pytest.mark.skipif(not HAS_EVENTS, reason="Mesa 3.3 has events in simulators only")

@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.observers import HOOKS, Observer, Observers
+from mesa_swarm.model.observers import HOOKS, Observer, Observers
 
 
 class Diary(Observer):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import Process, SwarmModel
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.state import LARGE, State, fingerprint
+from mesa_swarm.model.state import LARGE, State, fingerprint
 from support.scenes import blind, empty
 
 

@@ -14,7 +14,7 @@ PROGRAMS = Path(__file__).parent / "programs"
 WITH_FORMER_HASHES = """
 import runpy, sys
 from mesa_swarm import SwarmModel
-from mesa_swarm.state_hash import written_state_hash
+from mesa_swarm.model.state_hash import written_state_hash
 SwarmModel.state_hash = written_state_hash
 sys.argv = sys.argv[1:]
 sys.path.insert(0, sys.argv[1])

@@ -44,7 +44,7 @@ from mesa_swarm.control.source import normal_source, what_is_read
 from mesa_swarm.fire import FightFire, SeekHeat, design_constants
 from mesa_swarm.gallery import find_model, gallery_names
 from mesa_swarm.learning import QLearning
-from mesa_swarm.observers import Observer
+from mesa_swarm.model.observers import Observer
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 
 NEAR = 10.0

@@ -1,6 +1,7 @@
 """Arbiters: subsumption, in which the first active layer drives, and the weighted sum of all layers."""
 
 import math
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any
@@ -65,13 +66,19 @@ class Arbiter:
         return []
 
     @property
-    def parts(self) -> "tuple[Arbiter, ...]":
+    def arbiters(self) -> "tuple[Arbiter, ...]":
         """The arbiters that it is made of: itself, or those of a `Team`."""
         return (self,)
 
     @property
+    def parts(self) -> "tuple[Arbiter, ...]":
+        """The arbiters; deprecated, see `arbiters`."""
+        warnings.warn("the parts of an arbiter are called arbiters now", DeprecationWarning, stacklevel=2)
+        return self.arbiters
+
+    @property
     def labels(self) -> tuple[str, ...]:
-        """What each of `parts` is for: "" for all robots, or the name of a design or a group of a `Team`."""
+        """What each of `arbiters` is for: "" for all robots, or the name of a design or a group of a `Team`."""
         return ("",)
 
     @property

@@ -228,6 +228,11 @@ class Rule:
             self._with_names.append(_with_names(self.function))
         return self._versions[text]
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether the rule runs as plain Python, which is known after its first step."""
+        return any(version not in self._compiled for version, *_ in self._loops)
+
     def is_compiled(self, read: Read) -> bool:
         """Return whether this process has compiled the version of the rule that reads this."""
         return self._versions.get(repr(read), -1) in self._compiled

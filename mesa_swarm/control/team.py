@@ -87,46 +87,46 @@ class Team(Arbiter, Mapping):
     def _arrange(self) -> None:
         """Index the layers of all arbiters, one arbiter after the other."""
         driving = {key: arbiter for key, arbiter in self._arbiters.items() if arbiter is not None}
-        self._parts = tuple(driving.values())
-        self.layers = tuple(layer for arbiter in self.parts for layer in arbiter.layers)
-        counts = [len(arbiter.layers) for arbiter in self.parts]
+        self._driving = tuple(driving.values())
+        self.layers = tuple(layer for arbiter in self.arbiters for layer in arbiter.layers)
+        counts = [len(arbiter.layers) for arbiter in self.arbiters]
         self._firsts = [sum(counts[:k]) for k in range(len(counts))]
         self._places = {key: k for k, key in enumerate(driving)}
         labels = list(map(label_of, driving))
         self._labels = [f"{one} {k + 1}" if labels.count(one) > 1 else one for k, one in enumerate(labels)]
 
     @property
-    def parts(self) -> tuple[Arbiter, ...]:
+    def arbiters(self) -> tuple[Arbiter, ...]:
         """The arbiters, without those that are None."""
-        return self._parts
+        return self._driving
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The names of the designs and groups of `parts`, distinct."""
+        """The names of the designs and groups of `arbiters`, distinct."""
         return tuple(self._labels)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the layers, distinct between arbiters."""
-        times = Counter(name for arbiter in self.parts for name in dict.fromkeys(arbiter.names))
-        labelled = zip(self._labels, self.parts, strict=True)
+        times = Counter(name for arbiter in self.arbiters for name in dict.fromkeys(arbiter.names))
+        labelled = zip(self._labels, self.arbiters, strict=True)
         return tuple(
             f"{label}: {name}" if times[name] > 1 else name for label, arbiter in labelled for name in arbiter.names
         )
 
     def arbiter_of(self, index: int) -> Arbiter:
         """Return the arbiter that a layer belongs to."""
-        return self.parts[int(np.searchsorted(self._firsts, index, side="right")) - 1]
+        return self.arbiters[int(np.searchsorted(self._firsts, index, side="right")) - 1]
 
     @property
     def noted(self) -> tuple[str, ...]:
         """The columns that explain the decisions of its arbiters."""
-        return tuple(name for arbiter in self.parts for name in arbiter.noted)
+        return tuple(name for arbiter in self.arbiters for name in arbiter.noted)
 
     def layers_of(self, row: int) -> tuple:
         """Return the layers that may drive the robot in this row."""
         place = self._owners()[row]
-        return () if place < 0 else tuple(self.parts[place].layers)
+        return () if place < 0 else tuple(self.arbiters[place].layers)
 
     def check_robots(self, robots: Iterable[tuple[RobotDesign, str]]) -> None:
         """Refuse robots, given as design and group, that have no arbiter, or one that is not for their drive."""
@@ -156,13 +156,13 @@ class Team(Arbiter, Mapping):
         for key, place in self._places.items():
             designs = tuple(d for d, group in robots_of(swarm) if self._key_of(d, group) == key)
             first, label = self._firsts[place], self._labels[place]
-            mine._arbiters[key] = self.parts[place].bound(swarm, streams, first=first, label=label, driven=designs)
+            mine._arbiters[key] = self.arbiters[place].bound(swarm, streams, first=first, label=label, driven=designs)
         mine._arrange()
         return mine
 
     def unbind(self) -> None:
         """Let the layers of all arbiters store their state."""
-        for arbiter in self.parts:
+        for arbiter in self.arbiters:
             arbiter.unbind()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
@@ -170,7 +170,7 @@ class Team(Arbiter, Mapping):
         owners = self._owners()
         command.fill(0.0)
         layer.fill(-1)
-        for place, arbiter in enumerate(self.parts):
+        for place, arbiter in enumerate(self.arbiters):
             arbiter.decide(senses, self._wanted, self._won)
             take_over(owners, place, self._firsts[place], self._wanted, self._won, command, layer)
 
@@ -187,7 +187,7 @@ class Team(Arbiter, Mapping):
         pairs = zip(columns["design"].tolist(), columns["group"].tolist(), strict=True)
         self._owner = np.array([places[swarm.designs[d], groups[g]] for d, g in pairs], np.int64)
         self._wanted, self._won = np.zeros((n, columns["command"].shape[1])), np.full(n, -1)
-        for place, arbiter in enumerate(self.parts):
+        for place, arbiter in enumerate(self.arbiters):
             arbiter.others = np.flatnonzero(self._owner != place)
             driven = tuple(design for design, group in kinds if places[design, group] == place)
             arbiter.set_driven(driven)

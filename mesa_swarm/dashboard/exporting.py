@@ -30,7 +30,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.experiments.pool import ending_with_us
 from mesa_swarm.gallery import short_name
-from mesa_swarm.observers import Observer
+from mesa_swarm.model.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of

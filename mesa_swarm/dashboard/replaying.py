@@ -19,8 +19,8 @@ from mesa_swarm.dashboard.robot_columns import RobotValues, values_of_frame
 from mesa_swarm.dashboard.session import Session
 from mesa_swarm.dashboard.widgets import Incoming
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, in_words
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import PACKAGE, find_model, gallery_names
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.parameters import parameters_of
 from mesa_swarm.recording.frames import Event, Frame, events_of
 from mesa_swarm.recording.provenance import is_of, map_of
@@ -450,7 +450,7 @@ class Replaying:
         """Return a function that shows the progress of repeating steps, and ends it once the recording is closed."""
         shown = monotonic()
 
-        def watch(model: FireModel) -> None:
+        def watch(model: EngineModel) -> None:
             nonlocal shown
             if stop.is_set():
                 raise StoppedError

@@ -11,7 +11,7 @@ import numpy as np
 from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.experiments.reports import as_number
 from mesa_swarm.looks import Chart, looks_of
-from mesa_swarm.observers import Observer
+from mesa_swarm.model.observers import Observer
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.faults import reported
 

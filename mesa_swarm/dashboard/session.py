@@ -13,8 +13,8 @@ from mesa_swarm.dashboard.inputs import checked_setting, map_from, whole_number
 from mesa_swarm.dashboard.live_run import Before, LiveRun, Repetition
 from mesa_swarm.dashboard.series import Series
 from mesa_swarm.errors import InvalidValueError, RecordingError, SwarmError, in_words
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import find_model
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.parameters import Choice, Parameter, parameters_of
 from mesa_swarm.recording.continuing import hand_over
 from mesa_swarm.robots.actuators import ACT
@@ -494,7 +494,7 @@ class Session(Player):
         elif steps:
             self._apply_planned()
 
-    def _take_step(self, model: FireModel) -> None:
+    def _take_step(self, model: EngineModel) -> None:
         if self._planned:
             self._apply_planned()
             model = self.model or model

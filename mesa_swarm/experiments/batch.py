@@ -12,7 +12,7 @@ from mesa_swarm.experiments.experiment import MOST_STEPS
 from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, is_remote, on_all
 from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.gallery import find_model
-from mesa_swarm.mesa_model import checked_seed, collected_of_agents
+from mesa_swarm.model.mesa_model import checked_seed, collected_of_agents
 from mesa_swarm.parameters import check_names
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.swarm_model import SwarmModel

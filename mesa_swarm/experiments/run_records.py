@@ -15,7 +15,7 @@ from mesa_swarm.experiments.experiment import Experiment, first_built
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.runs import Run, attempt
 from mesa_swarm.files import free_draft, put_in_place, shown_path, unwritable
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.recorder import record
 
 SUFFIX = ".arrow"
@@ -130,7 +130,7 @@ def check_options(options: Mapping[str, Any], experiment: Experiment) -> None:
 
 
 @contextmanager
-def recorded(model: FireModel, path: Path, options: Mapping[str, Any], overwrite: bool = False) -> Iterator[None]:
+def recorded(model: EngineModel, path: Path, options: Mapping[str, Any], overwrite: bool = False) -> Iterator[None]:
     """Record a model to a file, in a folder that is made if it is missing, while the context lasts."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

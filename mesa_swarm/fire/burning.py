@@ -37,7 +37,7 @@ class Burning:
     def step(self, model: Any) -> None:
         """Let the fires of a model burn for one step."""
         columns, fires, c = model.swarm.columns, model.fires.columns, model.fire_constants
-        scene = model._current_scene()
+        scene = model.parts["bodies"].scene()
         went_out = burn(
             columns["position"],
             columns["radius"],

@@ -24,6 +24,8 @@ COLUMNS: dict[str, tuple[tuple[int, ...], type]] = {
     "robots": ((), np.int64),
 }
 NEVER = -1
+# That a stored history may have had.
+MOST_FIRES = 10_000_000
 
 
 class Fires:
@@ -139,7 +141,8 @@ class Fires:
 class Fire(Body):
     """One fire: a body that is a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
 
-    _stored_apart: ClassVar[tuple[str, ...]] = ("fires", "row")
+    fires: Fires
+    row: int
     _made_by: ClassVar[str] = "model.add_fire((x, y), area=1.0)"
 
     def __init__(self, space: Arena, model: Model, fires: Fires, row: int) -> None:
@@ -189,7 +192,7 @@ class Fire(Body):
         if self.out:
             raise InvalidValueError("this fire is out; use light(), or add another")
         self.fires.columns["temperature"][self.row] = checked
-        self.model.obstacles_changed()  # sensors that were read already are read again
+        self.model.parts["bodies"].changed()  # sensors that were read already are read again
 
     @property
     def out(self) -> bool:
@@ -216,7 +219,7 @@ class Fire(Body):
         row, columns, step = self._alive(), self.fires.columns, self.model.steps
         for name, value in (("temperature", 0.0), ("out", True), ("out_step", step), ("robots", 0)):
             columns[name][row] = value
-        self.model.fires_changed(row)
+        self.model.parts["fires"].release_robots(row)
 
     def light(self, temperature: float = 1.0) -> None:
         """Light the fire again by hand, between two steps.
@@ -240,7 +243,7 @@ class Fire(Body):
         temperature = check_number("temperature", temperature, above=0, maximum=1)
         for name, value in (("temperature", temperature), ("out", False), ("out_step", NEVER)):
             columns[name][row] = value
-        self.model.obstacles_changed()  # sensors that were read already are read again
+        self.model.parts["bodies"].changed()  # sensors that were read already are read again
 
     def remove(self) -> None:
         """Take the fire out of the world, between two steps."""
@@ -248,7 +251,7 @@ class Fire(Body):
         ArenaAgent.remove(self)
         self.fires.remove(row)
         self.row = -1
-        model.fires_changed(row)
+        model.parts["fires"].release_robots(row)
 
     def _alive(self) -> int:
         if self.row < 0:
@@ -299,6 +302,23 @@ class History:
         row = np.array([np.full(self._fires, np.nan), np.full(self._fires, -1.0)])
         row[:, self._places] = temperature, np.where(out, -1, robots)
         self._rows.append(row)
+
+    @property
+    def series(self) -> tuple[list[int], list[np.ndarray]]:
+        """The steps and the rows as they are: lists that grow."""
+        return self._steps, self._rows
+
+    @property
+    def places(self) -> tuple[int, list[int]]:
+        """How many fires there ever were, and the column of each that is there now."""
+        return self._fires, list(self._places)
+
+    def restore(self, every: int, fires: int, places: list[int], *, present: int) -> None:
+        """Take back the interval and `places`, of as many fires as are `present`; rows are restored apart."""
+        numbers = all(type(number) is int and number >= 0 for number in (every, fires, *places))
+        if not numbers or len(places) != present or any(place >= fires for place in places) or fires > MOST_FIRES:
+            raise InvalidValueError("invalid history of fires")
+        self.every, self._places, self._fires = every, list(places), fires
 
     def forget(self, rows: int) -> None:
         """Drop all but the last rows."""

@@ -1,28 +1,29 @@
 """Attributes of a model, of its agents, layers and processes, as stored in recordings."""
 
-from collections.abc import Iterable
-from functools import cached_property
-from inspect import isroutine
+from functools import cache
 from typing import Any
 
 import numpy as np
 from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
+from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.errors import RecordingError, check_name, shortened
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.state import GENERATORS, Checkpointed, attributes_of, checked_state
 from mesa_swarm.recording.container import ATOMS, Packed
-from mesa_swarm.recording.parts import part_from_json, part_to_json
-from mesa_swarm.state import Checkpointed, attributes_of, declared
+from mesa_swarm.recording.parts import control_from_json, control_to_json, part_from_json, part_to_json
 from mesa_swarm.world.arena import ArenaAgent
 
 # Attributes of each of Mesa's agents that are stored with what the model contains.
+# Modules of the handles of robots and bodies.
+HANDLES = ("mesa_swarm.robots.", "mesa_swarm.world.", "mesa_swarm.fire.")
 OF_AGENTS = frozenset({"model", "unique_id"})
 OF_ARENA = OF_AGENTS | {"space", "_mesa_index", "pos"}
-# Bit generators of which every state is valid.
-GENERATORS = ("PCG64", "PCG64DXSM")
 # Kinds of references to parts of a model.
-REFERENCES = ("of_model", "process", "layer", "field")
+REFERENCES = ("of_model", "of_part", "process", "layer", "field")
+# Attributes of a model to which others may refer.
+OF_MODEL = ("datacollector", "fires", "map", "parts", "random", "rng", "space", "streams", "swarm")
 
 
 class ModelPacked(Packed):
@@ -33,7 +34,7 @@ class ModelPacked(Packed):
     so that agents of any class may be made.
     """
 
-    def __init__(self, model: FireModel, arrays: list[np.ndarray] | None = None) -> None:
+    def __init__(self, model: EngineModel, arrays: list[np.ndarray] | None = None) -> None:
         super().__init__(arrays)
         self.model = model
         self.removed: dict[int, Agent] | None = None
@@ -67,10 +68,9 @@ class ModelPacked(Packed):
         return super().unpack(content)
 
 
-def own_attributes(model: FireModel) -> dict[str, Any]:
+def own_attributes(model: EngineModel) -> dict[str, Any]:
     """Return the attributes of a model that are stored as they are."""
-    apart = declared(model, "_stored_apart")
-    return {name: value for name, value in model.__dict__.items() if name not in apart}
+    return model.own_attributes
 
 
 def own_attributes_of_agent(agent: Agent) -> dict[str, Any]:
@@ -82,7 +82,22 @@ def own_attributes_of_agent(agent: Agent) -> dict[str, Any]:
 
 def apart_of_agent(agent: Agent) -> frozenset[str]:
     """Return the names of the attributes of an agent that are not stored as they are."""
-    return declared(agent, "_stored_apart") | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
+    kind: Any = type(agent)
+    return of_handles(kind) | (OF_ARENA if isinstance(agent, ContinuousSpaceAgent) else OF_AGENTS)
+
+
+@cache
+def of_handles(kind: type) -> frozenset[str]:
+    """Return the attributes that handles of robots and bodies have themselves: their classes of ours annotate them.
+
+    Examples
+    --------
+    >>> from mesa_swarm.robots.robot import Robot
+    >>> sorted(of_handles(Robot))
+    ['row', 'swarm']
+    """
+    ours = [base for base in kind.__mro__ if issubclass(base, ArenaAgent) and base.__module__.startswith(HANDLES)]
+    return frozenset(name for base in ours for name in vars(base).get("__annotations__", ()) if name != "_made_by")
 
 
 def attribute_to_json(value: object, name: str, packed: ModelPacked) -> object:
@@ -107,30 +122,46 @@ def attribute_to_json(value: object, name: str, packed: ModelPacked) -> object:
             raise RecordingError(f"{error}; give its class checkpoint() and restore(state)") from None
 
 
-def _reference(value: object, model: FireModel) -> dict | None:
+def stored_to_json(value: object, name: str, packed: ModelPacked) -> object:
+    """Return a value of what a part stores as JSON: as an attribute, but what stores itself whole."""
+    if isinstance(value, Arbiter):
+        return {"control": control_to_json(value)}
+    if isinstance(value, Checkpointed) and not isinstance(value, type):
+        return {"own": packed.pack(value.checkpoint(), name)}
+    return attribute_to_json(value, name, packed)
+
+
+def stored_from_json(now: object, name: str, content: dict, packed: ModelPacked) -> object:
+    """Return the value for which `stored_to_json` returned this; what is the same as now stays the same object."""
+    if "control" in content:
+        same = isinstance(now, Arbiter) and control_to_json(now) == content["control"]
+        return now if same else control_from_json(content["control"])
+    return attribute_from_json(now, name, content, packed)
+
+
+def _reference(value: object, model: EngineModel) -> dict | None:
     """Return which part of the model an object is: the model itself, or what it stores apart; None if it is neither."""
     if value is model:
         return {"of_model": ""}
-    apart = declared(model, "_stored_apart")
-    names = [name for name in sorted(apart & model.__dict__.keys()) if model.__dict__[name] is value]
-    found = [{"of_model": name} for name in names]
+    found = [{"of_model": name} for name in OF_MODEL if getattr(model, name) is value]
     for kind, owners in _owners(model).items():
         found += [{kind: key} for key, owner in owners.items() if owner is value]
     return found[0] if found else None
 
 
-def _owners(model: FireModel) -> dict[str, dict]:
+def _owners(model: EngineModel) -> dict[str, dict]:
     """Return by their keys the objects whose state is stored, to which attributes may refer."""
     layers = dict(enumerate(getattr(model.control, "layers", ())))
-    return {"process": model._processes, "layer": layers, "field": model._fields or {}}
+    numbered, live = model.parts.processes.numbered, model.parts.fields.live
+    return {"of_part": dict(model.parts), "process": numbered, "layer": layers, "field": live}
 
 
-def _referred(kind: str, which: Any, model: FireModel) -> object:
+def _referred(kind: str, which: Any, model: EngineModel) -> object:
     """Return the object for which `_reference` returned this."""
     if kind == "of_model":
-        if which not in declared(model, "_stored_apart") | {""}:
+        if which not in (*OF_MODEL, ""):
             raise RecordingError(f"{shortened(which)} is not a part of a model")
-        return model.__dict__[which] if which else model
+        return getattr(model, which) if which else model
     return _owners(model)[kind][which]
 
 
@@ -156,34 +187,9 @@ def attribute_from_json(now: object, name: str, content: dict, packed: ModelPack
     return part_from_json(value) if kind == "part" else packed.unpack(value)
 
 
-def refuse_attributes(owner: object, names: Iterable[str], apart: frozenset[str] = frozenset()) -> None:
-    """Refuse attributes that are not part of an object's state, or would hide what its class does.
-
-    `apart` are those that are stored in another way.
-    """
-    for name in sorted(names):
-        if name in apart or name.startswith("__") or _is_method(type(owner), name):
-            raise RecordingError(f"attribute {shortened(name)[1:-1]} is not part of a state")
-
-
-def _is_method(kind: type, name: str) -> bool:
-    """Return whether a class has a method or property of this name, not only a value or a field."""
-    own = next((vars(base)[name] for base in kind.__mro__ if name in vars(base)), None)
-    if isinstance(own, cached_property) or name in getattr(kind, "__dataclass_fields__", {}):
-        return False
-    return isroutine(own) or isinstance(own, (property, classmethod, staticmethod))
-
-
 def generator_to_json(generator: np.random.Generator, name: str, packed: Packed) -> object:
     """Return the state of a random generator."""
     state = generator.bit_generator.state
     if state["bit_generator"] not in GENERATORS:
         raise RecordingError(f"{name} is a {state['bit_generator']}, which cannot be stored; use PCG64")
     return packed.pack(state)
-
-
-def checked_state(state: object) -> dict:
-    """Return the stored state of a random generator if it may be one."""
-    if not isinstance(state, dict) or state.get("bit_generator") not in GENERATORS:
-        raise RecordingError("invalid state of a random stream")
-    return state

@@ -3,8 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import compress
-from operator import is_not, itemgetter
+from operator import is_not
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +11,13 @@ from mesa import Agent
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.errors import RecordingError
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.kernels.part import STORED, Itself, Part
+from mesa_swarm.model.bodies import POSES
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.state import fingerprint
 from mesa_swarm.recording.layout import population_of
 from mesa_swarm.recording.schema import checked_content
 from mesa_swarm.recording.sealed_stream import INTERVENTION
-from mesa_swarm.state import declared, fingerprint
 from mesa_swarm.world.arena import ArenaAgent
 
 MOST_NAMED = 5
@@ -71,72 +72,62 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
     return f"; changed by hand: {', '.join(listed)} (continued from the stored {states})"
 
 
-# Columns that handles set, and wheel commands, which persist where no controller decides.
-OF_ROBOTS = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
-OF_FIRES = ("temperature", "out")
-POSES = "pose of driven bodies"
 AGENTS, OF_AGENTS = "set of other agents", "place or attributes of other agents"
-PROCESSES = "set of processes"
-CHANGES = (
-    "set of robots, obstacles or fires",
-    "an attribute set to the value that it had",
-    *(f"{name} of robots" for name in OF_ROBOTS),
-    *(f"{name} of fires" for name in OF_FIRES),
-    "pose or resistance of loads",
-    POSES,
-    "values of fields",
-)
+# What a change of the set of robots, obstacles or fires changes of other parts as well is not named.
+SET, SAME = "set of robots, obstacles or fires", "an attribute set to the value that it had"
+DECLARED = ("state of ", "events", "process ")
 # Values of attributes that may be changed in place.
 IN_PLACE = (np.ndarray, list, dict, set)
-ROBOTS, FIRES, BYTES = itemgetter(*OF_ROBOTS), itemgetter(*OF_FIRES), np.ndarray.tobytes
 
 
 class ChangeDetector:
     """Change detection between steps, in a few microseconds.
 
-    Detected are robots, obstacles, loads, fires and other agents that were added or removed; whatever their handles
-    set, columns of `OF_ROBOTS` and `OF_FIRES` that were written directly, loads and other agents that were moved,
-    values of fields; every attribute of the model and of other agents that was replaced: `control`, `fire_constants`,
-    `imperfections`, `communication`, a number, a text; arrays, lists, dicts and sets of other agents that were changed
-    in place; and whatever changed in `model.state`, processes and other declared state.
+    Detected are robots, obstacles, loads, fires, processes, parts and other agents that were added or removed; what
+    each part marks (`mark`): whatever handles set, columns that were written directly, bodies that were moved, values
+    of fields, settings that were replaced, values of `model.state`; of parts that were added all columns and what they
+    store. Besides every other attribute of the model and of other agents that was replaced; arrays, lists, dicts and
+    sets of other agents that were changed in place.
 
-    Not detected are attributes that change when a model is read (`World._fleeting`), such as its data collector; draws
-    from the model's random streams; changes within an attribute of the model, such as a list, an array, a learner or
-    the memory of a layer; other columns that were written directly; attributes that robots and bodies were given. What
-    a failed step has left behind is reported like a change by hand.
+    Not detected are draws from the model's random streams; changes within an attribute of the model, such as a list,
+    an array, a learner or the memory of a layer; attributes that robots and bodies were given. What a failed step has
+    left behind is reported like a change by hand.
     """
 
-    __slots__ = ("_agents", "_attributes", "_declared", "_fleeting", "_objects", "_processes")
+    __slots__ = ("_agents", "_attributes", "_marks")
 
-    def __init__(self, model: FireModel) -> None:
-        self._objects = _objects(model)
+    def __init__(self, model: EngineModel) -> None:
+        self._marks = _marks_of(model)
         self._agents = [_Seen.of(agent) for agent in _other_agents(model)]
-        self._processes = model.processes
-        self._attributes = model.__dict__.copy()
-        self._fleeting = declared(model, "_fleeting")
-        self._declared = _declared(model)
+        self._attributes = model.own_attributes
 
-    def changes(self, model: FireModel) -> list[str]:
+    def changes(self, model: EngineModel) -> list[str]:
         """Return the names of what has changed in the model, an empty list if nothing has."""
-        was, now, objects = self._attributes, model.__dict__, _objects(model)
-        stated = _declared(model)
-        # Nothing was replaced, as a rule: seen at once where names stand in the same order.
-        replaced = compress(now, map(is_not, was.values(), now.values()))
+        marks, attributes = _marks_of(model), model.own_attributes
         others = self._of_others(model)
-        unchanged = objects == self._objects and stated == self._declared and not others
-        if unchanged and len(was) == len(now) and self._fleeting.issuperset(replaced):
+        # Nothing was replaced, as a rule: seen at once where names stand in the same order.
+        replaced = any(map(is_not, self._attributes.values(), attributes.values()))
+        if marks == self._marks and not others and not replaced and len(attributes) == len(self._attributes):
             return []
-        names = [name for name in {**was, **now} if name not in self._fleeting and not _same(name, was, now)]
-        changes = [name.lstrip("_") for name in names] + self._of_objects(objects) + others
-        different = [name for name in {**self._declared, **stated} if self._declared.get(name) != stated.get(name)]
-        changes += [name for name in different if name not in changes]
-        return changes or ([CHANGES[1]] if objects != self._objects else [])
+        was = self._attributes
+        names = [name.lstrip("_") for name in {**was, **attributes} if not _same(name, was, attributes)]
+        replaced, written, declared = self._of_parts(marks)
+        names += [*replaced, *written, *others, *declared]
+        return names or ([SAME] if marks != self._marks else [])
 
-    def _of_others(self, model: FireModel) -> list[str]:
-        """Return what has changed in agents other than robots and bodies, and which processes there are."""
-        processes = model.processes
-        if len(processes) != len(self._processes) or any(map(is_not, processes, self._processes)):
-            return [PROCESSES]
+    def _of_parts(self, marks: dict[str, Any]) -> tuple[list[str], list[str], list[str]]:
+        """Return the names of what was replaced, written, and declared."""
+        was = self._marks
+        names = [name for name in {**was, **marks} if name not in was or name not in marks or was[name] != marks[name]]
+        replaced = [name for name in names if isinstance(marks.get(name, was.get(name)), Itself)]
+        declared = [name for name in names if name.startswith(DECLARED)]
+        written = [name for name in names if name not in (SAME, *replaced, *declared)]
+        if SET in written:  # all columns have other rows then
+            written = [SET]
+        return replaced, written, sorted(declared, key=lambda name: name.startswith(DECLARED[-1]))
+
+    def _of_others(self, model: EngineModel) -> list[str]:
+        """Return what has changed in agents other than robots and bodies."""
         agents = _other_agents(model)
         if len(agents) != len(self._agents):
             return [AGENTS]
@@ -148,20 +139,36 @@ class ChangeDetector:
             else OF_AGENTS
         ]
 
-    def moved(self, model: FireModel) -> np.ndarray | None:
+    def moved(self, model: EngineModel) -> np.ndarray | None:
         """Return the rows of the driven bodies that were sent elsewhere, None if any has been put elsewhere already."""
-        *placed, aim, aim_heading = self._objects[CHANGES.index(POSES)]
+        *placed, aim, aim_heading = self._marks[POSES]
         movers = model.movers
         if placed != [movers.position.tobytes(), movers.heading.tobytes()]:
             return None
         sent = (movers.aim != np.frombuffer(aim).reshape(-1, 2)).any(axis=1)
         return np.flatnonzero(sent | (movers.aim_heading != np.frombuffer(aim_heading)))
 
-    def _of_objects(self, objects: tuple) -> list[str]:
-        different = [name for name, was, now in zip(CHANGES, self._objects, objects, strict=True) if was != now]
-        if CHANGES[0] in different:  # all columns have other rows then
-            return [CHANGES[0]]
-        return [name for name in different if name != CHANGES[1]]
+
+def _marks_of(model: EngineModel) -> dict[str, Any]:
+    """Return what each part marks, by a few words, and the settings of the model itself."""
+    robots = model.swarm.agents
+    marks: dict[str, Any] = {
+        SET: (len(robots), robots[-1].unique_id if robots else 0, population_of(model)[1:]),
+        "running": model.running,
+        "scale": model.scale,
+        "collect_every": model.collect_every,
+    }
+    for name, part in model.parts.items():
+        mark = getattr(part, "mark", None)
+        marks |= _mark_of(name, part) if mark is None else mark()
+    return marks
+
+
+def _mark_of(name: str, part: Part) -> dict[str, Any]:
+    """Return what is marked of a part that was added: its columns, and all that it stores."""
+    columns = part.columns().items()
+    marks = {f"{one} of {name}": fingerprint(column.array) for one, column in columns if column.role in STORED}
+    return {**marks, f"state of {name}": fingerprint(part.store())}
 
 
 class _Seen(NamedTuple):
@@ -185,7 +192,7 @@ class _Seen(NamedTuple):
         return _contents_of(agent) == self.contents
 
 
-def _other_agents(model: FireModel) -> list[Agent]:
+def _other_agents(model: EngineModel) -> list[Agent]:
     """Return the agents that are neither robots nor bodies, of most models none."""
     kinds = [kind for kind in model.agents_by_type if not issubclass(kind, ArenaAgent)]
     return [agent for kind in kinds for agent in model.agents_by_type[kind]] if kinds else []
@@ -202,29 +209,5 @@ def _place_of(agent: Agent) -> list[float] | None:
     return agent.position.tolist()
 
 
-def _declared(model: FireModel) -> dict[str, bytes]:
-    """Return a fingerprint of each declared value and process by name, of most models none."""
-    if not (model._state or model._processes or model._events):
-        return {}
-    state = {f"state of {name}": fingerprint(value) for name, value in model._state.items()}
-    state["events"] = str(len(model._events)).encode()
-    return state | {name: fingerprint(value) for name, value in model._stated_processes()}
-
-
 def _same(name: str, was: dict, now: dict) -> bool:
     return name in was and name in now and was[name] is now[name]
-
-
-def _objects(model: FireModel) -> tuple[Any, ...]:
-    """Return what is compared of robots, fires and loads, in the order of `CHANGES`."""
-    swarm, agents = model.swarm, model.swarm.agents
-    version, *others = population_of(model)
-    return (
-        (len(agents), agents[-1].unique_id if agents else 0, others),
-        (swarm.disturbed, version),
-        *map(BYTES, ROBOTS(swarm.columns)),
-        *map(BYTES, FIRES(model.fires.columns)),
-        [(load.pose, load.resistance) for load in model._loads] if model._loads else (),
-        () if model._movers is None else tuple(map(BYTES, model._movers.poses)),
-        [field.changes for field in model._fields.values()] if model._fields else (),
-    )

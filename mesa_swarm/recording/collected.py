@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.errors import RecordingError, UnstoredStateWarning, check_name, shortened
-from mesa_swarm.fire.model import FireModel
-from mesa_swarm.mesa_model import add_reporters, set_steps
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.mesa_model import add_reporters, set_steps
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed, memory_of
 
 MOST_STEPS = 100_000_000
@@ -26,14 +26,14 @@ MOST_COLLECTED, MOST_PACKED = 100_000_000, 64
 Path = tuple[str, ...]
 
 
-def set_clock(model: FireModel, steps: int) -> None:
+def set_clock(model: EngineModel, steps: int) -> None:
     """Set the number of steps that were counted, without taking them; refuse one that no recording has."""
     if type(steps) is not int or not model.steps <= steps <= MOST_STEPS:
         raise RecordingError(f"invalid number of steps: {steps!r:.40}")
     set_steps(model, steps)
 
 
-def series_of(model: FireModel) -> dict[Path, list]:
+def series_of(model: EngineModel) -> dict[Path, list]:
     """Return all lists that grow with the steps: those of Mesa's DataCollector, and the history of fires."""
     collector, history = model.datacollector, model.fires.history
     if collector._agenttype_records:
@@ -42,22 +42,22 @@ def series_of(model: FireModel) -> dict[Path, list]:
     for table, columns in collector.tables.items():
         series |= {("table", table, name): values for name, values in columns.items()}
     series["agents",] = list(collector._agent_records.items())
-    series["history", "steps"], series["history", "rows"] = history._steps, history._rows
+    series["history", "steps"], series["history", "rows"] = history.series
     return series | {("events", name): values for name, values in model.events.series().items()}
 
 
-def lengths_of(model: FireModel) -> dict[Path, int]:
+def lengths_of(model: EngineModel) -> dict[Path, int]:
     """Return the present length of each series."""
     return {path: len(values) for path, values in series_of(model).items()}
 
 
-def reporters_of(model: FireModel) -> dict[str, Any]:
+def reporters_of(model: EngineModel) -> dict[str, Any]:
     """Return the reporters with a state, which have `checkpoint` and `restore`, by name."""
     found = {name: getattr(r, "func", r) for name, r in model.datacollector.model_reporters.items()}
     return {name: reporter for name, reporter in found.items() if hasattr(reporter, "checkpoint")}
 
 
-def collected_to_json(model: FireModel, packed: Packed, since: dict[Path, int]) -> list:
+def collected_to_json(model: EngineModel, packed: Packed, since: dict[Path, int]) -> list:
     """Return for each series its path, the length that it had, and the values added since then.
 
     A series that is shorter than in `since`, from `lengths_of`, was started again.
@@ -111,7 +111,7 @@ def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
     return whole
 
 
-def restore_collected(model: FireModel, series: dict[Path, list]) -> None:
+def restore_collected(model: EngineModel, series: dict[Path, list]) -> None:
     """Replace the series of a model by these, if it collects the same ones.
 
     Of a reporter that was added by hand the values are kept, and later ones are missing: it cannot be stored. One that
@@ -130,13 +130,14 @@ def restore_collected(model: FireModel, series: dict[Path, list]) -> None:
     model.events.replace({name: series[path] for path in events for name in path[1:]})
     collector._agent_records.clear()
     collector._agent_records.update(series["agents",])
-    if len(history._steps) != len(history._rows) or not all(
-        isinstance(row, np.ndarray) and row.ndim == 2 and len(row) == 2 for row in history._rows
+    steps, rows = history.series
+    if len(steps) != len(rows) or not all(
+        isinstance(row, np.ndarray) and row.ndim == 2 and len(row) == 2 for row in rows
     ):
         raise RecordingError("invalid history of fires")
 
 
-def _match_reporters(model: FireModel, series: dict[Path, list]) -> None:
+def _match_reporters(model: EngineModel, series: dict[Path, list]) -> None:
     """Let a model and the series that are stored of it have the same reporters of the model."""
     mine, others = ({path for path in paths if path[0] == "model"} for paths in (series_of(model), series))
     by_hand = sorted(check_name("reporter", path[1]) for path in others - mine)
@@ -152,7 +153,7 @@ def _match_reporters(model: FireModel, series: dict[Path, list]) -> None:
     series.update({path: [None] * rows for path in mine - others})
 
 
-def missing(model: FireModel) -> None:
+def missing(model: EngineModel) -> None:
     """Report nothing: in the place of a reporter that could not be stored."""
 
 

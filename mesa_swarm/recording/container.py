@@ -14,7 +14,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import RecordingError, shortened
-from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, is_float
+from mesa_swarm.model.state import ATOMS, DEEPEST, KINDS, SEQUENCES, is_float
 from mesa_swarm.world.read_only import ReadOnlyArray
 
 MAGIC = b"swarm checkpoint 1\n"

@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.state import fingerprint
+from mesa_swarm.model.state_hash import NOT_HASHED
 from mesa_swarm.recording.attributes import own_attributes
 from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
 from mesa_swarm.recording.transfer import OF_PARAMETERS, changed_settings, take_over
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.state import fingerprint
-from mesa_swarm.state_hash import NOT_HASHED
 
 # What a run changes of its fires: the other columns follow from the parameters.
 OF_FIRES = ("temperature", "out", "out_step")
 
 
-def continued(model: FireModel, /, **changes: object) -> FireModel:
+def continued(model: EngineModel, /, **changes: object) -> EngineModel:
     """Return a model that continues the run of another one with other parameters.
 
     A model is made with these, and takes over the state of the run, as by `resume`: the robots where they are, the
@@ -26,7 +26,7 @@ def continued(model: FireModel, /, **changes: object) -> FireModel:
 
     Parameters
     ----------
-    model : FireModel
+    model : EngineModel
         Between two steps; it is not to be used afterwards.
     **changes
         New values of the model's parameters.
@@ -55,7 +55,7 @@ def continued(model: FireModel, /, **changes: object) -> FireModel:
     return new
 
 
-def continue_with(new: FireModel, old: FireModel, fresh: FireModel, names: tuple[str, ...]) -> None:
+def continue_with(new: EngineModel, old: EngineModel, fresh: EngineModel, names: tuple[str, ...]) -> None:
     """Continue the run of `old` with `new`, made with other values of the parameters of these names.
 
     `fresh` is `old` before its first step. A change that would have no effect, or another one than on a new run, is
@@ -69,7 +69,7 @@ def continue_with(new: FireModel, old: FireModel, fresh: FireModel, names: tuple
     hand_over(old, new, [f"parameter {name}" for name in names])
 
 
-def match_robots(model: FireModel, wanted: FireModel) -> None:
+def match_robots(model: EngineModel, wanted: EngineModel) -> None:
     """Add robots at free places, or remove the last ones, until there are as many of each design and group as `wanted`.
 
     Examples
@@ -88,7 +88,7 @@ def match_robots(model: FireModel, wanted: FireModel) -> None:
             model.add_robots(robots[0].design, missing, group=robots[0].group)
 
 
-def _by_kind(model: FireModel) -> dict[tuple[str, str], list[Robot]]:
+def _by_kind(model: EngineModel) -> dict[tuple[str, str], list[Robot]]:
     """Return the robots by the name of their design and their group."""
     found: dict[tuple[str, str], list[Robot]] = {}
     for robot in model.swarm.agents:
@@ -96,7 +96,7 @@ def _by_kind(model: FireModel) -> dict[tuple[str, str], list[Robot]]:
     return found
 
 
-def hand_over(old: FireModel, new: FireModel, what: list[str]) -> None:
+def hand_over(old: EngineModel, new: EngineModel, what: list[str]) -> None:
     """Let the observers of a model continue with another one, which differs in what is named."""
     observers, callees = list(old.observers), old.observers.complete
     old.observers = ()
@@ -105,16 +105,16 @@ def hand_over(old: FireModel, new: FireModel, what: list[str]) -> None:
         observer.replaced(old, new, what)
 
 
-def _differs_at_start(new: FireModel, fresh: FireModel) -> bool:
+def _differs_at_start(new: EngineModel, fresh: EngineModel) -> bool:
     """Return whether the models begin in states that other parameters do not change any more."""
     mine, other = dict(_of_start(new)), dict(_of_start(fresh))
     # What only one of them has, such as the wear of imperfect robots, begins when it is added.
     return any(mine[name] != other[name] for name in mine.keys() & other.keys())
 
 
-def _of_start(model: FireModel) -> Iterator[tuple[tuple, bytes]]:
+def _of_start(model: EngineModel) -> Iterator[tuple[tuple, bytes]]:
     """Yield the state at the beginning of a run, by name and shape."""
-    tables = dict(model._hashed_columns())
+    tables = {"robots": model.swarm.columns, "fires": model.fires.columns}
     yield ("robots",), str(len(model.swarm)).encode()
     for name, column in tables.pop("robots").items():
         if name not in NOT_HASHED | OF_PARAMETERS:
@@ -125,11 +125,11 @@ def _of_start(model: FireModel) -> Iterator[tuple[tuple, bytes]]:
         yield ("body", body.unique_id), np.array(body.pose).tobytes()
     for name, field in model.fields.items():
         yield ("field", name, field.values.shape), field.values.tobytes()
-    for name, value in model._state.items():
+    for name, value in model.parts.state.values.items():
         yield ("state", name), fingerprint(value)
 
 
-def _hidden_by_run(new: FireModel, old: FireModel, fresh: FireModel) -> list[str]:
+def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> list[str]:
     """Return the attributes and settings that the parameters would change, but that the run has changed itself."""
     mine, now, first = map(own_attributes, (new, old, fresh))
     both = mine.keys() & now.keys() & first.keys()

@@ -10,8 +10,8 @@ import pyarrow as pa
 from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.errors import UnknownNameError, unknown_name
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import looks_of
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
 from mesa_swarm.world.fields import levels_of, values_of
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD
@@ -66,7 +66,7 @@ class Frame:
         return self.columns[name]
 
 
-def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: bool = False) -> Frame:
+def frame_of(model: EngineModel, columns: Sequence[str] = PICTURED, *, perceived: bool = False) -> Frame:
     """Return the frame of a model as it is now; it does not change with the model.
 
     Columns are those of the swarm, and "fires", "contacts", "loads", "fields". If readings are among them, the sensors
@@ -95,7 +95,7 @@ def frame_of(model: FireModel, columns: Sequence[str] = PICTURED, *, perceived: 
     return Frame(step=model.completed, state_hash=None, robots=robots, columns=shown)
 
 
-def _live_fires(model: FireModel) -> np.ndarray:
+def _live_fires(model: EngineModel) -> np.ndarray:
     fires = model.fires
     table = np.empty(len(fires), TABLE_TYPES["fires"])
     table["fire"] = [fire.unique_id for fire in fires.agents]
@@ -105,7 +105,7 @@ def _live_fires(model: FireModel) -> np.ndarray:
     return table
 
 
-def _live_contacts(model: FireModel) -> np.ndarray:
+def _live_contacts(model: EngineModel) -> np.ndarray:
     if not model.swarm.collided.any():
         return NO_ROWS["contacts"]
     contacts = model.contacts
@@ -116,11 +116,11 @@ def _live_contacts(model: FireModel) -> np.ndarray:
     return table
 
 
-def _live_loads(model: FireModel) -> np.ndarray:
+def _live_loads(model: EngineModel) -> np.ndarray:
     return np.array([(load.unique_id, *load.pose) for load in model.displaced], TABLE_TYPES["loads"])
 
 
-def _live_fields(model: FireModel) -> dict[str, np.ndarray]:
+def _live_fields(model: EngineModel) -> dict[str, np.ndarray]:
     """Return the table of fields and their pictures, nothing without fields."""
     fields = model.fields
     if not fields:
@@ -164,13 +164,13 @@ def _peak(frame: Frame, name: str) -> float:
     return float(peaks[place]) if place < len(peaks) else 0.0
 
 
-def _live_events(model: FireModel) -> np.ndarray:
+def _live_events(model: EngineModel) -> np.ndarray:
     """Return the events of the last step."""
     log = model.events
     return np.array(log.rows(int(np.searchsorted(log.step, model.steps))), TABLE_TYPES["events"])
 
 
-LIVE_TABLES: Mapping[str, Callable[[FireModel], np.ndarray]] = {
+LIVE_TABLES: Mapping[str, Callable[[EngineModel], np.ndarray]] = {
     "fires": _live_fires,
     "contacts": _live_contacts,
     "loads": _live_loads,
@@ -178,7 +178,7 @@ LIVE_TABLES: Mapping[str, Callable[[FireModel], np.ndarray]] = {
 }
 
 
-def _perceived(model: FireModel) -> np.ndarray:
+def _perceived(model: EngineModel) -> np.ndarray:
     centroid, seen = centroids(Senses.of(model.swarm))
     cosine, sine = np.cos(model.swarm.heading), np.sin(model.swarm.heading)
     x, y = centroid.T

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.errors import RecordingError
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.container import Checkpoint, from_bytes, to_bytes
 
 # Poses in one piece of a file, 1.3 MB in memory.
@@ -33,7 +33,7 @@ class HandMove:
     bodies: np.ndarray
     poses: np.ndarray
 
-    def apply(self, model: FireModel) -> None:
+    def apply(self, model: EngineModel) -> None:
         """Send the bodies of a model there, which has to have them."""
         movers = model.movers
         rows = {body.unique_id: row for row, body in enumerate(movers.agents)}
@@ -47,7 +47,7 @@ class HandMove:
         movers.aim[chosen], movers.aim_heading[chosen] = places, headings
 
 
-def move_of(model: FireModel, rows: np.ndarray, after: int) -> HandMove:
+def move_of(model: EngineModel, rows: np.ndarray, after: int) -> HandMove:
     """Return where driven bodies, by their rows, are to go in the next step."""
     movers = model.movers
     poses = np.column_stack([movers.aim[rows], movers.aim_heading[rows]])

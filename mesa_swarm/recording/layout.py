@@ -7,8 +7,8 @@ import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import looks_of
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.robots.parts import reserve
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
@@ -50,7 +50,7 @@ class Layout:
     """
 
     def __init__(
-        self, model: FireModel, columns: Sequence[str], exact: bool, widths: Mapping[str, int] = NO_WIDTHS
+        self, model: EngineModel, columns: Sequence[str], exact: bool, widths: Mapping[str, int] = NO_WIDTHS
     ) -> None:
         self.real = np.float64 if exact else np.float32
         pixels = {PIXELS + name: name for name in (*model.fields, *widths)}
@@ -63,7 +63,7 @@ class Layout:
         self.has_readings = not READINGS.union(model.swarm.table.readings).isdisjoint(self.columns)
         self.schema = self._schema(model, shapes, widths)
 
-    def prepare(self, model: FireModel) -> None:
+    def prepare(self, model: EngineModel) -> None:
         """Update sensor readings for the current poses, if they are recorded; the next step reuses them."""
         if self.has_readings:
             model.sense()
@@ -74,7 +74,7 @@ class Layout:
             return np.dtype(self.real)
         return np.dtype(np.int32) if dtype == np.int64 else dtype
 
-    def _schema(self, model: FireModel, shapes: dict[str, tuple], widths: Mapping[str, int]) -> pa.Schema:
+    def _schema(self, model: EngineModel, shapes: dict[str, tuple], widths: Mapping[str, int]) -> pa.Schema:
         fields = list(FIRST_COLUMNS.items())
         for name in self.columns:
             value = _arrow_type(name, self.stored_type(model.swarm.columns[name].dtype))
@@ -96,7 +96,7 @@ class Layout:
         return field.values if self.real is np.float64 else field.levels()
 
 
-def default_columns(model: FireModel) -> tuple[str, ...]:
+def default_columns(model: EngineModel) -> tuple[str, ...]:
     """Return the columns that are recorded of a model if none are named: `DEFAULT`, and those that its looks name."""
     looks = looks_of(model)
     sources = () if looks is None else (getattr(looks.column, "source", None), looks.label)
@@ -120,7 +120,7 @@ def table_type(table: str, real: pa.DataType) -> pa.DataType:
 class Chunk:
     """A buffer of rows, between two changes of the population."""
 
-    def __init__(self, layout: Layout, model: FireModel, capacity: int) -> None:
+    def __init__(self, layout: Layout, model: EngineModel, capacity: int) -> None:
         self.layout = layout
         self.capacity = capacity
         self.steps = np.zeros(capacity, np.int64)
@@ -149,9 +149,9 @@ class Chunk:
         buffers = [*(rows for _, rows in self._pairs), *self._pixels]
         return sum(rows.nbytes for rows in buffers) // self.capacity + 1
 
-    def has_fields_of(self, model: FireModel) -> bool:
+    def has_fields_of(self, model: EngineModel) -> bool:
         """Return whether the model still has the fields that rows of this chunk show, and no other of their names."""
-        known = model._fields or {}
+        known = model.parts.fields.live or {}
         return all(known.get(name) is field for name, field in zip(self.layout.fields, self._fields, strict=True))
 
     def put(self, row: int, step: int, state_hash: str | None, noted: int) -> None:
@@ -269,7 +269,7 @@ class Chunk:
         return pa.ListArray.from_arrays(np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), struct)
 
 
-def population_of(model: FireModel) -> tuple:
+def population_of(model: EngineModel) -> tuple:
     """Return what changes whenever a robot, obstacle or fire is added or removed, or a column.
 
     Ids only grow and new objects are appended, so that length and last id differ after every change.

@@ -13,7 +13,8 @@ from mesa.agent import Agent
 
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.fire.spreading import Spreading
-from mesa_swarm.open_model import Process
+from mesa_swarm.kernels.part import Part
+from mesa_swarm.model.processes import Process
 from mesa_swarm.scattering import Wander
 
 # The attribute by which a class declares that it may be made so.
@@ -43,6 +44,22 @@ def check_process_class(kind: type) -> None:
         raise RecordingError(
             f"process {kind.__name__} is not one that the model's constructor adds, and its class does not derive from "
             "mesa_swarm.Process; add the process in the constructor, or derive its class"
+        )
+    _check_no_del(kind)
+
+
+def check_part_class(kind: type) -> None:
+    """Refuse a class of parts that no constructor may be skipped of.
+
+    Raises
+    ------
+    RecordingError
+        If it does not derive from `Part`, or has `__del__`.
+    """
+    if Part not in kind.__mro__:
+        raise RecordingError(
+            f"part {kind.__name__} is not one that the model's constructor adds, and its class does not derive from "
+            "mesa_swarm.Part; add the part in the constructor, or derive its class"
         )
     _check_no_del(kind)
 

@@ -19,8 +19,8 @@ from mesa_swarm.control.team import Key, Team, label_of
 from mesa_swarm.errors import RecordingError, SwarmError, check_flag, check_name, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.fire.strategy import FightFire, SeekHeat
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.recording.making import check_agent_class
@@ -101,9 +101,9 @@ def _custom_part(given: Any, near: Sequence[type]) -> RobotPart:
     return _made(name, kind, {field: part_from_json(item, near) for field, item in named})
 
 
-def classes_near(model: FireModel) -> list[type]:
+def classes_near(model: EngineModel) -> list[type]:
     """Return the classes in the modules that define the class of a model, which are loaded: nothing is imported."""
-    names = dict.fromkeys(kind.__module__ for kind in type(model).__mro__ if issubclass(kind, FireModel))
+    names = dict.fromkeys(kind.__module__ for kind in type(model).__mro__ if issubclass(kind, EngineModel))
     modules = [sys.modules[name] for name in names if name in sys.modules]
     return [one for module in modules for one in vars(module).values() if isinstance(one, type)]
 
@@ -243,7 +243,7 @@ def _made(name: str, maker: Callable, arguments: dict) -> Any:
         raise RecordingError(f"{name} of the recording cannot be made: {in_words(error)}") from None
 
 
-def objects_to_json(model: FireModel) -> dict:
+def objects_to_json(model: EngineModel) -> dict:
     """Return the robots, obstacles, loads, fires and other agents of a model by unique_id."""
     swarm = model.swarm
     others = [[agent.unique_id, *class_of_agent(agent), _place_of(agent)] for agent in other_agents(model)]
@@ -261,7 +261,7 @@ def objects_to_json(model: FireModel) -> dict:
     }
 
 
-def restore_objects(model: FireModel, stored: dict, *, from_file: bool = True) -> dict[Agent, Agent | None]:
+def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True) -> dict[Agent, Agent | None]:
     """Give a model the stored robots, obstacles, loads and fires: remove those that are not stored, add the others.
 
     An object with a stored unique_id stays, with all references to it, if it does not differ from the stored one.
@@ -272,7 +272,7 @@ def restore_objects(model: FireModel, stored: dict, *, from_file: bool = True) -
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
     _check_ids(stored, obstacles, others)
-    model._kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
+    model.parts.bodies.kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
     _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
     designs = _designs(model, stored["designs"])
     robots = dict(zip(stored["robots"], stored["designs_of_robots"], strict=True))
@@ -300,7 +300,7 @@ def restore_objects(model: FireModel, stored: dict, *, from_file: bool = True) -
     model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
     model.swarm._resize(np.arange(len(model.swarm)), 0)
     _restore_others(model, others)
-    for load in model._loads:
+    for load in model.parts.bodies.loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
     agents = {agent.unique_id: agent for agent in model.agents}
     for body in model.movers.agents:
@@ -308,12 +308,12 @@ def restore_objects(model: FireModel, stored: dict, *, from_file: bool = True) -
         body.agent = _agent_of(model, _id(one["agent"]), agents) if "agent" in one else None
         _restore_driven(body, one, model.map.bounds)
     model.movers.list_followers()
-    model.obstacles_changed()
+    model.parts.bodies.changed()
     new = [agent for agent in other_agents(model) if agent.unique_id not in present]
     return {agent: before.get(type(agent)) for agent in new}
 
 
-def _agent_of(model: FireModel, unique_id: int, agents: dict[int, Agent]) -> Agent:
+def _agent_of(model: EngineModel, unique_id: int, agents: dict[int, Agent]) -> Agent:
     """Return the agent that a body follows; in the place of one that was removed since the last step a removed one.
 
     With the latter the body is removed when the next step begins.
@@ -336,7 +336,7 @@ def _runs_of_alike(ids: Sequence[int], designs: dict[int, int]) -> Iterator[list
         yield [unique_id for _, unique_id in run]
 
 
-def other_agents(model: FireModel) -> list[Agent]:
+def other_agents(model: EngineModel) -> list[Agent]:
     """Return the agents of a model that are neither robots, obstacles, loads nor fires, in the model's order."""
     known = {id(agent) for agents in (model.swarm.agents, model.obstacle_list, model.fires.agents) for agent in agents}
     return [agent for agent in model.agents if id(agent) not in known] if len(model.agents) > len(known) else []
@@ -356,7 +356,7 @@ def _place_of(agent: Agent) -> list[float] | None:
     return agent.position.tolist()
 
 
-def _make_other(model: FireModel, before: dict[type, Agent] | None, module: str, name: str) -> None:
+def _make_other(model: EngineModel, before: dict[type, Agent] | None, module: str, name: str) -> None:
     """Make an agent of a class that is loaded, without its constructor: its attributes are restored later."""
     kind = agent_class(module, name)
     if kind is None or issubclass(kind, ArenaAgent):
@@ -377,7 +377,7 @@ def agent_class(module: object, name: object) -> type[Agent] | None:
     return (exact or alike)[0] if exact or len(alike) == 1 else None
 
 
-def _restore_others(model: FireModel, stored: dict[int, list]) -> None:
+def _restore_others(model: EngineModel, stored: dict[int, list]) -> None:
     """Move the other agents to their places; refuse agents of other classes than those stored."""
     for agent in other_agents(model):
         *kind, place = stored[agent.unique_id]
@@ -396,7 +396,7 @@ def family(base: type) -> list[type]:
     return [base, *(derived for child in children for derived in family(child))]
 
 
-def summary(model: FireModel) -> list[list[int]]:
+def summary(model: EngineModel) -> list[list[int]]:
     """Return the number of robots, obstacles and fires, and the last unique_id of each: any addition changes them."""
     kinds = (model.swarm.agents, model.obstacle_list, model.fires.agents)
     return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
@@ -450,14 +450,14 @@ def _checked_kinds(stored: Any) -> tuple[str, ...]:
     return tuple(stored)
 
 
-def _remove_others(model: FireModel, ids: set[int]) -> None:
+def _remove_others(model: EngineModel, ids: set[int]) -> None:
     model.remove_robots([robot for robot in model.swarm.agents if robot.unique_id not in ids])
     for agent in [*model.obstacle_list, *model.fires.agents, *other_agents(model)]:
         if agent.unique_id not in ids:
             agent.remove()
 
 
-def _designs(model: FireModel, stored: list) -> list[RobotDesign]:
+def _designs(model: EngineModel, stored: list) -> list[RobotDesign]:
     """Return the designs; those that the model has already unchanged, since a drive may be custom."""
     present = [(part_to_json(design), design) for design in model.swarm.designs]
     near = classes_near(model)
@@ -467,43 +467,43 @@ def _designs(model: FireModel, stored: list) -> list[RobotDesign]:
     return parts
 
 
-def _make_robots(model: FireModel, design: RobotDesign, number: int) -> None:
+def _make_robots(model: EngineModel, design: RobotDesign, number: int) -> None:
     corner = np.tile(model.map.bounds[:2], (number, 1))
     model.swarm.add(design, corner, np.zeros(number), np.ones(number))
     add_handles(model.space, model, model.swarm)
 
 
-def _make_obstacle(model: FireModel, body: dict) -> None:
+def _make_obstacle(model: EngineModel, body: dict) -> None:
     if "driven" in body:
-        model._obstacles.append(_made_driven(model, body))
+        model.parts.bodies.listed.append(_made_driven(model, body))
     elif "load" in body:
         form = Form.about_origin(*restored_outline(body["load"]))
-        kind = model._checked_kind(body.get("kind"), KINDS[LOAD])
+        kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[LOAD])
         load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"], kind)
         load.form = form
-        model._obstacles.append(load)
-        model._loads.append(load)
+        model.parts.bodies.listed.append(load)
+        model.parts.bodies.loads.append(load)
     else:
-        kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
-        model._obstacles.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
-    model._know_kind(model._obstacles[-1].kind)
+        kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[OBSTACLE])
+        model.parts.bodies.listed.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
+    model.parts.bodies.know_kind(model.parts.bodies.listed[-1].kind)
 
 
-def _made_driven(model: FireModel, body: dict) -> Driven:
+def _made_driven(model: EngineModel, body: dict) -> Driven:
     form = Form.about_origin(*restored_outline(body["driven"]))
-    kind = model._checked_kind(body.get("kind"), KINDS[OBSTACLE])
-    driven = Driven(model.space, model, form.shape_at((0.0, 0.0, 0.0)), kind, model._made_movers())
+    kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[OBSTACLE])
+    driven = Driven(model.space, model, form.shape_at((0.0, 0.0, 0.0)), kind, model.parts.bodies.made_movers())
     driven.form = form
     return driven
 
 
-def _make_fire(model: FireModel) -> None:
+def _make_fire(model: EngineModel) -> None:
     row = model.fires.add(np.array(model.map.bounds[:2]), 1.0, 1.0, 1.0)
     model.fires.agents.append(Fire(model.space, model, model.fires, row))
-    model._begin_burning()
+    model.parts.fires.begin_burning()
 
 
-def _check_same(model: FireModel, stored: dict, obstacles: dict) -> None:
+def _check_same(model: EngineModel, stored: dict, obstacles: dict) -> None:
     """Refuse objects that differ from those stored with their unique_ids, as another constructor would make them."""
     present = {
         "robots": model.swarm.unique_ids.tolist(),

@@ -12,23 +12,24 @@ import numpy as np
 
 from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
 from mesa_swarm.fire.constants import FireConstants
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import looks_of
+from mesa_swarm.model.common import whole_signature
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.recording.parts import is_class, part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import mount_of
-from mesa_swarm.state_hash import written_state_hash
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import outline_to_json, shape_to_json
 from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
 # Since format 2 readings are those of the row's own poses, and interventions and changes of scenery are stored; since
-# format 3 state hashes include bodies at rest and what steps only read.
-FORMAT = 3
+# format 4 state hashes are of parts, and include bodies at rest and what steps only read. Format 3 was never published.
+FORMAT = 4
 READABLE = (1, 2, FORMAT)
 LAST_OF_EARLIER_HASHES = 2
 # Modules of classes that older versions had elsewhere.
@@ -39,7 +40,7 @@ PARTS = (FireConstants, Radio, Scale)
 CURE = "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or use rerun=False"
 
 
-def scenery_of(model: FireModel) -> dict:
+def scenery_of(model: EngineModel) -> dict:
     """Return what is needed to draw a model, besides what changes from step to step, as JSON.
 
     Returns
@@ -131,7 +132,7 @@ def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
     return runs
 
 
-def provenance_of(model: FireModel, rerun: bool) -> dict:
+def provenance_of(model: EngineModel, rerun: bool) -> dict:
     """Return the origin of a recording as JSON, sufficient to run the model again if `rerun` requires it."""
     parameters = parameters_of_run(model)
     seed = parameters.pop("rng", None)
@@ -150,19 +151,20 @@ def provenance_of(model: FireModel, rerun: bool) -> dict:
     }
 
 
-def parameters_of_run(model: FireModel) -> dict:
+def parameters_of_run(model: EngineModel) -> dict:
     """Return the arguments of the model's constructor, defaults included."""
     given, named = model.given
-    bound = inspect.signature(type(model)).bind(*given, **named)
+    bound = whole_signature(type(model)).bind(*given, **named)
+    unshown = bound.signature.parameters.keys() - inspect.signature(type(model)).parameters.keys() - {*bound.arguments}
     bound.apply_defaults()
-    parameters = dict(bound.arguments)
+    parameters = {name: value for name, value in bound.arguments.items() if name not in unshown}
     for parameter in bound.signature.parameters.values():
         if parameter.kind is parameter.VAR_KEYWORD:
             parameters.update(parameters.pop(parameter.name))
     return parameters
 
 
-def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> FireModel:
+def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> EngineModel:
     """Return the model as its constructor made it, perhaps with other parameters.
 
     Parameters that did not exist yet have the values with which the model behaves as it did then: those in
@@ -211,7 +213,7 @@ def is_of(provenance: dict, model_class: type) -> bool:
     return is_class(model_class, provenance["model"]["module"], provenance["model"]["name"])
 
 
-def hash_in_format(model: FireModel, number: int) -> str:
+def hash_in_format(model: EngineModel, number: int) -> str:
     """Return the state hash of a model as recordings of a format have it."""
     return written_state_hash(model) if number <= LAST_OF_EARLIER_HASHES else model.state_hash()
 
@@ -266,7 +268,7 @@ def _read_seed(seed: Any) -> int | np.random.SeedSequence:
     return np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]) if isinstance(seed, dict) else seed
 
 
-def _written_seed(model: FireModel, seed: object, rerun: bool) -> object:
+def _written_seed(model: EngineModel, seed: object, rerun: bool) -> object:
     if isinstance(seed, (int, np.integer)):
         return int(seed)
     if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:

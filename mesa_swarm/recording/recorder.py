@@ -18,17 +18,20 @@ import pyarrow as pa
 
 from mesa_swarm.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
 from mesa_swarm.files import shown_path
-from mesa_swarm.fire.model import BURNING, FireModel
-from mesa_swarm.observers import Observer
-from mesa_swarm.recording.changes import POSES, ChangeDetector, intervention_to_json
+from mesa_swarm.fire.part import BURNING
+from mesa_swarm.model.bodies import POSES
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.observers import Observer
+from mesa_swarm.recording.added import check_addable
+from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
-from mesa_swarm.recording.making import OF_PACKAGE, check_agent_class, check_made, check_process_class
-from mesa_swarm.recording.parts import classes_near, control_to_json, own_code, summary
+from mesa_swarm.recording.making import check_agent_class
+from mesa_swarm.recording.parts import control_to_json, own_code, summary
 from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of, scenery_of, shows
 from mesa_swarm.recording.schema import (
     MOST_EVERY,
@@ -39,7 +42,6 @@ from mesa_swarm.recording.schema import (
     longest_gap,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Sealed, SealedWriter
-from mesa_swarm.state import Checkpointed, attributes_of
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import ArenaAgent
 
@@ -64,7 +66,7 @@ class RowBuffer:
     neither loses a row nor writes one twice.
     """
 
-    def __init__(self, layout: Layout, writer: SealedWriter, model: FireModel, every: int = 1) -> None:
+    def __init__(self, layout: Layout, writer: SealedWriter, model: EngineModel, every: int = 1) -> None:
         self.writer = writer
         self._gap, self._newest = longest_gap(every), model.completed
         self.rows = 0
@@ -76,7 +78,7 @@ class RowBuffer:
         self._noted = len(model.events)
         self._written_at = self._synced_at = perf_counter()
 
-    def put(self, model: FireModel) -> None:
+    def put(self, model: EngineModel) -> None:
         """Add a row with the present state of the model."""
         chunk, step = self._chunk, model.completed
         self._check_gap(step)
@@ -161,7 +163,7 @@ class RowBuffer:
             raise
         self.writer.write(batch, first)
 
-    def _attach_change(self, model: FireModel) -> None:
+    def _attach_change(self, model: EngineModel) -> None:
         """Write the present population, and the scenery if it has changed."""
         change: dict[str, Any] = {"there": summary(model)}
         scenery = scenery_of(model)
@@ -183,12 +185,12 @@ class RowBuffer:
                 f"expected at most {self._gap:,} steps from row to row; start another recording"
             )
 
-    def _new_chunk(self, model: FireModel) -> Chunk:
+    def _new_chunk(self, model: EngineModel) -> Chunk:
         row_bytes = Chunk(self._layout, model, 1).row_bytes
         return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
 
 
-def _seen(model: FireModel) -> tuple:
+def _seen(model: EngineModel) -> tuple:
     """Return what changes whenever the scenery may change."""
     return population_of(model), model.fire_constants
 
@@ -206,7 +208,7 @@ class Recorder(Observer):
 
     Parameters
     ----------
-    model : FireModel
+    model : EngineModel
     path : Path
     trigger : Trigger
         When a row is due.
@@ -226,7 +228,7 @@ class Recorder(Observer):
 
     def __init__(
         self,
-        model: FireModel,
+        model: EngineModel,
         path: Path,
         trigger: Trigger,
         layout: Layout,
@@ -249,7 +251,7 @@ class Recorder(Observer):
             raise
         self._detector = ChangeDetector(model)
         self._replaced: list[str] = []  # what a model that has taken the place of another differs in
-        self._unwritten: FireModel | None = None
+        self._unwritten: EngineModel | None = None
         self._begun = model.completed  # the steps that were completed when the present one began
         self._observers = model.observers
         self._observers.append(self)
@@ -273,7 +275,7 @@ class Recorder(Observer):
         """Whether nothing more is recorded."""
         return self._buffer.writer.closed
 
-    def before_step(self, model: FireModel) -> None:
+    def before_step(self, model: EngineModel) -> None:
         """Store the state if it was changed by hand since the last step; called by the model before each step."""
         if self.closed:
             return
@@ -283,10 +285,10 @@ class Recorder(Observer):
         if moved is not None:
             self._guarded(self._buffer.note, move_of(model, moved, len(self._checkpoints.steps)))
         elif what:
-            model._sensed = None  # as without a recorder: columns may have been written directly
+            model.parts.robots.forget_readings()  # as without a recorder: columns may have been written directly
             self._guarded(self._checkpoints.put_intervention, model, what)
 
-    def after_step(self, model: FireModel, step: int) -> None:
+    def after_step(self, model: EngineModel, step: int) -> None:
         """Note that a row is due; called by the model before a derived class may do more in this step.
 
         Raises
@@ -307,13 +309,13 @@ class Recorder(Observer):
         if self._trigger.is_due(step):
             self._unwritten = model
 
-    def after_failure(self, model: FireModel) -> None:
+    def after_failure(self, model: EngineModel) -> None:
         """Record the row of a step that failed in the part of a derived class; called by the model."""
         if not self.closed:
             self._buffer.forget_move(model.completed)
             self._put_row()
 
-    def between_steps(self, model: FireModel) -> None:
+    def between_steps(self, model: EngineModel) -> None:
         """Record what is due; called by the model at the very end of a step."""
         if self.closed:
             return
@@ -322,12 +324,12 @@ class Recorder(Observer):
             self._guarded(self._checkpoints.put, model)
         self._detector = ChangeDetector(model)
 
-    def after_run(self, model: FireModel, steps: int) -> None:
+    def after_run(self, model: EngineModel, steps: int) -> None:
         """Write the pending rows, so that they can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
             self._guarded(self._buffer.flush)
 
-    def replaced(self, old: FireModel, new: FireModel, what: list[str]) -> None:
+    def replaced(self, old: EngineModel, new: EngineModel, what: list[str]) -> None:
         """Continue with the model that has taken the place of another: a change by hand."""
         if self.closed:
             return
@@ -399,7 +401,7 @@ class Recorder(Observer):
 class _Checkpoints:
     """Complete states at intervals; each stores what was collected since the one before."""
 
-    def __init__(self, buffer: RowBuffer, every: int, model: FireModel) -> None:
+    def __init__(self, buffer: RowBuffer, every: int, model: EngineModel) -> None:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.due = 0 if every else sys.maxsize
@@ -407,26 +409,27 @@ class _Checkpoints:
         self._every = every
         self._warned = False
         self._control = control_to_json(model.control)
-        self._processes, self._kinds = {*model._processes}, {*model.agents_by_type}
+        self._processes, self._kinds = {*model.parts.processes.numbered}, {*model.agents_by_type}
+        self._parts = {*model.parts}
         self._since: dict[SeriesPath, int] = {}
         self._collected = self._more = 0
 
-    def put(self, model: FireModel) -> None:
+    def put(self, model: EngineModel) -> None:
         """Store the present state of the model, unless it cannot be stored."""
         self._attach(model, self._content(model, model.steps))
 
-    def postpone(self, model: FireModel, why_not: str) -> None:
+    def postpone(self, model: EngineModel, why_not: str) -> None:
         """Do without a checkpoint of the present state, which cannot be stored."""
         self.due, self.why_not = model.completed + self._every, why_not
         self._warned = True  # by `record`
 
-    def put_intervention(self, model: FireModel, what: list[str]) -> None:
+    def put_intervention(self, model: EngineModel, what: list[str]) -> None:
         """Store what was changed before the step that Mesa has just counted, and the state after the change."""
         content = self._content(model, model.steps - 1) if self._every else b""
         self._buffer.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
         self._attach(model, content)
 
-    def _content(self, model: FireModel, steps: int) -> bytes:
+    def _content(self, model: EngineModel, steps: int) -> bytes:
         """Return a checkpoint as bytes; no bytes, and set `why_not`, if it cannot be stored."""
         self.due = model.completed + self._every
         try:
@@ -443,7 +446,7 @@ class _Checkpoints:
         self.why_not = ""
         return content
 
-    def _warn(self, model: FireModel) -> None:
+    def _warn(self, model: EngineModel) -> None:
         """Warn once that states are no longer stored."""
         if self._warned:
             return
@@ -451,7 +454,7 @@ class _Checkpoints:
         text = f"the state of {type(model).__name__} after step {model.completed} cannot be stored in its recording: "
         warnings.warn(without_middle(text + self.why_not), UnstoredStateWarning, stacklevel=2)
 
-    def _check_control(self, model: FireModel) -> None:
+    def _check_control(self, model: EngineModel) -> None:
         """Refuse a control with custom rules that it did not have when the recording began."""
         now = control_to_json(model.control)
         own = own_code(now)
@@ -461,22 +464,20 @@ class _Checkpoints:
                 "step and set it again, or record a model whose class has the rule"
             )
 
-    def _check_classes(self, model: FireModel) -> None:
+    def _check_classes(self, model: EngineModel) -> None:
         """Refuse processes and agents, added since the recording began, that would not be made again."""
-        for number in model._processes.keys() - self._processes - {BURNING}:  # which the first fire begins
-            process = model._processes[number]
-            check_process_class(type(process))
-            if type(process) not in (*classes_near(model), *OF_PACKAGE):
-                raise RecordingError(
-                    f"process {type(process).__name__} was added by hand, and its class is not in "
-                    f"{type(model).__module__}; define it there, or add the process in the constructor"
-                )
-            check_made(process, () if isinstance(process, Checkpointed) else attributes_of(process))
+        for number in (
+            model.parts.processes.numbered.keys() - self._processes - {BURNING}
+        ):  # which the first fire begins
+            check_addable(model.parts.processes.numbered[number], "process", model)
+        for part in model.parts.added():
+            if part.name not in self._parts:
+                check_addable(part, "part", model)
         for kind in model.agents_by_type.keys() - self._kinds:
             if not issubclass(kind, ArenaAgent):
                 check_agent_class(kind, present=False)
 
-    def _attach(self, model: FireModel, content: bytes) -> None:
+    def _attach(self, model: EngineModel, content: bytes) -> None:
         if content:
             self._buffer.attach(CHECKPOINT, content, model.completed)
             self._since = lengths_of(model)
@@ -491,7 +492,7 @@ def _close_silently(buffer: RowBuffer) -> None:
 
 
 def record(
-    model: FireModel,
+    model: EngineModel,
     path: str | os.PathLike[str],
     *,
     every: int | Trigger = 1,
@@ -516,7 +517,7 @@ def record(
 
     Parameters
     ----------
-    model : FireModel
+    model : EngineModel
         Any `SwarmModel`.
     path : str or Path
     every : int
@@ -600,7 +601,7 @@ def _check_readable(schema: pa.Schema) -> None:
         raise RecordingError(f"this recording would be unreadable: {error}") from None
 
 
-def _why_not(model: FireModel) -> str:
+def _why_not(model: EngineModel) -> str:
     """Return why the state of a model cannot be stored, an empty text if it can."""
     try:
         to_bytes(checkpoint_of(model, lengths_of(model)))

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
-from mesa_swarm.events import EventLog
+from mesa_swarm.model.events import EventLog
 from mesa_swarm.recording.changes import Intervention, intervention_from_json
 from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.frames import Event, Frame, Rows, events_of, field_names, field_values, table_of

@@ -7,14 +7,14 @@ from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.fire.fires import Fire
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.state import refuse_attributes
 from mesa_swarm.recording.attributes import (
     ModelPacked,
     apart_of_agent,
     attribute_from_json,
     attribute_to_json,
     own_attributes_of_agent,
-    refuse_attributes,
 )
 from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.recording.parts import (
@@ -82,7 +82,7 @@ def _remains(agent: Agent) -> dict:
     return {"kind": agent.kind, **body_to_json(agent)}
 
 
-def _remains_from_json(model: FireModel, unique_id: int, stored: Any, present: frozenset[type] | None) -> Agent:
+def _remains_from_json(model: EngineModel, unique_id: int, stored: Any, present: frozenset[type] | None) -> Agent:
     """Return a removed agent of a class that is loaded, made without its constructor."""
     module, name, remains = stored
     kind = agent_class(module, name)
@@ -104,7 +104,7 @@ def _remains_from_json(model: FireModel, unique_id: int, stored: Any, present: f
     return agent
 
 
-def _restore_body(model: FireModel, body: Any, remains: dict) -> None:
+def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
     if isinstance(body, Driven):
         body.form = Form.about_origin(*restored_outline(remains["driven"]))
         body.movers, body.row, body.agent, body.carrier, body._shown = model.movers, GONE, None, None, None

@@ -4,8 +4,8 @@ import os
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.parts import family
 from mesa_swarm.recording.provenance import is_of, rebuilt
@@ -29,7 +29,7 @@ LONGEST_ADDRESS = 80
 
 def resume(
     base: type, path: str | os.PathLike[str], /, *, step: int | None = None, progress: bool = False, **changes: object
-) -> FireModel:
+) -> EngineModel:
     """Return the model as it was after a step of a recording, from which it continues with the same bits.
 
     The nearest checkpoint at or before the step is restored, and the model runs from there to the step, compared
@@ -84,7 +84,7 @@ def resume(
 
 def resumed(
     recording: Recording, base: type, step: int, changes: dict[str, Any], watch: Watch = lambda _: None
-) -> FireModel:
+) -> EngineModel:
     """Return the same as `resume`, and call `watch` with the model after each step that is run again."""
     model_class = class_of(recording, base)
     unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
@@ -102,7 +102,7 @@ def resumed(
     return changed
 
 
-def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> FireModel:
+def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> EngineModel:
     """Return the model as it was after a step of a recording: from the last whole checkpoint, or its parameters.
 
     An error names the nearest steps that work.

@@ -17,8 +17,10 @@ from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team
 from mesa_swarm.errors import InvalidValueError, RecordingError, in_words, shortened
-from mesa_swarm.fire.model import FireModel
-from mesa_swarm.mesa_model import add_reporters
+from mesa_swarm.kernels.part import Part, made_of
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.mesa_model import add_reporters
+from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of
 from mesa_swarm.recording.attributes import (
     ModelPacked,
     attribute_from_json,
@@ -31,7 +33,6 @@ from mesa_swarm.recording.parts import control_to_json, objects_to_json, other_a
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING, Swarm
-from mesa_swarm.state import ATOMS, Checkpointed, add_to, attributes_of
 from mesa_swarm.world.arena import next_id, set_next_id
 
 # Columns that follow from parameters; all others are the state of the run.
@@ -39,14 +40,16 @@ OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
 # Those of them that are the run's where it has added or removed robots.
 MADE = frozenset({"number", "design"})
 # Settings that may be changed by hand between steps: such a change is kept, unless the parameters change it as well.
-SETTINGS = ("communication", "imperfections", "fire_constants", "scale", "collect_every", "threads")
+SETTINGS = (
+    *("communication", "imperfections", "fire_constants", "extinguish_range", "scale", "collect_every", "threads"),
+)
 # Parts of a model to which its attributes may refer.
 PARTS = ("swarm", "space", "fires", "map", "rng", "random", "streams", "datacollector")
 OURS = "mesa_swarm."
 PERFECT = Imperfections()
 
 
-def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def take_over(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Copy the state of a model to a `new` one that has taken no step yet.
 
     Values of `old` that differ from those in `fresh`, which is `old` before its first step, are state; the others
@@ -55,6 +58,9 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     """
     remade = _take_objects(new, old, fresh)
     set_clock(new, old.steps)
+    new.parts.set_completed(old.completed)
+    new.running = old.running if old.running != fresh.running else new.running
+    new.collisions, new.total_collisions = old.collisions, old.total_collisions
     _take_kinds(new, old)
     _take_bodies(new, old, fresh)
     _take_settings(new, old, fresh)
@@ -63,15 +69,16 @@ def take_over(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     _take_fields(new, old, fresh)
     _take_randomness(new, old)
     _take_values(new, old, fresh)
+    _take_added_parts(new, old, fresh)
     _take_collected(new, old, fresh)
-    new.obstacles_changed()
+    new.parts.bodies.changed()
     new.swarm.disturbed = old.swarm.disturbed
 
 
 # ---- objects
 
 
-def _take_objects(new: FireModel, old: FireModel, fresh: FireModel) -> bool:
+def _take_objects(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bool:
     """Add and remove what was added and removed during the run; return whether anything was.
 
     The change itself has to make the same objects as without it.
@@ -91,7 +98,7 @@ def _take_objects(new: FireModel, old: FireModel, fresh: FireModel) -> bool:
     return remade
 
 
-def _objects_of(model: FireModel) -> dict[str, list[int]]:
+def _objects_of(model: EngineModel) -> dict[str, list[int]]:
     """Return the unique_ids of all agents by kind."""
     kinds = {name: getattr(model, name) for name in ("robots", "fires", "obstacles", "loads", "bodies")}
     kinds["agents"] = other_agents(model)
@@ -115,12 +122,12 @@ def _unless_changed(new: Any, old: Any, fresh: Any) -> Any:
     return new if old == fresh and new is not None else old
 
 
-def _take_kinds(new: FireModel, old: FireModel) -> None:
+def _take_kinds(new: EngineModel, old: EngineModel) -> None:
     """Let readings and contacts have the codes of the run's kinds, to which the new model may add."""
-    new._kinds = (*old.kinds, *(name for name in new.kinds if name not in old.kinds))
+    new.parts.bodies.kinds = (*old.kinds, *(name for name in new.kinds if name not in old.kinds))
 
 
-def _take_bodies(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Put bodies where they are, and agents of other classes as well."""
     first = {load.unique_id: load.resistance for load in fresh.loads}
     for load, was in zip(new.loads, old.loads, strict=True):
@@ -137,36 +144,40 @@ def _take_bodies(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     for agent, was in zip(other_agents(new), other_agents(old), strict=True):
         if isinstance(agent, ContinuousSpaceAgent):
             agent.position = was.position
-    new.obstacles_changed()
+    new.parts.bodies.changed()
 
 
 # ---- settings and control
 
 
-def changed_settings(model: FireModel, other: FireModel) -> list[str]:
+def changed_settings(model: EngineModel, other: EngineModel) -> list[str]:
     """Return the settings in which two models of the same class differ, `control` among them."""
     names = [name for name in SETTINGS if _setting(model, name) != _setting(other, name)]
     return names if _same_control(model.control, other.control) else [*names, "control"]
 
 
-def _setting(model: FireModel, name: str) -> Any:
+def _setting(model: EngineModel, name: str) -> Any:
     """Return a setting; imperfections that change nothing, as `Robot.fail` sets them, count as None."""
     value = getattr(model, name)
     return None if value == PERFECT else value
 
 
-def _take_settings(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def _take_settings(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     by_parameters = changed_settings(new, fresh)
     by_hand = [name for name in changed_settings(old, fresh) if name not in by_parameters]
     for name in by_hand:
         if name != "control":
             setattr(new, name, getattr(old, name))
-    if old._imperfect is not None and new._imperfect is None and old.imperfections == PERFECT:
+    if (
+        old.parts.imperfections.effect is not None
+        and new.parts.imperfections.effect is None
+        and old.imperfections == PERFECT
+    ):
         new.imperfections = PERFECT
     if FAILED_SENSORS in old.swarm.columns:
-        new.prepare_failures()
-    if new._imperfect is not None and old._imperfect is not None:
-        new._imperfect.key = old._imperfect.key
+        new.parts.imperfections.prepare_failures()
+    if new.parts.imperfections.effect is not None and old.parts.imperfections.effect is not None:
+        new.parts.imperfections.effect.key = old.parts.imperfections.effect.key
     if "control" in by_hand:
         new.control = old.control
         _keep_fields(new.control, old.control)
@@ -196,7 +207,7 @@ def _keep_fields(control: Any, old: Any) -> None:
 # ---- columns
 
 
-def _take_columns(new: FireModel, old: FireModel, of_parameters: frozenset[str]) -> None:
+def _take_columns(new: EngineModel, old: EngineModel, of_parameters: frozenset[str]) -> None:
     renamed = _renamed_columns(new, old)
     for name, declared in old.swarm._memory.items():
         if not name[:1].isdigit() and not name.startswith(LASTING):  # of no layer, arbiter or imperfection
@@ -211,14 +222,14 @@ def _take_columns(new: FireModel, old: FireModel, of_parameters: frozenset[str])
     new.swarm.regrouped += 1
 
 
-def _take_speeds(new: FireModel, old: FireModel) -> None:
+def _take_speeds(new: EngineModel, old: EngineModel) -> None:
     """Keep limits of speed that the run has set, as far as the designs permit them."""
     limit, was = new.swarm.columns["max_speed"], old.swarm.columns["max_speed"]
     mine, others = (np.array([robot.design.max_speed for robot in model.swarm.agents]) for model in (new, old))
     limit[:] = np.where(was != others, np.minimum(was, mine), limit)
 
 
-def _take_states(new: FireModel, old: FireModel) -> None:
+def _take_states(new: EngineModel, old: EngineModel) -> None:
     """Give states of machines, which were copied as numbers, the numbers that they have by name in the new machines."""
     others = dict(_machines(old, _by_label(new, old)))
     for key, machine in _machines(new, _by_label(new, old)):
@@ -240,19 +251,19 @@ def _numbered(now: np.ndarray, before: tuple[str, ...], after: tuple[str, ...]) 
     return np.array([after.index(name) if name in after else -1 for name in before], np.int64)[now]
 
 
-def _machines(model: FireModel, by_label: bool) -> Iterator[tuple[tuple[str, int], StateMachine]]:
+def _machines(model: EngineModel, by_label: bool) -> Iterator[tuple[tuple[str, int], StateMachine]]:
     """Iterate over the state machines of a control, by their label and their place among those of the label."""
     count = Counter[str]()
-    for label, arbiter in _labelled_arbiters(model):
+    for label, arbiter in model.parts.control.labelled_arbiters():
         key = label if by_label else ""
         if isinstance(arbiter, StateMachine):
             yield (key, count[key]), arbiter
         count[key] += 1
 
 
-def _renamed_columns(new: FireModel, old: FireModel) -> Callable[[str], str]:
+def _renamed_columns(new: EngineModel, old: EngineModel) -> Callable[[str], str]:
     """Return a function of a column's name in one model that returns its name in the other, "" if it has none."""
-    mine, others = (_prefixes(model, _by_label(new, old)) for model in (new, old))
+    mine, others = (model.parts.control.prefixes(_by_label(new, old)) for model in (new, old))
     own = {prefix: key for key, prefix in mine.items()}
     longest_first = sorted(own, key=len, reverse=True)
 
@@ -265,39 +276,14 @@ def _renamed_columns(new: FireModel, old: FireModel) -> Callable[[str], str]:
     return renamed
 
 
-def _by_label(new: FireModel, old: FireModel) -> bool:
+def _by_label(new: EngineModel, old: EngineModel) -> bool:
     """Return whether arbiters are the same if their labels are; else all layers are of one."""
     return isinstance(new.control, Team) and isinstance(old.control, Team)
 
 
-def _prefixes(model: FireModel, by_label: bool) -> dict[tuple[str, str, int], str]:
-    """Return with what the names of the columns of each layer begin, and of each arbiter itself, whose name is "".
-
-    By the label of the arbiter, the name, and its place among those of this name. What an arbiter has itself, such as
-    the states of a machine, begins with the index of its first layer.
-    """
-    count, prefixes, first = Counter[tuple[str, str]](), {}, 0
-    for label, arbiter in _labelled_arbiters(model):
-        key, begin = (label if by_label else ""), (f".{label}" if label else "")
-        names = [("", f"{first}{begin}")]
-        names += [(layer.name, f"{index}{begin}.{layer.name}") for index, layer in enumerate(arbiter.layers, first)]
-        for name, prefix in names:
-            prefixes[key, name, count[key, name]] = prefix
-            count[key, name] += 1
-        first += len(arbiter.layers)
-    return prefixes
-
-
-def _labelled_arbiters(model: FireModel) -> Iterator[tuple[str, Any]]:
-    """Iterate over the arbiters of a control, each with its label."""
-    control: Any = model.control
-    if control is not None:
-        yield from zip(getattr(control, "labels", ("",)), getattr(control, "parts", (control,)), strict=True)
-
-
-def _matching_layers(new: FireModel, old: FireModel) -> Iterator[tuple[Any, Any]]:
+def _matching_layers(new: EngineModel, old: EngineModel) -> Iterator[tuple[Any, Any]]:
     """Iterate over the layers of one model with those of another that are the same: of the same prefix's key."""
-    mine, others = (_prefixes(model, _by_label(new, old)) for model in (new, old))
+    mine, others = (model.parts.control.prefixes(_by_label(new, old)) for model in (new, old))
     for key, prefix in mine.items():
         if key in others and key[1]:
             places = (int(name.partition(".")[0]) for name in (prefix, others[key]))
@@ -308,7 +294,7 @@ def _matching_layers(new: FireModel, old: FireModel) -> Iterator[tuple[Any, Any]
 # ---- fires, fields, random streams
 
 
-def _take_fires(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def _take_fires(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     first = {fire.unique_id for fire in fresh.fires}
     added = [row for row, fire in enumerate(old.fires.agents) if fire.unique_id not in first]
     for name, column in old.fires.columns.items():
@@ -320,7 +306,7 @@ def _take_fires(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     new.fires.history.every = interval
 
 
-def _take_fields(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def _take_fields(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Remove and add the fields that the run did, and copy the values of those of the same name and grid."""
     for name in [name for name in fresh.fields if name in new.fields and name not in old.fields]:
         new.remove_field(name)
@@ -330,23 +316,23 @@ def _take_fields(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     for name, field in new.fields.items():
         if name in old.fields and old.fields[name].values.shape == field.values.shape:
             field.restore(old.fields[name].checkpoint())
-    if new._fields:
-        order = [*(name for name in old.fields if name in new._fields), *new._fields]
-        new._fields = {name: new._fields[name] for name in order}
+    if new.parts.fields.live:
+        order = [*(name for name in old.fields if name in new.parts.fields.live), *new.parts.fields.live]
+        new.parts.fields.live = {name: new.parts.fields.live[name] for name in order}
 
 
-def _take_randomness(new: FireModel, old: FireModel) -> None:
+def _take_randomness(new: EngineModel, old: EngineModel) -> None:
     for name, state in old.streams.state().items():
         new.streams[name].bit_generator.state = state
     new.rng.bit_generator.state = old.rng.bit_generator.state
     new.random.setstate(old.random.getstate())
-    new.__dict__["_noise"] = old.__dict__["_noise"]  # this step's sensor errors, which may have been drawn already
+    new.parts.robots.noise = old.parts.robots.noise  # this step's sensor errors, which may have been drawn already
 
 
 # ---- attributes, declared state, processes, layers, agents
 
 
-def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def _take_values(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Copy what the run has changed in attributes, the declared state, processes, custom layers and other agents."""
     _take_processes(new, old, fresh)
     carrier = _Carrier(new, old)
@@ -362,22 +348,48 @@ def _take_values(new: FireModel, old: FireModel, fresh: FireModel) -> None:
     new.events.replace({name: list(series) for name, series in old.events.series().items()})
 
 
-def _take_processes(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def _take_processes(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Add and remove the processes that the run did; the attributes of those that are added follow."""
-    for number in old._processes.keys() - fresh._processes.keys() - new._processes.keys():
-        kind: Any = type(old._processes[number])
-        new._processes[number] = kind.__new__(kind)
-    if new._processes.keys() < old._processes.keys():
+    mine, others, first = (model.parts.processes.numbered for model in (new, old, fresh))
+    for number in others.keys() - first.keys() - mine.keys():
+        kind: Any = type(others[number])
+        mine = {**mine, number: kind.__new__(kind)}
+    if mine.keys() < others.keys():
         raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
-    for number in new._processes.keys() - old._processes.keys():
-        new.remove_process(new._processes[number])
-    new._processes = {number: new._processes[number] for number in old._processes}
+    new.parts.processes.numbered = {number: mine[number] for number in others}
+
+
+def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
+    """Add and remove the parts that the run did, and give each the state of the run: columns and what it stores."""
+    for part in new.parts.added():
+        if part.name not in old.parts and part.name in fresh.parts:
+            new.remove_part(part.name)
+    carrier = _Carrier(new, old)
+    for was in old.parts.added():
+        if was.name not in new.parts:
+            kind: Any = type(was)
+            part = kind.__new__(kind)
+            for name, value in made_of(was).items():
+                object.__setattr__(part, name, carrier.carried(name, value, None))
+            new.add_part(part)
+        _take_part(new.parts[was.name], was, dict(fresh.parts).get(was.name), carrier)
+    carrier.finish()
+
+
+def _take_part(part: Part, was: Part, first: Part | None, carrier: "_Carrier") -> None:
+    now, before = part.store(), {} if first is None else first.store()
+    changed = {n: v for n, v in was.store().items() if n not in before or _differ(v, before[n])}
+    part.restore({name: carrier.carried(name, value, now.get(name)) for name, value in changed.items()})
+    columns = was.columns()
+    for name, column in part.columns().items():
+        if column.role != "parameter" and name in columns and columns[name].array.shape == column.array.shape:
+            column.array[...] = columns[name].array
 
 
 class _Carrier:
     """Values of one model as values of another: with its agents, columns, streams and parts in their places."""
 
-    def __init__(self, new: FireModel, old: FireModel) -> None:
+    def __init__(self, new: EngineModel, old: EngineModel) -> None:
         self._new, self._old = new, old
         self._there = ModelPacked(old)
         self._here, self._there.removed = ModelPacked(new, self._there.arrays), {}
@@ -426,7 +438,9 @@ class _Carrier:
         pairs += [(old.swarm.columns[name], column) for name, column in self._same_columns()]
         mine = {agent.unique_id: agent for agent in new.agents}
         pairs += [(agent, mine[agent.unique_id]) for agent in old.agents if agent.unique_id in mine]
-        pairs += [(process, new._processes[number]) for number, process in old._processes.items()]
+        pairs += [
+            (process, new.parts.processes.numbered[number]) for number, process in old.parts.processes.numbered.items()
+        ]
         pairs += [(was, layer) for layer, was in _matching_layers(new, old)]
         pairs += [(field, new.fields[name]) for name, field in old.fields.items() if name in new.fields]
         return {id(there): here for there, here in pairs}
@@ -437,14 +451,18 @@ class _Carrier:
         yield from ((name, columns[other]) for name, other in self._columns.items() if other in columns)
 
 
-def _owners_of_values(new: FireModel, old: FireModel, fresh: FireModel) -> Iterator[tuple[Any, dict, dict]]:
+def _owners_of_values(new: EngineModel, old: EngineModel, fresh: EngineModel) -> Iterator[tuple[Any, dict, dict]]:
     """Iterate over what has values: where those of the new model are, those of the old one, and the first ones."""
     yield new.__dict__, own_attributes(old), own_attributes(fresh)
     yield new.state, dict(old.state), dict(fresh.state)
-    for number, process in new._processes.items():
+    for number, process in new.parts.processes.numbered.items():
         if not isinstance(process, Checkpointed):
-            before = attributes_of(fresh._processes[number]) if number in fresh._processes else {}
-            yield _Attributes(process), attributes_of(old._processes[number]), before
+            before = (
+                attributes_of(fresh.parts.processes.numbered[number])
+                if number in fresh.parts.processes.numbered
+                else {}
+            )
+            yield _Attributes(process), attributes_of(old.parts.processes.numbered[number]), before
     firsts = {id(layer): first for layer, first in _matching_layers(new, fresh)}
     for layer, was in _matching_layers(new, old):
         if not type(layer).__module__.startswith(OURS) and not isinstance(layer, Checkpointed):
@@ -453,7 +471,7 @@ def _owners_of_values(new: FireModel, old: FireModel, fresh: FireModel) -> Itera
     yield from _owners_of_agents(new, old, fresh)
 
 
-def _owners_of_agents(new: FireModel, old: FireModel, fresh: FireModel) -> Iterator[tuple[Any, dict, dict]]:
+def _owners_of_agents(new: EngineModel, old: EngineModel, fresh: EngineModel) -> Iterator[tuple[Any, dict, dict]]:
     firsts = {agent.unique_id: agent for agent in fresh.agents}
     others = {agent.unique_id: agent for agent in old.agents}
     for agent in new.agents:
@@ -464,9 +482,11 @@ def _owners_of_agents(new: FireModel, old: FireModel, fresh: FireModel) -> Itera
             yield _Attributes(agent), values, before
 
 
-def _checkpointed(new: FireModel, old: FireModel) -> Iterator[tuple[Any, Any]]:
+def _checkpointed(new: EngineModel, old: EngineModel) -> Iterator[tuple[Any, Any]]:
     """Iterate over processes and layers that store and restore themselves, with those of the old model."""
-    pairs: list[tuple[Any, Any]] = [(process, old._processes[number]) for number, process in new._processes.items()]
+    pairs: list[tuple[Any, Any]] = [
+        (process, old.parts.processes.numbered[number]) for number, process in new.parts.processes.numbered.items()
+    ]
     for owner, was in (*pairs, *_matching_layers(new, old)):
         if isinstance(owner, Checkpointed) and type(owner) is type(was):
             yield owner, was
@@ -529,7 +549,7 @@ def _add_deeply(digest: Any, value: Any, seen: set[int]) -> None:
 # ---- collected data
 
 
-def _take_collected(new: FireModel, old: FireModel, fresh: FireModel) -> None:
+def _take_collected(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Copy collected data; a reporter that is new with the parameters has no values in the rows before."""
     mine, others = new.datacollector, old.datacollector
     if type(others) is not type(fresh.datacollector) or others.tables.keys() != mine.tables.keys():

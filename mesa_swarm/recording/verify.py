@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 
 from mesa_swarm.errors import RecordingError, SwarmError, in_words
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.changes import Intervention, as_remark
 from mesa_swarm.recording.checkpoint import differing_part, restore
@@ -24,7 +24,7 @@ from mesa_swarm.recording.schema import MOST_UNSEEN
 from mesa_swarm.wording import quantity
 
 # Called after each step that is run again: shows the progress, and raises an error to stop.
-Watch = Callable[[FireModel], None]
+Watch = Callable[[EngineModel], None]
 # In recordings of this format readings are those before the step, except in rows with a state hash.
 LATE_READINGS = 1
 MOST_NAMED = 3
@@ -46,7 +46,7 @@ class Rerun:
     def __init__(
         self,
         recording: Recording,
-        model: FireModel,
+        model: EngineModel,
         checkpoint: int = -1,
         watch: Watch = lambda _: None,
         states: Sequence[Checkpoint] = (),
@@ -120,7 +120,7 @@ class Rerun:
                 return f"its stored state differs in {name}"
         return ""
 
-    def _restored(self, place: int) -> FireModel:
+    def _restored(self, place: int) -> EngineModel:
         """Return a new model with a stored state, by its index; each is read once, in their order."""
         if len(self.states) <= place:
             self.states = states_to(self.recording, place, self.states)
@@ -137,14 +137,14 @@ class Rerun:
             self._moves.popleft()  # the state includes them
 
 
-def _layout_of(recording: Recording, model: FireModel) -> Layout:
+def _layout_of(recording: Recording, model: EngineModel) -> Layout:
     try:
         return Layout(model, recording.columns, recording.provenance["exact"], recording.picture_widths)
     except SwarmError as error:
         raise RecordingError(f"{recording.path} has columns that its model does not have: {error}") from None
 
 
-def run_on(model: FireModel, step: int, watch: Watch) -> None:
+def run_on(model: EngineModel, step: int, watch: Watch) -> None:
     """Run a model to a later step."""
     while model.completed < step:
         before = model.completed
@@ -228,7 +228,7 @@ def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint]
     return states
 
 
-def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> FireModel:
+def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
     """Return a new model with the last of these states."""
     facts = recording.provenance
     return restore(rebuilt(facts, model_class), states[-1], states[:-1], written_in=facts["format"])

@@ -27,7 +27,8 @@ class Robot(ArenaAgent):
     """
 
     __slots__ = ("model", "row", "swarm", "unique_id")  # the first and the last in the place of a dict for each robot
-    _stored_apart: ClassVar[tuple[str, ...]] = ("swarm", "row")
+    swarm: Swarm
+    row: int
     _made_by: ClassVar[str] = "model.add_robots(AGENT9, 10) or model.add_robots(AGENT9, poses=[(x, y, heading), ...])"
 
     def __new__(cls, *given: Any, **named: Any) -> Self:
@@ -117,7 +118,7 @@ class Robot(ArenaAgent):
     def group(self, value: str) -> None:
         row, model = self.alive(), cast(Any, self.model)
         name = value if value == "" else check_name("group", value)
-        model._check_driven(self.design, name)
+        model.parts.control.check_driven(self.design, name)
         self.swarm.set_group(row, name)
 
     @property
@@ -268,7 +269,7 @@ class Robot(ArenaAgent):
         check_choice("what", what, ("stop", "sensor", "wheel"))
         state = WHEELS.index(check_choice("how", how, WHEELS[1:]))
         place = 0 if what == "stop" else self._place(what, index, how)
-        cast(Any, self.model).prepare_failures()
+        cast(Any, self.model).parts["imperfections"].prepare_failures()
         columns = self.swarm.columns
         if what == "stop":
             columns[f"{LASTING}broken"][row] = True
@@ -358,12 +359,11 @@ def remove_together(robots: Sequence[Robot]) -> None:
     rows = {robot.alive(): robot for robot in robots}
     if not rows:
         return
-    swarm, model = robots[0].swarm, cast(Any, robots[0].model)
+    model = cast(Any, robots[0].model)
     leave_together(list(rows.values()))
     for row in sorted(rows, reverse=True):
         Agent.remove(rows[row])
-    swarm.remove(sorted(rows))
-    model.robots_removed()
+    model.parts["robots"].drop_rows(sorted(rows))
 
 
-reserve((*dir(Robot), *Robot._stored_apart, *ArenaAgent._stored_apart))
+reserve(dir(Robot))

@@ -13,8 +13,8 @@ import traitlets
 from reacton.core import Element
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.fire.model import FireModel
-from mesa_swarm.observers import Observer
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.observers import Observer
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.last_picture import LastPicture
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
@@ -307,7 +307,7 @@ class Watcher(Observer):
 
     def __init__(self, player: Player) -> None:
         self._player = player
-        self._model: FireModel | None = None
+        self._model: EngineModel | None = None
         self._shown = 0.0
         player.changed.add(self.follow)
         self.follow()
@@ -323,7 +323,7 @@ class Watcher(Observer):
             model.observers.append(self)
         self._model = model
 
-    def after_step(self, model: FireModel, step: int) -> None:
+    def after_step(self, model: EngineModel, step: int) -> None:
         """Show the step, unless one was shown just now."""
         now = time.perf_counter()
         if not self._player.stepping and now - self._shown >= EVERY:
@@ -359,7 +359,7 @@ class Beside:
         return bool(self.controls or self.charts or self.inspector or self.reset)
 
 
-def show(model: FireModel, *, speed: float = 60.0, width: int | None = None, height: int = 560) -> SwarmCanvas:
+def show(model: EngineModel, *, speed: float = 60.0, width: int | None = None, height: int = 560) -> SwarmCanvas:
     """Return a widget on which a model is seen and played; see `SwarmModel.show`."""
     canvas = SwarmCanvas(options=IN_A_NOTEBOOK)
     give_size(canvas, width, height)
@@ -384,14 +384,14 @@ def give_size(widget: anywidget.AnyWidget, width: int | None, height: int) -> No
 
 
 @solara.component
-def _WorldView(model: FireModel, occasion: object) -> None:
+def _WorldView(model: EngineModel, occasion: object) -> None:
     element = SwarmCanvas.element(options={"bar": False, "keys": "", "toggles": {}, "errors": True})
     player = solara.use_memo(lambda: Player(model), [model])
     solara.use_effect(lambda: Connection(solara.get_widget(element), player).close, [player])
     solara.use_effect(player.show, [occasion])
 
 
-def swarm_canvas(model: FireModel) -> Element:
+def swarm_canvas(model: EngineModel) -> Element:
     """Return the canvas of a model, as a component of Mesa's `SolaraViz`.
 
     Examples

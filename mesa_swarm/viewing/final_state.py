@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, frame_of
 from mesa_swarm.viewing.scene import Scene, scene_of
 
@@ -23,7 +23,7 @@ class FinalState:
     collect_every: int
 
 
-def final_state_of(model: FireModel) -> FinalState:
+def final_state_of(model: EngineModel) -> FinalState:
     """Return the state of a model as it is now, with what was collected until then."""
     # Of rows that a class has collected by itself the steps are not known.
     rows = model.datacollector.model_vars if model.collect_every else {}
@@ -46,7 +46,7 @@ def _column(values: list) -> np.ndarray:
         return np.empty(0, object)
 
 
-def _history(model: FireModel) -> dict[str, np.ndarray]:
+def _history(model: EngineModel) -> dict[str, np.ndarray]:
     """Return the fires' history with the present as its last row, which is else missing between two rows."""
     fires, history = model.fires, model.fires.history
     tables = {name: getattr(history, name) for name in ("steps", "temperature", "robots")}

@@ -26,8 +26,8 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.errors import ExportError, InvalidValueError, check_count, shortened
 from mesa_swarm.files import write_whole
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import LABEL_BYTES
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks, frame_of
 from mesa_swarm.recording.layout import PIXELS
@@ -57,7 +57,7 @@ USUAL = 800
 # Above the world of a film stands its name and step; around it is a margin.
 CAPTION, MARGIN = 32, 4
 # What can be drawn: a model as it is now, a stored final state, or a frame and the scene behind it.
-Shown = FireModel | FinalState | tuple[Frame, Scene]
+Shown = EngineModel | FinalState | tuple[Frame, Scene]
 # Points of a trail, from which on some are left out: films draw them in every frame.
 MOST_POINTS = 60
 DOTS_PER_INCH = 200

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.recorder import Recorder
 from mesa_swarm.viewing.faults import reported
@@ -292,7 +292,7 @@ class Player(Played):
     constructor keeps all that it has collected; of models that a page makes, old rows are dropped.
     """
 
-    def __init__(self, model: FireModel | None = None) -> None:
+    def __init__(self, model: EngineModel | None = None) -> None:
         super().__init__()
         self.model, self.error = model, ""
         self._is_own = model is not None
@@ -410,7 +410,7 @@ class Player(Played):
             self.past.look(self.past.index + 1)
         return True
 
-    def _take_step(self, model: FireModel) -> None:
+    def _take_step(self, model: EngineModel) -> None:
         if self._tracing:
             self._trails.follow(model)
         self.stepping = True
@@ -423,7 +423,7 @@ class Player(Played):
         if self.loop.speed <= FASTEST_STORED:
             self._store()
 
-    def _limit_collected(self, model: FireModel) -> None:
+    def _limit_collected(self, model: EngineModel) -> None:
         if not self._is_own:
             forget_collected(model, MOST_COLLECTED)
 
@@ -435,7 +435,7 @@ class Player(Played):
         if known is None or known.step != self.model.completed or (fingerprint and not known.fingerprint):
             self.recent.append(self._packed(self.model, fingerprint))
 
-    def _packed(self, model: FireModel, fingerprint: bool) -> PackedFrame:
+    def _packed(self, model: EngineModel, fingerprint: bool) -> PackedFrame:
         standing = model.obstacle_list
         last = standing[-1].unique_id if standing else 0  # ids only grow: with the number they identify every change
         key = id(model), model.swarm.version, len(standing), last, id(model.control), model.fire_constants.leave
@@ -453,7 +453,7 @@ class Player(Played):
         return PackedFrame(model.completed, content, self._world, readings_of(model), state_hash, trail)
 
 
-def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:
+def readings_of(model: EngineModel) -> tuple[tuple[str, str], ...]:
     """Return the numbers that are shown above the picture, each with its name."""
     fires, collisions = model.fires, f"{model.collisions:,} now, {model.total_collisions:,} in all"
     if not len(fires):
@@ -466,7 +466,7 @@ def readings_of(model: FireModel) -> tuple[tuple[str, str], ...]:
     )
 
 
-def forget_collected(model: FireModel, rows: int) -> None:
+def forget_collected(model: EngineModel, rows: int) -> None:
     """Drop all but the last rows of what a model collects in every step, unless they are being recorded."""
     if any(isinstance(observer, Recorder) for observer in model.observers):
         return  # it stores the rows since it was last called

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from mesa_swarm.errors import ExportError, ExportWarning, RecordingError, SwarmError
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout
 from mesa_swarm.recording.provenance import hash_in_format, rebuilt, scenery_of
@@ -115,7 +115,7 @@ def hot_robots(frames: Iterator[Frame], scene: Scene) -> Iterator[np.ndarray]:
         yield hot
 
 
-def _first_state(recording: Recording) -> FireModel | None:
+def _first_state(recording: Recording) -> EngineModel | None:
     """Return the model as the recording began, None if its constructor does not make that."""
     try:
         model = rebuilt(recording.provenance, shipped_class_of(recording))
@@ -123,10 +123,10 @@ def _first_state(recording: Recording) -> FireModel | None:
         return None
     facts, start = recording.provenance, recording.provenance["start"]
     same = model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]
-    return cast(FireModel, model) if same else None
+    return cast(EngineModel, model) if same else None
 
 
-def _first_frame(recording: Recording, model: FireModel) -> Frame:
+def _first_frame(recording: Recording, model: EngineModel) -> Frame:
     """Return what the first row would be, had the state before the first step been recorded."""
     chunk = Chunk(Layout(model, recording.columns, recording.provenance["exact"]), model, 1)
     chunk.put(0, model.completed, None, len(model.events))
@@ -134,7 +134,7 @@ def _first_frame(recording: Recording, model: FireModel) -> Frame:
     return replace(frame, columns={"hot": np.zeros(len(frame.robots), bool), **frame.columns})
 
 
-def _picture_scene(recording: Recording, model: FireModel | None) -> Scene:
+def _picture_scene(recording: Recording, model: EngineModel | None) -> Scene:
     sceneries = recording.sceneries
     if not sceneries and model is not None:
         sceneries = ((model.completed, scenery_of(model)),)

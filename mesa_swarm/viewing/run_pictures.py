@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.analysis import layer_shares
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.robots.real_robots import Scale
@@ -26,7 +26,7 @@ MOST_TRACES = 8
 
 
 def stages(
-    model: FireModel, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = True, progress: bool = False
+    model: EngineModel, steps: Sequence[int] = (0, 1000, 3000), *, perceived: bool = True, progress: bool = False
 ) -> Figure:
     """Run a model and return a figure of its world at each of these steps, side by side.
 
@@ -63,7 +63,9 @@ def stages(
     return world_figure(shown)
 
 
-def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False) -> Figure:
+def trace(
+    model: EngineModel, steps: int = 10_000, *, robots: int = 1, every: int = 5, progress: bool = False
+) -> Figure:
     """Run a model and return a figure of where its first robots went, each from a square to where it is now.
 
     Parameters
@@ -98,13 +100,13 @@ def trace(model: FireModel, steps: int = 10_000, *, robots: int = 1, every: int 
     return figure
 
 
-def _strides(model: FireModel) -> list[int]:
+def _strides(model: EngineModel) -> list[int]:
     """Return how many steps may lie between two points of the trace of each robot, see `stride`."""
     radii, speeds = model.swarm.columns["radius"].tolist(), model.swarm.columns["max_speed"].tolist()
     return [stride(radius, speed) for radius, speed in zip(radii, speeds, strict=True)]
 
 
-def _places(model: FireModel, last: int, every: int, progress: bool) -> np.ndarray:
+def _places(model: EngineModel, last: int, every: int, progress: bool) -> np.ndarray:
     """Run a model until a step; return the robots' positions at the start, every `every` steps, and at the end."""
     places = [model.swarm.position.copy()]
     with progress_bar(last - model.steps, "steps", progress) as bar:
@@ -124,7 +126,7 @@ def _draw_trace(axes: Axes, points: np.ndarray, colour: str, farthest: float) ->
     axes.plot(*points[0], "s", color=colour, markersize=4, zorder=4.6)
 
 
-def ethogram(model: FireModel, *, robots: int | None = None) -> Figure:
+def ethogram(model: EngineModel, *, robots: int | None = None) -> Figure:
     """Return a figure of the layer that drove each robot in each step, from the snapshots of `model.watch()`.
 
     Above, a row a robot, named by its unique_id; below, the share of robots that each layer drives.

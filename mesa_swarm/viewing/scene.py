@@ -10,8 +10,8 @@ from operator import itemgetter
 import numpy as np
 
 from mesa_swarm.errors import RecordingError
-from mesa_swarm.fire.model import FireModel
 from mesa_swarm.looks import LABEL, LABEL_BYTES, VALUE, label_text
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, field_levels, field_names, field_peaks
 from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
@@ -278,7 +278,7 @@ def _kind_of(shape: dict) -> str:
     return shape.get("kind", "mark" if shape.get("mark") else "obstacle")
 
 
-def scene_of(model: FireModel) -> Scene:
+def scene_of(model: EngineModel) -> Scene:
     """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed."""
     scenery = scenery_of(model)
     declared = scenery.get("looks", {})

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.fire.model import FireModel
-from mesa_swarm.observers import Observer
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.observers import Observer
 from mesa_swarm.viewing.packing import on_map
 
 # Steps that a trail on a page shows; ``canvas.js`` has the same number.
@@ -45,13 +45,13 @@ class TrailKeeper(Observer):
     """
 
     def __init__(self) -> None:
-        self._model: FireModel | None = None
+        self._model: EngineModel | None = None
         self._points: deque[TrailPoint] = deque()
         self._robots: np.ndarray = np.empty(0, int)
         self._version = -1
         self._in_step = False
 
-    def follow(self, model: FireModel | None) -> None:
+    def follow(self, model: EngineModel | None) -> None:
         """Note the places of this model's robots from now on, and no other's; None for none."""
         if model is self._model:
             return
@@ -69,25 +69,25 @@ class TrailKeeper(Observer):
             self._note(self._model)
         return tuple(self._points)
 
-    def before_step(self, model: FireModel) -> None:
+    def before_step(self, model: EngineModel) -> None:
         """Notice what was moved between two steps."""
         self._note(model)
         self._in_step = True
 
-    def between_steps(self, model: FireModel) -> None:
+    def between_steps(self, model: EngineModel) -> None:
         """Notice where robots have gone."""
         self._in_step = False
         self._note(model)
 
-    def after_failure(self, model: FireModel) -> None:
+    def after_failure(self, model: EngineModel) -> None:
         """Notice that a step failed, after which robots may be anywhere."""
         self._in_step = False
 
-    def replaced(self, old: FireModel, new: FireModel, what: list[str]) -> None:
+    def replaced(self, old: EngineModel, new: EngineModel, what: list[str]) -> None:
         """Go on with the model that has taken the place of another."""
         self._model, self._version = new, -1
 
-    def _note(self, model: FireModel) -> None:
+    def _note(self, model: EngineModel) -> None:
         step, places = model.completed, model.swarm.position.astype(np.float32)
         same, last = self._has_same_robots(model), self._points[-1] if self._points else None
         moved: tuple[int, ...] = ()
@@ -103,7 +103,7 @@ class TrailKeeper(Observer):
         while len(self._points) > most_points(len(places)):
             self._points.popleft()
 
-    def _has_same_robots(self, model: FireModel) -> bool:
+    def _has_same_robots(self, model: EngineModel) -> bool:
         if model.swarm.version == self._version:
             return True
         robots = model.swarm.unique_ids

@@ -395,10 +395,9 @@ def uncollected() -> Iterator[None]:
 class ArenaAgent(ContinuousSpaceAgent):
     """A Mesa agent of the arena whose `pos` is its `position`, as Mesa's drawing code expects.
 
-    Attributes in `_stored_apart`, of a class and its bases, are stored in another way than as they are.
+    What a class of handles has itself it annotates: recordings store all else that an agent was given.
     """
 
-    _stored_apart: ClassVar[tuple[str, ...]] = ("model", "unique_id", "space", "_mesa_index", "pos")
     _made_by: ClassVar[str] = "model.add_body(...)"
 
     @property

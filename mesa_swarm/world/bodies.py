@@ -188,7 +188,7 @@ class Body(ArenaAgent):
     """
 
     mode = "fixed"
-    _stored_apart: ClassVar[tuple[str, ...]] = ("_kind",)
+    _kind: str
 
     def __init__(self, space: Arena, model: Model, kind: str) -> None:
         self._kind = kind
@@ -223,7 +223,7 @@ class Body(ArenaAgent):
             raise RemovedRobotError("this obstacle has been removed already; take one from model.obstacles")
         model = self.model
         super().remove()
-        model.obstacles_changed()
+        model.parts["bodies"].changed()
 
     if TYPE_CHECKING:  # an attribute, or what follows from the pose
         shape: Shape
@@ -236,7 +236,7 @@ class Obstacle(Body):
     `polygon`.
     """
 
-    _stored_apart: ClassVar[tuple[str, ...]] = ("shape",)
+    shape: Shape
     _made_by: ClassVar[str] = "model.add_obstacle(disc((x, y), radius))"
 
     def __init__(self, space: Arena, model: Model, shape: Shape, kind: str = KINDS[OBSTACLE]) -> None:
@@ -271,7 +271,11 @@ class Load(Obstacle):
 
     mode = "pushed"
 
-    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "pose", "_resistance", "moved", "pushers")
+    form: Form
+    pose: Pose
+    _resistance: float
+    moved: bool
+    pushers: int
     _made_by: ClassVar[str] = "model.add_load(disc((x, y), radius), resistance=0.5)"
 
     def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float, kind: str = KINDS[LOAD]) -> None:
@@ -330,14 +334,14 @@ class Load(Obstacle):
             raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
         heading = wrapped(check_number("heading", float(numbers[2]), minimum=-1e9, maximum=1e9))
         place = self.space.checked_point(numbers[:2]).tolist()
-        self.model._check_room_for_load(self.form, (*place, heading), self)
+        self.model.parts["bodies"].check_room_for_load(self.form, (*place, heading), self)
         self.put((*place, heading))
-        self.model.obstacles_changed()  # sensors that were read already are read again
+        self.model.parts["bodies"].changed()  # sensors that were read already are read again
 
     def put(self, pose: Pose) -> None:
         """Put it where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
         x, y, heading = pose
-        self.pose: Pose = (x, y, float(wrapped(heading)))
+        self.pose = (x, y, float(wrapped(heading)))
         self.shape = self.form.shape_at(self.pose)
         self.space._agent_positions[self._mesa_index] = x, y
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import shapely
@@ -116,17 +116,22 @@ class Driven(Body):
     """
 
     mode = "driven"
-    _stored_apart: ClassVar[tuple[str, ...]] = ("form", "movers", "row", "agent", "carrier", "_shown")
+    form: Form
+    movers: Movers
+    row: int
+    agent: Any
+    carrier: Any  # the robot that carries it
+    _shown: tuple[Pose, Shape] | None
 
     def __init__(
         self, space: Arena, model: Model, shape: Shape, kind: str, movers: Movers, agent: Agent | None = None
     ) -> None:
         self.form = Form.of(shape)
-        self.agent: Any = agent
+        self.agent = agent
         self.movers = movers
         self.row = -1
-        self.carrier: Any = None  # the robot that carries it
-        self._shown: tuple[Pose, Shape] | None = None
+        self.carrier = None
+        self._shown = None
         super().__init__(space, model, kind)
         movers.add(self, shape.position)
 

@@ -32,7 +32,7 @@ from mesa_swarm.control import (
 )
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FightFire
-from mesa_swarm.state_hash import written_state_hash
+from mesa_swarm.model.state_hash import written_state_hash
 from support.made_senses import ROBOT, ROBOTS, decided, known_to, made_drivers, made_senses
 from support.scenes import empty
 

@@ -9,7 +9,7 @@ import pytest
 from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire import FireConstants, Fires, design_constants
-from mesa_swarm.fire.model import FireModel
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import FireSpot
 from support.scenes import blind, empty
@@ -90,7 +90,7 @@ def test_what_is_not_a_set_of_constants_is_refused_and_the_default_is_the_design
 
 def test_a_fire_model_has_the_defaults_of_a_swarm_model():
     swarm = inspect.signature(SwarmModel).parameters
-    for name, own in inspect.signature(FireModel).parameters.items():
+    for name, own in inspect.signature(EngineModel).parameters.items():
         assert swarm[name].default == own.default, name
 
 

@@ -10,8 +10,9 @@ from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire import Burning
 from mesa_swarm.gallery import find_model
-from mesa_swarm.recording.checkpoint import OF_BURNING, checkpoint_of, restore
-from mesa_swarm.state_hash import written_state_hash
+from mesa_swarm.model.state_hash import written_state_hash
+from mesa_swarm.recording.checkpoint import checkpoint_of, restore
+from mesa_swarm.recording.earlier import OF_BURNING, in_parts
 from mesa_swarm.world.bodies import Body
 from support.scenes import blind, empty
 
@@ -97,7 +98,7 @@ def test_robots_cool_after_the_last_fire_was_removed():
 def test_burning_is_not_part_of_the_state_and_a_copy_has_its_own_fires():
     model = find_model("fire_fighting")(rng=1).run(5)
     other = copy.deepcopy(model)
-    del other._processes[0]
+    del other.parts.processes.numbered[0]
     assert written_state_hash(other) == written_state_hash(model)
     assert other.state_hash() != model.state_hash()
     assert copy.deepcopy(model).run(50).state_hash() == model.run(50).state_hash() != other.run(50).state_hash()
@@ -128,13 +129,12 @@ def test_a_fire_that_was_added_by_hand_burns_on_when_its_run_is_resumed(tmp_path
 
 
 def test_an_older_checkpoint_in_which_burning_is_an_attribute_is_restored():
-    model = find_model("fire_fighting")(rng=2).run(20)
-    checkpoint = checkpoint_of(model)
-    assert checkpoint.facts.pop("processes") == [[0, OF_BURNING, {}]]
-    checkpoint.facts["attributes"]["_burns"] = {"plain": True}
-    again = restore(find_model("fire_fighting")(rng=2), checkpoint)
-    assert "_burns" not in vars(again)
-    assert again.run(30).state_hash() == model.run(30).state_hash()
+    facts = {
+        **{"attributes": {"_burns": {"plain": True}, "own": {"plain": 5}}, "columns": {}, "history": [1, [0], 1]},
+        **{"randomness": {"noise": None}, "radio": None, "control": None, "control_state": [], "constants": None},
+    }
+    assert in_parts(facts)["processes"] == [[0, OF_BURNING]]
+    assert in_parts(facts)["attributes"] == {"own": {"plain": 5}}
 
 
 def test_contacts_name_the_fire_that_a_robot_bumps_into():

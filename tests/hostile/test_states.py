@@ -93,7 +93,14 @@ ATTRIBUTES = {
 def with_process(facts, number, name, attributes):
     others = [process for process in facts["processes"] if process[0] != number]
     kind = name if "." in name else f"{HOME}.{name}"
-    return {**facts, "processes": sorted([*others, [number, kind, attributes]], key=lambda process: process[0])}
+    stored = {f"{number} {attribute}": content for attribute, content in attributes.items()}
+    before = facts["parts"].get("processes", {}).get("stored", {})
+    kept = {key: content for key, content in before.items() if not key.startswith(f"{number} ")}
+    return {
+        **facts,
+        "processes": sorted([*others, [number, kind]], key=lambda process: process[0]),
+        "parts": {**facts["parts"], "processes": {"stored": {**kept, **stored}}},
+    }
 
 
 def with_agent(facts, name, attributes):

@@ -17,7 +17,7 @@ from mesa_swarm.learning.learner import is_bounded
 from mesa_swarm.learning.networks import Networks, back_propagate
 from mesa_swarm.learning.q_learning import QLearning
 from mesa_swarm.learning.rewards import reward
-from mesa_swarm.state_hash import written_state_hash
+from mesa_swarm.model.state_hash import written_state_hash
 
 PARTS = ("inner", "inner_bias", "outer", "outer_bias")
 

@@ -16,10 +16,10 @@ def test_tables_that_follow_a_load_are_those_that_are_made_anew():
     model, load = world(poses=[(195, 130, 0.0)])
     model.add_load(disc((100, 50), 10), resistance=0.1)
     model.add_robots(blind(), poses=[(85, 50, 0.2)])
-    scene = model._current_scene()
+    scene = model.parts.bodies.scene()
     model.run(8)
     assert load.heading > 0.01
-    assert model._current_scene() is scene
+    assert model.parts.bodies.scene() is scene
     bodies = [load.form.body_at(load.pose) for load in model.loads]
     fresh = Statics.of(model.map.bounds, bodies, np.empty((0, 3)), np.empty(0, bool), sight=0, touch=5, loads=[0, 1])
     for name in ("edges", "discs", "owner", "kind", "body", "rings"):
@@ -31,8 +31,11 @@ def test_the_tables_are_made_anew_only_when_a_load_has_moved_by_several_radii():
     scenes = set()
     for _ in range(100):
         model.step()
-        scenes.add(id(model._scene))
-        model.scenes = [*getattr(model, "scenes", []), model._scene]  # kept, so that no id is used twice
+        scenes.add(id(model.parts.bodies.made.scene))
+        model.scenes = [
+            *getattr(model, "scenes", []),
+            model.parts.bodies.made.scene,
+        ]  # kept, so that no id is used twice
     assert 3 <= len(scenes) <= 7
 
 

@@ -85,11 +85,11 @@ def test_after_a_step_the_pairs_are_those_at_the_places_listed_also_where_robots
     anew = 0
     for _ in range(5):
         model.step()
-        crowd = model._engine._crowd
+        crowd = model.parts.robots.engine._crowd
         model.sense()
         listed = crowd.listed.copy()
-        model._engine.move(model.swarm, model._current_scene(), 0.5, None)
+        model.parts.robots.engine.move(model.swarm, model.parts.bodies.scene(), 0.5, None)
         anew += not (crowd.listed == listed).all()
-        expected = near_pairs(crowd.listed, crowd.radii, model._engine._margin, crowd.cells)
+        expected = near_pairs(crowd.listed, crowd.radii, model.parts.robots.engine._margin, crowd.cells)
         assert ascending(crowd.pairs) == ascending(expected)
     assert anew == 5

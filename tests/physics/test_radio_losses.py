@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm import AGENT9, Radio, SwarmModel
 from mesa_swarm.control import Explore, Subsumption
-from mesa_swarm.state_hash import written_state_hash
+from mesa_swarm.model.state_hash import written_state_hash
 from support.messages import heard
 
 

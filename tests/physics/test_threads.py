@@ -101,7 +101,7 @@ def test_pairs_for_which_there_is_no_room_are_listed_again():
     model.add_robots(RobotDesign(radius=5, sensors=(ProximitySensor(range=10),)), poses=[(100, 75, 0.1)] * 60)
     model.threads = 2
     model.sense()
-    pairs = model._engine._crowd.pairs
+    pairs = model.parts.robots.engine._crowd.pairs
     assert sorted(map(tuple, pairs.tolist())) == [(i, j) for i in range(60) for j in range(i + 1, 60)]
 
 

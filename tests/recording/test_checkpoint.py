@@ -272,7 +272,8 @@ WRONG = {"design": 7, "fire": 70, "layer": 999, "heading": np.nan, "radius": 0.0
 @pytest.mark.parametrize("name", WRONG)
 def test_columns_that_compiled_functions_cannot_take_are_refused(name):
     checkpoint = stored(FireFighting(rng=1).run(3))
-    place = checkpoint.facts["columns"][name]["array"]
+    tables = [part.get("columns", {}) for part in checkpoint.facts["parts"].values()]
+    place = next(table[own]["array"] for table in tables for own in (name, f"robots.{name}") if own in table)
     checkpoint.arrays[place] = checkpoint.arrays[place].copy()
     checkpoint.arrays[place][2:4] = WRONG[name]
     with pytest.raises(RecordingError, match=f"column {name}"):

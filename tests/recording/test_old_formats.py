@@ -7,6 +7,7 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.errors import RecordingError
+from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.foraging import Foraging
 from mesa_swarm.recording import Recording, provenance, recorder, verify
@@ -14,7 +15,6 @@ from mesa_swarm.recording.layout import Layout
 from mesa_swarm.recording.parts import summary
 from mesa_swarm.recording.recorder import RowBuffer
 from mesa_swarm.recording.sealed_stream import CHANGE
-from mesa_swarm.state_hash import written_state_hash
 from mesa_swarm.viewing.scene import scene_of_recording
 
 # Written by version 0.2.0: a run that was changed by hand after step 70, and one with a gripper and custom bodies.
@@ -82,9 +82,9 @@ def test_one_that_was_changed_by_hand_is_followed_from_the_next_checkpoint(tmp_p
 
 def test_formats_of_the_future_are_refused(tmp_path, monkeypatch):
     with monkeypatch.context() as future:
-        future.setattr(provenance, "FORMAT", 4)
-        future.setattr(provenance, "READABLE", (1, 2, 3, 4))
+        future.setattr(provenance, "FORMAT", 5)
+        future.setattr(provenance, "READABLE", (1, 2, 4, 5))
         with FireFighting(n_robots=1, rng=1).record(tmp_path / "run.arrow"):
             pass
-    with pytest.raises(RecordingError, match="has format 4, which this version cannot read; expected one of 1, 2, 3"):
+    with pytest.raises(RecordingError, match="has format 5, which this version cannot read; expected one of 1, 2, 4"):
         Recording(tmp_path / "run.arrow")

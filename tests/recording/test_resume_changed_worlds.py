@@ -6,7 +6,7 @@ from mesa import Agent
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.state_hash import written_state_hash
+from mesa_swarm.model.state_hash import written_state_hash
 
 
 class Counter:

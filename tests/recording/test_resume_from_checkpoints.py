@@ -6,10 +6,10 @@ import pytest
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import RecordingError, UnstoredStateWarning
+from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.sealed_stream import SealedReader
-from mesa_swarm.state_hash import written_state_hash
 from support.other_code import other_code
 
 

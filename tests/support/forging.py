@@ -421,5 +421,7 @@ def replace_state(checkpoint, **changes):
 def compared_arrays(checkpoint):
     """Return the numbers of the arrays that are part of a state, and are not read anew by sensors."""
     facts = {name: content for name, content in checkpoint.facts.items() if name not in OBSERVED}
-    columns = {name: column for name, column in facts["columns"].items() if name not in READINGS}
-    return set(map(int, PLACES.findall(json.dumps({**facts, "columns": columns}, separators=(",", ":")))))
+    robots = facts["parts"]["robots"]
+    columns = {name: column for name, column in robots["columns"].items() if name not in READINGS}
+    parts = {**facts["parts"], "robots": {**robots, "columns": columns}}
+    return set(map(int, PLACES.findall(json.dumps({**facts, "parts": parts}, separators=(",", ":")))))

@@ -10,7 +10,7 @@ the arguments of the constructor as such; nor attributes of a custom model that 
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache, lru_cache
 from hashlib import blake2b
@@ -26,8 +26,9 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.source import Read, is_apart, what_is_read
 from mesa_swarm.control.team import Team, label_of
+from mesa_swarm.kernels.part import HASHED
+from mesa_swarm.model.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of, is_float
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of, is_float
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
@@ -43,47 +44,57 @@ AS_BYTES = struct.Struct("<cd").pack
 
 def state_hash_of(model: Any) -> str:
     """Return the fingerprint of a model whose sensors were read, see `EngineModel.state_hash`."""
-    digest = _digest_of_state(model)
-    for name, value in model._hashed_parameters():
-        digest.update(f"{name};".encode())
-        add_part(digest, value)
+    digest = blake2b(digest_size=16)
+    digest.update(f"{model.completed}".encode())
+    for name, part in model.parts.items():
+        digest.update(f"part {name};".encode())
+        for column_name, column in sorted(part.columns().items()):
+            if column.role in HASHED:
+                digest.update(f"{column_name} {column.array.shape};".encode())
+                _add_array(digest, column.array)
+        add_part(digest, part.parameters() if hasattr(part, "parameters") else part.store())
     return digest.hexdigest()
 
 
 def written_state_hash(model: Any) -> str:
-    """Return the fingerprint of what steps write, without bodies at rest and what steps only read.
+    """Return the fingerprint of what steps write, as recordings of version 0.2 and older have it.
 
-    It is that of version 0.2, which older recordings have. All sensors are read first.
+    It is without bodies at rest and what steps only read. All sensors are read first.
     """
     model.sense()
-    return _digest_of_state(model).hexdigest()
-
-
-def _digest_of_state(model: Any) -> Any:
-    """Return the digest of what the steps of a model write."""
-    digest = blake2b(digest_size=16)
+    digest, parts, robots = blake2b(digest_size=16), model.parts, model.swarm
     digest.update(f"{model.completed}".encode())
-    for load in model._loads:
+    for load in parts["bodies"].loads:
         digest.update(np.array([*load.pose, load.resistance]).tobytes())
-    if model._movers is not None:
-        for column in model._movers.poses:
+    if parts["bodies"].movers is not None:
+        for column in parts["bodies"].movers.poses:
             digest.update((column + 0).tobytes())
-        digest.update(model._movers.carried.tobytes())
+        digest.update(parts["bodies"].movers.carried.tobytes())
     for name, field in model.fields.items():
         digest.update(f"fields.{name} {field.values.shape}".encode())
         digest.update((field.values + 0).tobytes())
-    for prefix, columns in model._hashed_columns():
+    for prefix, columns in (("robots", robots.columns), ("fires", model.fires.columns)):
         for name, column in sorted(columns.items()):
             if name not in NOT_HASHED:
                 digest.update(f"{prefix}.{name} {column.shape}".encode())
                 digest.update((column + 0 if column.dtype.kind == "f" else column).tobytes())
-    if model.swarm.groups:
-        digest.update(f"groups {model.swarm.groups}".encode())
-        digest.update(model.swarm.columns["group"].tobytes())
-    for name, value in model._declared_state():
+    if robots.groups:
+        digest.update(f"groups {robots.groups}".encode())
+        digest.update(robots.columns["group"].tobytes())
+    for name, value in _declared(parts):
         digest.update(f"{name};".encode())
         add_to(digest, value)
-    return digest
+    return digest.hexdigest()
+
+
+def _declared(parts: Any) -> Iterator[tuple[str, Any]]:
+    """Iterate over what a model, its processes and custom layers declare, by name."""
+    if parts["state"].values:
+        yield "state", parts["state"].values
+    if parts["events"].log:
+        yield "events", parts["events"].log.arrays()
+    yield from parts["processes"].states()
+    yield from parts["control"].arrays_of_layers()
 
 
 def described_bodies(bodies: Sequence[Body]) -> list:

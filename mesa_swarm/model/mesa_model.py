@@ -5,25 +5,21 @@ import warnings
 from collections import defaultdict
 from collections.abc import Callable, Container, Mapping
 from random import Random
-from typing import Any, ClassVar, cast
+from typing import Any, cast
 
 import mesa
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, StepWarning, UnobservedStepError, shortened
-from mesa_swarm.observers import Observers
+from mesa_swarm.model.observers import Observers
 from mesa_swarm.parameters import check_names
 from mesa_swarm.streams import Seed
 from mesa_swarm.world.arena import ArenaAgent, hold_agents
 
 # Mesa 4 has neither `steps` nor `batch_run`, and seeds `random` in another way.
 FOUR = int(mesa.__version__.partition(".")[0]) >= 4
-# Attributes of Mesa's models, of all versions: what changes when Mesa counts a step, and the others.
-MESA_COUNTS = ("steps", "_time", "_batch_context", "_suppress", "subscribers", "agent_id_counter")
-OF_MESA = (
-    *("step", "rng", "_rng", "random", "_seed", "_user_step", "_agents", "_agents_by_type", "_all_agents"),
-    *("_simulator", "_event_list", "_event_generators", "_scenario", "_default_schedule", "data_registry"),
-)
+# Attributes that Mesa sets when it needs them: what follows from its own state.
+LATE = ("time", "_time", "_batch_context", "_suppress", "subscribers", "_in_step", "_passing")
 LARGEST_INT32 = int(np.iinfo(np.int32).max)
 # The scenario that a constructor was given, until Mesa's constructor has it.
 GIVEN = "_given_scenario"
@@ -38,9 +34,6 @@ class MesaModel(mesa.Model):
         How many steps were begun: Mesa 4 counts time only.
     observers : Observers
     """
-
-    _stored_apart: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, *OF_MESA, "_in_step")
-    _fleeting: ClassVar[tuple[str, ...]] = (*MESA_COUNTS, "time", "_in_step")
 
     observers: Observers
     _in_step: bool = False

@@ -1,4 +1,4 @@
-"""Events: what happened in a run, by name, as arrays that grow."""
+"""The part `events`: what happened in a run, by name, as arrays that grow."""
 
 from array import array
 from typing import Any
@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import InvalidValueError, check_name, check_number
+from mesa_swarm.errors import InvalidValueError, check_name, check_number, shortened
+from mesa_swarm.kernels.part import Part
+from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.read_only import read_only
 
 # Stands for the robot of an event that no robot is part of.
@@ -114,3 +116,40 @@ class EventLog:
             del own[:]
         for step, code, unique_id, value in zip(*(series[name] for name in SERIES), strict=True):
             self.append(int(step), names[code], int(unique_id), float(value))
+
+
+class EventsPart(Part):
+    """What happened in a run.
+
+    Attributes
+    ----------
+    log : EventLog
+    """
+
+    name = "events"
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self.log = EventLog()
+
+    def parameters(self) -> dict[str, Any]:
+        """Return all series of the log."""
+        return self.log.arrays() if len(self.log) else {}
+
+    def mark(self) -> dict[str, Any]:
+        """Return how many events there are."""
+        return {"events": len(self.log)}
+
+    def store(self) -> dict[str, Any]:
+        """Return nothing: events are collected data, of which only new ones are stored."""
+        return {}
+
+    def note(self, name: str, robot: Robot | None, value: float) -> None:
+        """Note that something happened in this step; see `SwarmModel.event`."""
+        unique_id = WITHOUT_ROBOT
+        if robot is not None:
+            if not isinstance(robot, Robot) or robot.model is not self.model:
+                raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots, or None")
+            robot.alive()
+            unique_id = robot.unique_id
+        self.log.append(self.model.steps, name, unique_id, value)

@@ -1,15 +1,17 @@
-"""State: what a model declares beside its columns, and the fingerprint of any declared value."""
+"""The part `state`: what a model declares beside its columns; and the fingerprint of any declared value."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping, MutableMapping
-from functools import cache
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from functools import cached_property
 from hashlib import blake2b
+from inspect import isroutine
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from mesa import Agent
 
 from mesa_swarm.errors import InvalidValueError, check_name, shortened
+from mesa_swarm.kernels.part import Part
 from mesa_swarm.world.read_only import ReadOnlyArray
 
 # Values that are restored with their types and bits: these, NumPy's numbers and arrays, and what holds them.
@@ -86,6 +88,65 @@ class State(MutableMapping[str, Any]):
         del self._values[name]
 
 
+class StatePart(Part):
+    """Values that belong to the state of a model, by name.
+
+    Attributes
+    ----------
+    values : State
+    """
+
+    name = "state"
+
+    def __init__(self) -> None:
+        self.values = State()
+
+    def parameters(self) -> dict[str, Any]:
+        """Return all values by name."""
+        return dict(self.values)
+
+    def mark(self) -> dict[str, Any]:
+        """Return a fingerprint of each value."""
+        return {f"state of {name}": fingerprint(value) for name, value in self.values.items()}
+
+    def store(self) -> dict[str, Any]:
+        """Return all values."""
+        return {"values": dict(self.values)}
+
+    def restore(self, stored: dict[str, Any]) -> None:
+        """Take back what `store` returned, checked."""
+        self.values = State(stored.get("values"))
+
+
+# Bit generators of which every state is valid.
+GENERATORS = ("PCG64", "PCG64DXSM")
+
+
+def checked_state(state: object) -> dict:
+    """Return the stored state of a random generator if it may be one."""
+    if not isinstance(state, dict) or state.get("bit_generator") not in GENERATORS:
+        raise InvalidValueError("invalid state of a random stream")
+    return state
+
+
+def refuse_attributes(owner: object, names: Iterable[str], reserved: frozenset[str] = frozenset()) -> None:
+    """Refuse stored attributes that are not part of an object's state, or would hide what its class does.
+
+    `reserved` are those that are stored in another way.
+    """
+    for name in sorted(names):
+        if name in reserved or name.startswith("__") or _is_method(type(owner), name):
+            raise InvalidValueError(f"attribute {shortened(name)[1:-1]} is not part of a state")
+
+
+def _is_method(kind: type, name: str) -> bool:
+    """Return whether a class has a method or property of this name, not only a value or a field."""
+    own = next((vars(base)[name] for base in kind.__mro__ if name in vars(base)), None)
+    if isinstance(own, cached_property) or name in getattr(kind, "__dataclass_fields__", {}):
+        return False
+    return isroutine(own) or isinstance(own, (property, classmethod, staticmethod))
+
+
 def check_plain(name: str, value: Any) -> Any:
     """Return a value if it can be stored with its type and bits."""
     odd = _odd_in(value, 0)
@@ -135,17 +196,6 @@ def state_of(owner: object) -> dict[str, Any]:
     if isinstance(owner, Checkpointed) and not isinstance(owner, type):
         return owner.checkpoint()
     return attributes_of(owner)
-
-
-def declared(owner: object, name: str) -> frozenset[str]:
-    """Return the names that the class of an object, and its bases, list in a class attribute of this name."""
-    kind: Any = type(owner)
-    return _declared_by(kind, name)
-
-
-@cache
-def _declared_by(kind: Any, name: str) -> frozenset[str]:
-    return frozenset(one for base in kind.__mro__ for one in vars(base).get(name, ()))
 
 
 def fingerprint(value: Any) -> bytes:

@@ -1,0 +1,77 @@
+"""The plan of a step: all stages in their order."""
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from mesa_swarm.kernels.part import Part, Phase, Stage
+
+
+class Plan(NamedTuple):
+    """The stages of a step, in the order of phases, and within a phase of parts.
+
+    Parameters
+    ----------
+    stages : tuple of (str, Stage)
+        Each with the name of its part.
+    version : int
+        Of the robots' columns for which it was made.
+    calls, collecting : tuples of callables
+        What a step calls before it is counted as completed, and afterwards.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> print(SwarmModel(rng=1).plan)
+    phase     part       what                                    how
+    sense     bodies     bodies follow their agents              Python
+    sense     robots     robots read their sensors               compiled: sense_proximity
+    move      bodies     driven bodies begin their ways          compiled: place_items
+    move      robots     robots move, and contacts are resolved  compiled: travel_pieces
+    resolve   bodies     bodies rest, and are carried along      Python
+    process   fields     fields diffuse and evaporate            compiled: spread
+    process   processes  processes take place                    Python
+    collect   robots     collisions are counted                  Python
+    collect   fires      temperatures of fires are stored        Python
+    """
+
+    stages: tuple[tuple[str, Stage], ...]
+    version: int
+    calls: tuple[Callable[[], None], ...]
+    collecting: tuple[Callable[[], None], ...]
+
+    @classmethod
+    def of(cls, parts: Iterable[Part], version: int, completed: Callable[[], int]) -> "Plan":
+        """Return the plan of these parts; `completed` returns how many steps were completed."""
+        stages = [(part.name, stage) for part in parts for stage in part.stages()]
+        stages.sort(key=lambda pair: pair[1].phase)  # stable: in the order of parts
+        collects = [stage.phase is Phase.COLLECT for _, stage in stages]
+        calls = [due(stage, completed) for _, stage in stages]
+        advancing = tuple(call for call, is_last in zip(calls, collects, strict=True) if not is_last)
+        return cls(tuple(stages), version, advancing, tuple(calls[len(advancing) :]))
+
+    def __str__(self) -> str:
+        """Return a table of the stages, what is compiled, and what makes Python due."""
+        rows = [("phase", "part", "what", "how"), *(_row(part, stage) for part, stage in self.stages)]
+        widths = [max(len(row[column]) for row in rows) for column in range(3)]
+        lines = ["  ".join((*map(str.ljust, row, widths), row[3])) for row in rows]
+        return "\n".join(line.rstrip() for line in lines)
+
+
+def _row(part: str, stage: Stage) -> tuple[str, str, str, str]:
+    every = "" if stage.every == 1 else f" every {stage.every} steps"
+    compiled = f"compiled: {stage.compiled}" if stage.compiled else ""
+    python = f"Python: {stage.python}" if stage.python else "" if compiled else "Python"
+    return stage.phase.name.lower(), part, f"{stage.name}{every}", "; ".join(how for how in (compiled, python) if how)
+
+
+def due(stage: Stage, completed: Callable[[], int]) -> Callable[[], None]:
+    """Return what calls a stage in the steps that its interval divides; `completed` steps were taken before."""
+    if stage.every == 1:
+        return stage.call
+    ahead = 0 if stage.phase is Phase.COLLECT else 1  # steps are counted before what is collected
+
+    def call() -> None:
+        if (completed() + ahead) % stage.every == 0:
+            stage.call()
+
+    return call

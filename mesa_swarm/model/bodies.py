@@ -1,0 +1,494 @@
+"""The part `bodies`: obstacles, loads, driven bodies and marks, and the scene that they make."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from operator import attrgetter
+from typing import Any, cast
+
+import mesa
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from mesa_swarm.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_choice,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.kernels.part import Part, Phase, Stage
+from mesa_swarm.model.state_hash import described_bodies, described_movers
+from mesa_swarm.physics.engine import begin_way
+from mesa_swarm.physics.surroundings import Surroundings
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_resistance, placed
+from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, occupied, poses_of_agents
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
+from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
+
+# The least radius as a share of the largest coordinate: overlap differs from touch by 1e-7 of a radius, which
+# may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
+FINEST = 4e-9
+SMALLEST_RADIUS = 1e-12
+MODES = ("driven", "fixed", "pushed")
+# A body is put down in one of these directions (rad), this share of its size from the robot's rim.
+PUT_DOWN = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60]).tolist()
+CLEAR = 1.0 + 1e-6
+POSES = "pose of driven bodies"
+
+
+class Made:
+    """What a part has made of its state, and makes again when that has changed."""
+
+    scene: Surroundings | None = None
+    table: Any = None
+
+    def __reduce__(self) -> tuple:
+        return type(self), ()
+
+
+class BodiesPart(Part):
+    """The bodies of a model, in the order in which they came, and the kinds that sensors distinguish.
+
+    Attributes
+    ----------
+    listed : list of Body
+        Obstacles, loads, driven bodies and marks on the ground.
+    loads : list of Load
+    movers : Movers or None
+        None until the first driven body.
+    kinds : tuple of str
+    heat : Fires or None
+        The table of the discs that radiate heat, which the part `fires` brings.
+    """
+
+    name = "bodies"
+
+    def __init__(self, model: Any) -> None:
+        self.model, self.map, self.space, self.swarm = model, model.map, model.space, model.swarm
+        self.listed: list[Body] = []
+        self.loads: list[Load] = []
+        self.movers: Movers | None = None
+        self.kinds: tuple[str, ...] = KINDS
+        self.heat: Any = None
+        self.made = Made()
+
+    def stages(self) -> Iterator[Stage]:
+        """Follow agents before robots sense; rest before robots move, and when all have moved."""
+        yield Stage(Phase.SENSE, self.follow, "bodies follow their agents")
+        yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", compiled="place_items")
+        yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along")
+
+    def follow(self) -> None:
+        """Ask for the poses of the agents that bodies follow."""
+        if self.movers is not None:
+            self.follow_agents(self.movers)
+
+    def begin_step(self) -> None:
+        """Forget which bodies are new, before anything of a step."""
+        if self.movers is not None:
+            self.movers.begin_step()
+
+    def begin_move(self) -> None:
+        """Forget what bodies did in the last step, and store where they are now; in a world without robots, move."""
+        for load in self.loads:
+            load.rest()
+        moving = self.scene().moving if self.movers is not None else None
+        if moving is None:
+            return
+        moving.begin()
+        if not len(self.swarm):
+            begin_way(self.scene())
+            moving.go_freely()
+
+    def end_move(self) -> None:
+        """Forget all requests, and put carried bodies where their robots are."""
+        if self.movers is not None:
+            self.movers.rest()
+            if self.movers.carried.any():
+                self.movers.carry_along()
+
+    def mark(self) -> dict[str, Any]:
+        """Return poses of loads and of driven bodies, which may be set by hand."""
+        loads = [(load.pose, load.resistance) for load in self.loads] if self.loads else ()
+        driven = () if self.movers is None else tuple(map(np.ndarray.tobytes, self.movers.poses))
+        return {"pose or resistance of loads": loads, POSES: driven, "kinds": len(self.kinds)}
+
+    def store(self) -> dict[str, Any]:
+        """Return nothing: bodies are agents, which are stored with all others."""
+        return {}
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the bounds of the map and what bodies are."""
+        described: dict[str, Any] = {"map": self.map.bounds, "bodies": described_bodies(self.listed)}
+        if self.loads:
+            described["loads"] = [[*load.pose, load.resistance] for load in self.loads]
+        if self.movers is not None and self.movers.agents:
+            described["driven"] = [*self.movers.poses, described_movers(self.movers)]
+        return described
+
+    def fires(self) -> Sequence[Body]:
+        """Return the discs that radiate heat, which are in a table of their own."""
+        return () if self.heat is None else self.heat.agents
+
+    def heat_sources(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return centre and radius (k, 3) and temperature (k,) of these discs, in their order."""
+        return (
+            (np.empty((0, 3)), np.empty(0))
+            if self.heat is None
+            else (self.heat.discs, self.heat.columns["temperature"])
+        )
+
+    def all_bodies(self) -> list[Body]:
+        """Return all bodies by their unique_id, fires included."""
+        return sorted([*self.listed, *self.fires()], key=attrgetter("unique_id"))
+
+    @property
+    def displaced(self) -> list[Load | Driven]:
+        """The bodies that may change their places, loads and driven bodies, in the order in which they were added."""
+        if self.movers is None:
+            return [*self.loads]
+        return [body for body in self.listed if isinstance(body, Load | Driven)]
+
+    def add_kind(self, name: str) -> int:
+        """Declare a kind of bodies before there is any, and return its code in readings."""
+        if name not in self.kinds:
+            self.know_kind(self.checked_kind("" if name is None else name, ""))
+        return self.kinds.index(name)
+
+    def kind_code(self, name: str) -> int:
+        """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with."""
+        if name not in self.kinds:
+            cure = f"; declare it by model.add_kind({shortened(name)})" if isinstance(name, str) else ""
+            raise UnknownNameError(unknown_name("kind", name, self.kinds, beside=len(cure)) + cure)
+        return self.kinds.index(name)
+
+    def add_body(
+        self,
+        shape: Shape,
+        *,
+        kind: str | None = None,
+        mode: str = MODES[0],
+        agent: mesa.Agent | None = None,
+        resistance: float | None = None,
+    ) -> Body:
+        """Add a body that robots see and bump into, and return its agent."""
+        mode = check_choice("mode", mode, MODES)
+        _check_shape("body", shape)
+        name = self.checked_kind(kind, KINDS[LOAD] if mode == "pushed" else KINDS[OBSTACLE])
+        if mode != "pushed" and resistance is not None:
+            raise InvalidValueError(f"resistance was given for a {mode} body; leave it out, or use mode='pushed'")
+        if mode == "pushed" and resistance is None:
+            raise InvalidValueError(
+                "resistance was not given for a pushed body; expected how many robots' full pushes it withstands, such "
+                "as resistance=0.5"
+            )
+        if mode != "driven" and agent is not None:
+            raise InvalidValueError(f"agent was given for a {mode} body; leave it out, or use mode='driven'")
+        if mode == "fixed":
+            return self.add_fixed(shape, name)
+        if mode == "pushed":
+            return self.add_pushed(shape, checked_resistance(cast(float, resistance)), name)
+        return self.add_driven(shape, name, agent)
+
+    def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
+        """Ask for poses of driven bodies, all at once: the quick way for many."""
+        movers = self.movers
+        chosen = list(bodies) if isinstance(bodies, Iterable) else [bodies]
+        if not all(isinstance(body, Driven) and body.movers is movers for body in chosen):
+            raise InvalidValueError("bodies holds others than driven bodies of this model; expected some of add_body")
+        table = np.empty((0, 3)) if not chosen else as_numbers(poses)
+        if table.shape != (len(chosen), 3):
+            raise InvalidValueError(f"poses has shape {table.shape}; expected {(len(chosen), 3)}: x, y, heading each")
+        low, high = self.space.dimensions.T
+        good = ((table[:, :2] >= low) & (table[:, :2] <= high)).all(axis=1) & (np.abs(table[:, 2]) <= LARGEST_HEADING)
+        if not good.all():
+            wrong = table[int(np.argmin(good))].tolist()
+            raise InvalidValueError(
+                f"pose {wrong} is not on map {self.map.name}; expected x and y within {self.space.dimensions.tolist()} "
+                "and a finite heading"
+            )
+        if movers is None or not chosen:
+            return
+        rows = np.array([cast(Driven, body).alive() for body in chosen])
+        if movers.carried[rows].any():
+            raise InvalidValueError("bodies holds one that a robot carries; release it first")
+        new = movers.fresh[rows]
+        if new.any():
+            self._place_new(
+                [cast(Driven, body) for body, is_new in zip(chosen, new, strict=True) if is_new], table[new]
+            )
+        movers.aim[rows] = table[:, :2]
+        movers.aim_heading[rows] = wrapped_all(table[:, 2])
+
+    def attach(self, robot: Robot, body: Body) -> None:
+        """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it."""
+        if not isinstance(robot, Robot) or robot.model is not self.model:
+            raise InvalidValueError(f"robot is {shortened(robot)}; expected one of model.robots")
+        robot.alive()
+        if not isinstance(body, Driven) or body.movers is not self.movers or body.agent is not None:
+            raise InvalidValueError(f"body is {shortened(body)}; expected a driven body of this model without an agent")
+        row = body.alive()
+        if body.carrier is not None or self.carried_by(robot) is not None:
+            raise InvalidValueError(f"body {body.unique_id} or robot {robot.unique_id} is taken; release it first")
+        body.carrier, body.movers.carried[row] = robot, True
+        body.movers.carry_along()
+        self.made.scene = None
+
+    def release(self, robot: Robot) -> bool:
+        """Put down in front of a robot what it carries, and return whether there was room and something to put down."""
+        body = self.carried_by(robot)
+        if body is None:
+            return False
+        distance = float(robot.radius) + CLEAR * body.form.reach
+        for turn in PUT_DOWN:
+            azimuth = float(robot.heading) + turn
+            x, y = robot.position + distance * np.array([np.cos(azimuth), np.sin(azimuth)])
+            pose = float(x), float(y), wrapped(azimuth)
+            if self._has_room_for(body, pose):
+                self._put_down(body, pose)
+                return True
+        return False
+
+    def carried_by(self, robot: Robot) -> Driven | None:
+        """Return the body that a robot carries, or None."""
+        if self.movers is None or not self.movers.carried.any():
+            return None
+        rows = np.flatnonzero(self.movers.carried)
+        return next((self.movers.agents[row] for row in rows if self.movers.agents[row].carrier is robot), None)
+
+    def _has_room_for(self, body: Driven, pose: Pose) -> bool:
+        """Return whether a body in this pose is on the map and overlaps no solid body and no robot."""
+        if not body.form.is_within(pose, self.map.bounds):
+            return False
+        robots = shapely.points(self.swarm.position)
+        gaps = shapely.distance(placed(body.form.outline, pose), robots) - body.form.radius
+        if (gaps < self.swarm.radius).any():
+            return False
+        x, y, _ = pose
+        bodies = (*self.listed, *self.fires())
+        near = (one for one in occupied(bodies) if _is_near(*one, x, y, body))
+        return not any(body.form.meets(pose, geometry, radius) for geometry, radius in near)
+
+    def is_carried(self, body: Body) -> bool:
+        """Return whether a robot carries a body."""
+        return isinstance(body, Driven) and body.carrier is not None
+
+    def _put_down(self, body: Driven, pose: Pose) -> None:
+        movers, row = body.movers, body.row
+        body.carrier, movers.carried[row] = None, False
+        for place, heading in ((movers.position, movers.heading), (movers.aim, movers.aim_heading)):
+            *place[row], heading[row] = pose
+        self.made.scene = None  # it overlaps no robot: none is disturbed
+
+    def release_from_removed(self) -> None:
+        """Free the bodies that removed robots carried: they stay where they were."""
+        carried = () if self.movers is None else np.flatnonzero(self.movers.carried).tolist()
+        for row in carried:
+            body = self.movers.agents[row]  # type: ignore[union-attr]
+            if body.carrier.row < 0:
+                self._put_down(body, body.pose)
+                self.swarm.disturbed = True
+
+    def add_obstacle(self, shape: Shape) -> Obstacle:
+        """Add an obstacle or a ground mark and return its agent."""
+        _check_shape("obstacle", shape)
+        return self.add_fixed(shape, KINDS[OBSTACLE])
+
+    def add_load(self, shape: Shape, *, resistance: float) -> Load:
+        """Add a body that robots can push, together if need be, and return its agent."""
+        _check_shape("load", shape)
+        return self.add_pushed(shape, checked_resistance(resistance), KINDS[LOAD])
+
+    def add_fixed(self, shape: Shape, kind: str) -> Obstacle:
+        """Add an obstacle or a mark of a kind."""
+        self._check_fine_enough(shape)
+        self.check_clear_of_loads("obstacle", shape)
+        obstacle = Obstacle(self.space, self.model, shape, kind)
+        self._take(obstacle)
+        return obstacle
+
+    def add_pushed(self, shape: Shape, resistance: float, kind: str) -> Load:
+        """Add a load of a kind."""
+        if not shape.contact:
+            raise InvalidValueError("load is a mark on the ground, which cannot be pushed; leave out contact=False")
+        self.check_room_for_load(Form.of(shape), (*shape.position.tolist(), 0.0))
+        load = Load(self.space, self.model, shape, resistance, kind)
+        self.loads.append(load)
+        self._take(load)
+        return load
+
+    def add_driven(self, shape: Shape, kind: str, agent: mesa.Agent | None) -> Driven:
+        """Add a driven body of a kind, which may follow an agent."""
+        if not shape.contact:
+            raise InvalidValueError("body is a mark on the ground, which cannot be driven; leave out contact=False")
+        if agent is not None and not isinstance(agent, mesa.Agent):
+            raise InvalidValueError(f"agent is {shortened(agent)}; expected a Mesa agent or None")
+        if agent is not None and (agent not in self.model.agents or isinstance(agent, Robot | Body)):
+            raise InvalidValueError(
+                f"agent is {shortened(agent)}; expected an agent of this model that is neither robot nor body"
+            )
+        self._check_fine_enough(shape)
+        self.checked_point(shape.position.tolist())
+        self.check_clear_of_loads("body", shape)
+        body = Driven(self.space, self.model, shape, kind, self.made_movers(), agent)
+        self._take(body)
+        if agent is not None:
+            try:
+                self.move_bodies([body], poses_of_agents([body], self.space))
+            except InvalidValueError:
+                body.remove()
+                raise
+        return body
+
+    def made_movers(self) -> Movers:
+        """Return the table of driven bodies, made with the first of them."""
+        if self.movers is None:
+            self.movers = Movers()
+            self.space.attach(self.movers)
+        return self.movers
+
+    def _take(self, body: Body) -> None:
+        self.know_kind(body.kind)
+        self.listed.append(body)
+        self.scene_changed()
+
+    def know_kind(self, name: str) -> None:
+        """Let a kind have a code, if it has none."""
+        if name not in self.kinds:
+            self.kinds = (*self.kinds, name)
+
+    def _place_new(self, bodies: list[Driven], poses: np.ndarray) -> None:
+        """Place bodies at once that were added after the last step."""
+        for body, pose in zip(bodies, poses.tolist(), strict=True):
+            self.check_clear_of_loads("body", body.form.shape_at(tuple(pose)))
+        movers, rows = cast(Movers, self.movers), [body.row for body in bodies]
+        movers.position[rows], movers.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
+        self.scene_changed()
+
+    def follow_agents(self, movers: Movers) -> None:
+        """Ask for the poses of the agents that bodies follow, and remove the bodies of agents that were removed."""
+        gone = [body for body in movers.followers if body.agent not in self.model.agents]
+        for body in gone:
+            body.remove()
+        if movers.followers:
+            self.move_bodies(movers.followers, poses_of_agents(movers.followers, self.space))
+
+    def checked_kind(self, kind: str | None, default: str) -> str:
+        """Return the name of a kind that bodies may have."""
+        if kind is None:
+            return default
+        if not isinstance(kind, str) or not kind.isidentifier() or kind in (KINDS[ROBOT], KINDS[FIRE]):
+            raise InvalidValueError(
+                f"kind is {shortened(kind)}; expected a name such as 'door'; robots and fires: see add_robots, add_fire"
+            )
+        if kind not in self.kinds and len(self.kinds) > MOST_KINDS:
+            raise InvalidValueError(f"kind is {shortened(kind)}, one too many; expected at most {MOST_KINDS + 1} kinds")
+        return kind
+
+    def changed(self) -> None:
+        """Update the lists after obstacles or other bodies were removed."""
+        for index in reversed(range(len(self.listed))):
+            if self.listed[index].space is None:
+                del self.listed[index]
+                for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self.kinds))):
+                    self.swarm.forget_contact(kind, index)
+        loads = [obstacle for obstacle in self.listed if isinstance(obstacle, Load)] if self.loads else []
+        if len(loads) != len(self.loads):
+            self.loads = loads
+        self.scene_changed()
+
+    def scene_changed(self) -> None:
+        """Let the tables of bodies be made anew, and fields find their walls."""
+        self.made.scene = None
+        self.swarm.disturbed = True
+        self.model.parts["fields"].walls_changed()
+
+    def scene(self) -> Surroundings:
+        """Return the world without its robots, as engines need it; made anew where bodies or designs have changed."""
+        table = self.swarm.table
+        if self.made.scene is None or self.made.table is not table or (self.loads and self.made.scene.is_worn):
+            shapes = [obstacle.shape for obstacle in self.listed]
+            sources, temperature = self.heat_sources()
+            sight = float(table.reach.max(initial=0.0))
+            touch = max((design.radius for design in table.designs), default=1.0)
+            loads = [(row, body) for row, body in enumerate(self.listed) if isinstance(body, Load)]
+            self.made.scene = Surroundings.of(
+                self.map.bounds,
+                shapes,
+                sources,
+                temperature,
+                sight=sight,
+                touch=touch,
+                loads=loads,
+                codes=[self.kinds.index(body.kind) for body in self.listed],
+                driven=[row for row, body in enumerate(self.listed) if isinstance(body, Driven)],
+                movers=self.movers,
+            )
+            self.made.table = table
+        return self.made.scene
+
+    def _check_fine_enough(self, shape: Shape) -> None:
+        if len(self.swarm):
+            self.check_resolved(float(self.swarm.radius.min()), [shape])
+
+    def check_resolved(self, radius: float, shapes: Iterable[Shape]) -> None:
+        """Refuse robots so small that rounding of positions among these shapes would hide overlaps."""
+        if radius >= FINEST * LARGEST_COORDINATE:  # as a rule; there may be many shapes
+            return
+        boxes = [self.map.bounds, *(shape.bounds for shape in shapes if shape.contact)]
+        farthest = max(abs(coordinate) for box in boxes for coordinate in box)
+        least = max(FINEST * farthest, SMALLEST_RADIUS)
+        if radius < least:
+            raise InvalidValueError(
+                f"radius of a robot is {radius:g} in a world with coordinates up to {farthest:g}; expected at least "
+                f"{least:g}: bring everything nearer to the origin or enlarge the robots"
+            )
+
+    def check_room_for_load(self, form: Form, pose: Pose, load: Load | None = None) -> None:
+        """Refuse a load that is to be where it is not within the map or overlaps anything but robots and itself."""
+        if not form.is_within(pose, self.map.bounds):
+            raise InvalidValueError(f"load is not within map {self.map.name}, {list(self.map.bounds)}; move it inside")
+        solid = [body for body in self.listed if body.contact and body is not load and not self.is_carried(body)]
+        others = [("an obstacle or load", body.shape) for body in solid]
+        others += [(f"a {body.kind}", body.shape) for body in self.fires()]
+        for name, other in others:
+            if form.overlaps(pose, other):
+                raise InvalidValueError(f"load overlaps {name} at {other.position.tolist()}; expected free space")
+
+    def check_clear_of_loads(self, name: str, shape: Shape) -> None:
+        """Refuse an obstacle or a fire that overlaps a load."""
+        for load in self.loads:
+            if shape.contact and load.form.overlaps(load.pose, shape):
+                raise InvalidValueError(f"{name} overlaps a load at {load.position.tolist()}; expected free space")
+
+    def checked_point(self, point: Sequence[float]) -> np.ndarray:
+        """Return a point of the map as an array; another one is refused."""
+        array = as_numbers(point)
+        if array.shape != (2,) or not self.space.in_bounds(array):
+            raise InvalidValueError(
+                f"position {shortened(point)} is not on map {self.map.name}; "
+                f"expected x and y within {self.space.dimensions.tolist()}"
+            )
+        return array
+
+
+def _is_near(geometry: BaseGeometry, radius: float, x: float, y: float, body: Driven) -> bool:
+    """Return whether what lies within a radius of a geometry may touch a body with its centre at a point."""
+    x_min, y_min, x_max, y_max = geometry.bounds
+    far = radius + body.form.reach
+    return x_min - far <= x <= x_max + far and y_min - far <= y <= y_max + far
+
+
+def wrapped_all(headings: np.ndarray) -> np.ndarray:
+    """Return headings in [-pi, pi), those that are there already unchanged."""
+    outside = np.flatnonzero(~((headings >= -np.pi) & (headings < np.pi)))
+    turned = headings.copy()
+    turned[outside] = [wrapped(heading) for heading in headings[outside].tolist()]
+    return turned
+
+
+def _check_shape(name: str, shape: Shape) -> None:
+    if not isinstance(shape, Shape):
+        raise InvalidValueError(f"{name} is {shortened(shape)}; expected disc(...), rectangle(...) or polygon(...)")

@@ -1,0 +1,91 @@
+"""Parameters that every model takes, whatever its constructor declares."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import Any
+
+from mesa_swarm.model.mesa_model import GIVEN, declares, known_of_scenario, without_scenario
+
+# Parameters of the base that each class shows as its own, with a slider.
+COMMON = ("noise", "slip", "imperfections")
+# Parameters that each class takes as well, without showing them: how a model is computed, collected and described.
+ALSO = (
+    *("engine", "threads", "turn_angle_degrees", "collect_every", "history_every", "communication", "scale"),
+    *("fire_constants", "extinguish_range", "model_reporters", "agent_reporters"),
+)
+
+
+def with_common(cls: type, shows_all: bool = False) -> Callable[..., None]:
+    """Return the constructor of a class so that it takes the common parameters too, each as its bases do.
+
+    Values of those that it does not declare skip it, and go to the next class that declares them. Its signature has
+    those of `COMMON`, and with `shows_all` the others too.
+    """
+    constructor = _declared(cls.__dict__.get("__init__", cls.__init__))  # type: ignore[misc]
+    signature = inspect.signature(constructor)
+    inherited = {name: _inherited(cls, name) for name in (*COMMON, *ALSO) if name not in signature.parameters}
+    missing = {name: parameter for name, parameter in inherited.items() if parameter is not None}
+    shown = {name: parameter for name, parameter in missing.items() if shows_all or name in COMMON}
+
+    @wraps(constructor)
+    def extended(self: Any, *given: Any, **named: Any) -> None:
+        if "scenario" in named and "scenario" not in signature.parameters:
+            self.__dict__[GIVEN] = named["scenario"]
+            if declares(type(self), "scenario"):
+                named = known_of_scenario({*signature.parameters, *missing}, named)
+            else:
+                named = without_scenario(type(self), named)
+        taken = {name: named.pop(name) for name in missing if name in named}
+        common = {**taken, **self.__dict__.pop("_common", {})}  # what the outermost constructor is given counts
+        replaced = {name: value for name, value in common.items() if name not in missing}
+        if len(replaced) < len(common):
+            self.__dict__["_common"] = {name: value for name, value in common.items() if name in missing}
+        if replaced:
+            bound = signature.bind_partial(self, *given, **named)
+            bound.arguments.update(replaced)
+            given, named = bound.args[1:], bound.kwargs
+        constructor(self, *given, **named)
+
+    extended.declared = constructor  # type: ignore[attr-defined]
+    extended.whole = _extended(signature, missing)  # type: ignore[attr-defined]
+    extended.__signature__ = _extended(signature, shown)  # type: ignore[attr-defined]
+    return extended
+
+
+def _declared(constructor: Callable[..., None]) -> Callable[..., None]:
+    """Return a constructor as its class declares it, without the parameters that `with_common` adds."""
+    declared: Callable[..., None] = getattr(constructor, "declared", constructor)
+    return declared
+
+
+def whole_signature(model_class: Any) -> inspect.Signature:
+    """Return the signature of a class with all parameters that it takes, those of `ALSO` too, without `self`."""
+    whole: inspect.Signature | None = getattr(model_class.__init__, "whole", None)
+    if whole is None:
+        return inspect.signature(model_class)
+    return whole.replace(parameters=list(whole.parameters.values())[1:])
+
+
+def _inherited(cls: type, name: str) -> inspect.Parameter | None:
+    """Return a common parameter with the default and the annotation of the next class that declares it."""
+    for base in cls.__mro__[1:]:
+        known = _parameters(_declared(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
+        if name in known and known[name].default is not inspect.Parameter.empty:
+            return known[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
+    return None  # of fires, in a class without them
+
+
+def _parameters(constructor: Callable[..., None]) -> Mapping[str, inspect.Parameter]:
+    """Return the parameters of a constructor, with annotations that are not texts if they can be evaluated."""
+    try:
+        return inspect.signature(constructor, eval_str=True).parameters
+    except Exception:  # annotations of a user's may be any expression
+        return inspect.signature(constructor).parameters
+
+
+def _extended(signature: inspect.Signature, more: dict[str, inspect.Parameter]) -> inspect.Signature:
+    """Return a signature with more keyword parameters, before what takes all others."""
+    own = list(signature.parameters.values())
+    place = next((i for i, each in enumerate(own) if each.kind is each.VAR_KEYWORD), len(own))
+    return signature.replace(parameters=[*own[:place], *more.values(), *own[place:]])

@@ -1,0 +1,1119 @@
+"""EngineModel: a Mesa model made of parts, its step and plan, its observers, its fingerprint."""
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Self
+
+import mesa
+import numpy as np
+
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.explain import Explanation, explanation
+from mesa_swarm.control.team import Key
+from mesa_swarm.errors import (
+    InvalidValueError,
+    StepWarning,
+    check_choice,
+    check_count,
+    check_number,
+    shortened,
+)
+from mesa_swarm.geometry.compiling import compilation
+from mesa_swarm.kernels.part import Part
+from mesa_swarm.kernels.plan import Plan
+from mesa_swarm.model.bodies import MODES, BodiesPart
+from mesa_swarm.model.common import with_common
+from mesa_swarm.model.control import ControlPart
+from mesa_swarm.model.events import EventLog, EventsPart
+from mesa_swarm.model.fields import FieldsPart
+from mesa_swarm.model.imperfections import ImperfectionsPart, imperfections_of
+from mesa_swarm.model.mesa_model import (
+    GIVEN,
+    LATE,
+    Collector,
+    MesaModel,
+    add_reporters,
+    declares,
+    rows_in,
+    seed_sequence,
+    without_scenario,
+)
+from mesa_swarm.model.observers import Observers
+from mesa_swarm.model.parts import Parts
+from mesa_swarm.model.processes import Process, ProcessesPart
+from mesa_swarm.model.radio import RadioPart
+from mesa_swarm.model.robots import RobotsPart
+from mesa_swarm.model.state import State, StatePart
+from mesa_swarm.model.state_hash import state_hash_of
+from mesa_swarm.parameters import Dial, Noise, Slip
+from mesa_swarm.physics.contact import Contacts
+from mesa_swarm.physics.engine import CompiledEngine, Engine
+from mesa_swarm.physics.shapely_engine import ShapelyEngine
+from mesa_swarm.physics.threads import checked_threads
+from mesa_swarm.progress import progress_bar
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.imperfections import Imperfections
+from mesa_swarm.robots.radio import Radio
+from mesa_swarm.robots.real_robots import Scale, scale_or_none
+from mesa_swarm.robots.robot import Robot, remove_together
+from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
+from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.streams import Seed, Streams
+from mesa_swarm.trigger import Trigger
+from mesa_swarm.world.arena import Agents, Arena, next_id, uncollected
+from mesa_swarm.world.bodies import Body, Load, Obstacle
+from mesa_swarm.world.fields import Field, NamedFields, ScalarField
+from mesa_swarm.world.map import Map
+from mesa_swarm.world.movers import Driven, Movers
+from mesa_swarm.world.shapes import Shape
+from mesa_swarm.world.statics import SOURCE
+
+ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
+REPORTERS = {name: name for name in ("collisions", "total_collisions")}
+
+
+class ShortWay:
+    """A property that an attribute of the same name hides: models of before may have one."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.function, self.__doc__ = function, function.__doc__
+
+    def __get__(self, model: Any, kind: type) -> Any:
+        return self if model is None else self.function(model)
+
+
+class Rows:
+    """What is known of the rows that a model and its class collect, in the present step and the one before."""
+
+    def __init__(self) -> None:
+        self.begun = 0  # the steps that were completed when the present one began
+        self.omitted = False  # whether a warning was given of a step without the model's own
+        self.before: tuple[int, ...] | None = None  # during a step with a data collector of the user's own
+        self.due = False
+        self.added: bool | None = None  # whether the model added the row of the step before, rather than its class
+        self.mixed = False  # whether a warning was given that both do
+
+
+class EngineModel(MesaModel):
+    """A Mesa model made of parts, advanced step by step; `SwarmModel` adds fires and recordings.
+
+    What the model is made of lies in `parts`; the attributes and methods here are short ways to these.
+
+    Attributes
+    ----------
+    parts : Parts
+    map : Map
+    space : Arena
+    swarm : Swarm
+    streams : Streams
+    """
+
+    map: Map
+    space: Arena
+    swarm: Swarm
+    _parts: Parts
+    if TYPE_CHECKING:
+        fires: Any  # of the part that `SwarmModel` adds
+        fire_constants: Any
+
+    def __new__(cls, *given: Any, **named: Any) -> Self:
+        """Store the arguments of the outermost constructor, with which a recorded model is made again."""
+        if "seed" in named and not declares(cls, "seed"):
+            raise InvalidValueError(f"seed was given to {cls.__name__}; the seed of a model is rng, as in rng=1")
+        compilation.expect(cls)
+        model = super().__new__(cls)
+        if "scenario" in named and not declares(cls, "scenario"):
+            named = without_scenario(cls, named)
+        # Before any constructor of a subclass has changed them; triggers as recordings have them.
+        model.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
+        return model
+
+    def __init_subclass__(cls, shows_all: bool = False, **named: Any) -> None:
+        """Let the constructor of the class take the parameters that every model takes."""
+        super().__init_subclass__(**named)
+        # A class of several bases may inherit its constructor from one and a default of these parameters from another.
+        if "__init__" in cls.__dict__ or len(cls.__bases__) > 1:
+            cls.__init__ = with_common(cls, shows_all)  # type: ignore[method-assign]
+
+    def __init__(
+        self,
+        *,
+        map: str | os.PathLike | Map = "openspace",
+        rng: Seed = None,
+        engine: str = "compiled",
+        threads: int | None = None,
+        turn_angle_degrees: float = 60.0,
+        collect_every: int | Trigger = 1,
+        communication: Radio | None = None,
+        noise: Noise = 0.0,
+        slip: Slip = 0.0,
+        imperfections: Dial = 0.0,
+        model_reporters: dict | None = None,
+        agent_reporters: dict | None = None,
+        scale: Scale | None = None,
+    ) -> None:
+        of_user = {*self.__dict__} - {"given", "_common"}
+        effect = imperfections_of(noise, slip, imperfections)
+        turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
+        computing: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
+        computing.threads = checked_threads(threads)
+        self.map, self.scale = Map.load(map), scale
+        super().__init__(rng)
+        self.streams = Streams(seed_sequence(rng, self.rng))
+        x_min, y_min, x_max, y_max = self.map.bounds
+        self.space = Arena([[x_min, x_max], [y_min, y_max]], random=self.random, n_agents=0)
+        self.swarm = Swarm()
+        self.space.attach(self.swarm)
+        self._completed, self._rows = 0, Rows()
+        self._stand(computing, turn_angle, communication)
+        if effect is not None:
+            self.imperfections = effect
+        self.observers = ()
+        self.collect_every = collect_every
+        for name, reporters in (("model_reporters", model_reporters), ("agent_reporters", agent_reporters)):
+            if reporters is not None and not isinstance(reporters, Mapping):
+                raise InvalidValueError(f"{name} is {shortened(reporters)}; expected a dict of reporters by name")
+        self.datacollector = Collector({**REPORTERS, **(model_reporters or {})}, agent_reporters)
+        next_id(self)  # from here on the model has its counter
+        self._own = frozenset({*self.__dict__, *LATE, "_own", "_common", "scenario", GIVEN} - of_user)
+
+    def _stand(self, engine: Engine, turn_angle: float, radio: Radio | None) -> None:
+        """Make the parts that every model has, and the obstacles of the map."""
+        self._parts = Parts(self)
+        stand = self._parts.stand
+        stand(BodiesPart(self))
+        stand(RobotsPart(self, engine, turn_angle))
+        stand(ImperfectionsPart(self))
+        stand(RadioPart(self, radio))
+        stand(ControlPart(self))
+        stand(FieldsPart(self))
+        stand(ProcessesPart(self))
+        stand(StatePart())
+        stand(EventsPart(self))
+        with uncollected():
+            for shape in self.map.obstacles:
+                self.add_obstacle(shape)
+
+    @property
+    def reserved(self) -> frozenset[str]:
+        """The names of the attributes that the model has made itself, and Mesa for it."""
+        return self._own
+
+    @property
+    def own_attributes(self) -> dict[str, Any]:
+        """The attributes that a derived class or a user has given the model, by name: those that are stored as such."""
+        return {name: value for name, value in self.__dict__.items() if name not in self._own}
+
+    @property
+    def parts(self) -> Parts:
+        """What the model is made of: its parts by name, in the order of their stages.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(map="openspace_fire", rng=1).parts["fires"].columns()["temperature"].array.shape
+        (4,)
+        """
+        return self._parts
+
+    @parts.setter
+    def parts(self, value: object) -> None:
+        raise InvalidValueError(
+            f"parts is {shortened(value)}; model.parts is what the model is made of: use another name, or add_part(...)"
+        )
+
+    @ShortWay
+    def plan(self) -> Plan:
+        """Return the stages of a step in their order, which can be printed.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> [stage.name for _, stage in SwarmModel(rng=1).plan.stages][1:3]
+        ['robots read their sensors', 'driven bodies begin their ways']
+        """
+        self.parts.replan()  # which layers are compiled is known after the first step
+        return self.parts.plan
+
+    def add_part(self, part: Part) -> Part:
+        """Add a part, whose stages belong to each step from now on, and return it; see `Part`.
+
+        Raises
+        ------
+        InvalidValueError
+            If it lacks a method, its name is not one word, or the model has a part of that name.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Part, SwarmModel
+        >>> class Season(Part):
+        ...     name = "season"
+        ...
+        ...     def __init__(self, days=90):
+        ...         self.days = days
+        >>> model = SwarmModel(rng=1)
+        >>> season = model.add_part(Season())
+        >>> model.parts["season"].store()
+        {'days': 90}
+        """
+        return self.parts.add(part)
+
+    def remove_part(self, name: str) -> Part:
+        """Take a part that was added out of the model, between two steps, and return it.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of this name.
+        InvalidValueError
+            If every model has it.
+        """
+        return self.parts.remove(name)
+
+    @property
+    def scale(self) -> Scale | None:
+        """How long a metre and a step are, which pictures, charts and tables show; None if it has none.
+
+        Examples
+        --------
+        >>> from mesa_swarm import E_PUCK, SwarmModel
+        >>> model = SwarmModel(scale=E_PUCK.scale, rng=1)
+        >>> robots = model.add_robots(E_PUCK.design(), 5)
+        >>> round(model.scale.metres(model.map.width), 2)
+        5.92
+        """
+        return self._scale
+
+    @scale.setter
+    def scale(self, scale: Scale | None) -> None:
+        self._scale = scale_or_none(scale)
+
+    @property
+    def robots(self) -> Agents[Robot]:
+        """The robots as Mesa agents, in the order of the swarm's rows."""
+        found = Agents.listed(self.swarm.agents, self.random)
+        self.swarm.listed[id(found)] = found
+        return found
+
+    def add_robots(
+        self,
+        design: RobotDesign,
+        n: int | None = None,
+        *,
+        poses: Iterable[Sequence[float]] | None = None,
+        tendency: str | Sequence[str] | None = None,
+        group: str = "",
+    ) -> list[Robot]:
+        """Add robots at free random poses, or at given ones, and return their handles.
+
+        Parameters
+        ----------
+        design : RobotDesign
+            Its radius at least 4e-9 of the largest coordinate of the map and of what is solid, and at least 1e-12.
+        n : int
+            How many, at free random places with random headings; they never overlap anything.
+        poses : iterable of (x, y, heading), instead of n
+            Within the map. Robots that overlap anything are moved to free space nearby in the next step.
+        tendency : "left", "right" or a sequence of these, optional
+            The side to which each turns from what is straight ahead; by default drawn by chance.
+        group : str
+            The name of a group, by which `model.control` may have an arbiter for them; "" for none.
+
+        Raises
+        ------
+        PlacementError
+            If they do not fit; the message names how many would.
+        InvalidValueError
+            If neither or both of n and poses are given, a pose is not on the map, the robots are too small for their
+            coordinates, or the control is not for such a drive.
+        UnknownNameError
+            If the design has a part for a field that the model does not have; add the field first.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT3, SwarmModel
+        >>> SwarmModel(rng=1).add_robots(AGENT3, poses=[(100, 200, 0.0)])[0].position
+        array([100., 200.])
+        """
+        return self.parts.robots.add_robots(design, n, poses, tendency, group)
+
+    def remove_robots(self, robots: Iterable[Robot]) -> None:
+        """Take robots out of the model, between two steps.
+
+        Raises
+        ------
+        InvalidValueError
+            If they are not robots of this model.
+        RemovedRobotError
+            If one of them is gone already.
+        """
+        self.parts.robots.remove_robots(robots)
+
+    def remove_all_agents(self) -> None:
+        """Take all agents out of the model, between two steps; robots at once, which is much quicker."""
+        remove_together(self.swarm.agents)
+        super().remove_all_agents()
+
+    @property
+    def obstacle_list(self) -> list[Body]:
+        """The obstacles, loads, driven bodies and ground marks as a list, quicker to look at; to be read only."""
+        return self.parts.bodies.listed
+
+    @property
+    def bodies(self) -> Agents[Body]:
+        """All bodies as Mesa agents, in the order in which they came: obstacles, loads, driven ones, fires, marks."""
+        return Agents(self.parts.bodies.all_bodies(), random=self.random)
+
+    @property
+    def obstacles(self) -> Agents[Obstacle]:
+        """The obstacles, loads and ground marks as Mesa agents, in the order in which they were added."""
+        return Agents([body for body in self.obstacle_list if isinstance(body, Obstacle)], random=self.random)
+
+    @property
+    def loads(self) -> Agents[Load]:
+        """The loads as Mesa agents, in the order in which they were added."""
+        return Agents(self.parts.bodies.loads, random=self.random)
+
+    @property
+    def displaced(self) -> list[Load | Driven]:
+        """The bodies that may change their places, loads and driven bodies, in the order in which they were added."""
+        return self.parts.bodies.displaced
+
+    @property
+    def movers(self) -> Movers:
+        """The poses of all driven bodies as arrays, to be read only; see `move_bodies`."""
+        return self.parts.bodies.movers or Movers()
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The names of what sensors see: the place of a name is its code in `swarm.kind` and `swarm.contact_kind`.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(rng=1).kinds
+        ('obstacle', 'robot', 'fire', 'load')
+        """
+        return self.parts.bodies.kinds
+
+    def add_kind(self, name: str) -> int:
+        """Declare a kind of bodies before there is any, and return its code in readings.
+
+        The first body of a kind declares it as well, see `add_body`. A gripper or a sensor for a misspelt kind is
+        refused when robots with it are added or take their first step; of any other unknown kind there is a warning.
+
+        Parameters
+        ----------
+        name : str
+            A name of your own, one word; one that is known already stays as it is.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is not one word, or one kind too many.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> model.add_kind("wolf"), model.kinds[-1], model.add_kind("wolf")
+        (4, 'wolf', 4)
+        """
+        return self.parts.bodies.add_kind(name)
+
+    def kind_code(self, name: str) -> int:
+        """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with.
+
+        Raises
+        ------
+        UnknownNameError
+            If the kind was not declared, and no body of it was added.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> puck = model.add_body(disc((100, 100), 5), kind="puck")
+        >>> model.kind_code("puck")
+        4
+        """
+        return self.parts.bodies.kind_code(name)
+
+    def add_body(
+        self,
+        shape: Shape,
+        *,
+        kind: str | None = None,
+        mode: str = MODES[0],
+        agent: mesa.Agent | None = None,
+        resistance: float | None = None,
+    ) -> Body:
+        """Add a body that robots see and bump into, and return its agent.
+
+        Parameters
+        ----------
+        shape : Shape
+            From `disc`, `rectangle` or `polygon`.
+        kind : str
+            What sensors see: a name of your own, or "obstacle", "load"; by default "load" for pushed bodies, else
+            "obstacle". See `kinds`.
+        mode : str
+            "driven": it goes where ``body.position = (x, y)``, ``body.heading = h`` or ``body.move_to(...)`` puts it.
+            "fixed": an obstacle. "pushed": a load, which robots push; needs `resistance`.
+        agent : mesa.Agent, optional
+            For a driven body, which then follows the agent's `position` or `pos`, and its `heading` if it has
+            one, in each step. A body whose agent was removed from the model is removed as well.
+        resistance : float
+            See `add_load`.
+
+        Raises
+        ------
+        InvalidValueError
+            If a driven body is a mark on the ground, overlaps a load, or has its centre outside the map.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+        >>> predator = model.add_body(disc((120, 100), 5), kind="predator")
+        >>> predator.position = (115, 100)
+        >>> model.sense()
+        >>> float(robot.distance[0]), model.kinds[robot.kind[0]]
+        (5.0, 'predator')
+        """
+        return self.parts.bodies.add_body(shape, kind=kind, mode=mode, agent=agent, resistance=resistance)
+
+    def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
+        """Ask for poses of driven bodies, all at once: the quick way for many.
+
+        Parameters
+        ----------
+        bodies : sequence of Driven
+            From `add_body`, of this model.
+        poses : array_like, shape (m, 3)
+            x, y, heading of each; the centres on the map.
+
+        Raises
+        ------
+        InvalidValueError
+            If a body is not a driven one of this model, or a pose is wrong; none has moved then.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> sheep = [model.add_body(disc((x, 100), 5), kind="sheep") for x in (100, 200, 300)]
+        >>> model.run(1).move_bodies(sheep, [(body.position[0], 102, 0.0) for body in sheep])
+        >>> model.run(1).movers.position[:, 1]
+        array([102., 102., 102.])
+        """
+        self.parts.bodies.move_bodies(bodies, poses)
+
+    def attach(self, robot: Robot, body: Body) -> None:
+        """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it.
+
+        Raises
+        ------
+        InvalidValueError
+            If the robot carries something already, or the body is not a driven one that is free and follows no agent.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+        >>> puck = model.add_body(disc((110, 100), 2), kind="puck")
+        >>> model.attach(robot, puck)
+        >>> puck.position, model.release(robot), puck.position.round(3)
+        (array([100., 100.]), True, array([107., 100.]))
+        """
+        self.parts.bodies.attach(robot, body)
+
+    def release(self, robot: Robot) -> bool:
+        """Put down in front of a robot what it carries, and return whether there was room and something to put down.
+
+        The place is the nearest to straight ahead, within 60 degrees, where the body is on the map and touches nothing,
+        nor is in the way of a body that was sent elsewhere.
+        """
+        return self.parts.bodies.release(robot)
+
+    def carried_by(self, robot: Robot) -> Driven | None:
+        """Return the body that a robot carries, or None."""
+        return self.parts.bodies.carried_by(robot)
+
+    def add_obstacle(self, shape: Shape) -> Obstacle:
+        """Add an obstacle or a ground mark and return its agent.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> SwarmModel(rng=1).add_obstacle(disc((100, 100), 30)).contact
+        True
+        """
+        return self.parts.bodies.add_obstacle(shape)
+
+    def add_load(self, shape: Shape, *, resistance: float) -> Load:
+        """Add a body that robots can push, together if need be, and return its agent.
+
+        Parameters
+        ----------
+        shape : Shape
+            At first: within the map, free of obstacles, fires and other loads. Robots there are moved to free space
+            nearby in the next step.
+        resistance : float
+            How many robots' full pushes it withstands, above 0: it moves only when pushed harder than that. A
+            robot that drives straight into it at its greatest speed gives one full push.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is a mark on the ground, overlaps anything but robots, or is not within the map.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, rectangle
+        >>> SwarmModel(rng=1).add_load(rectangle((100, 100), (140, 120)), resistance=2.5).position
+        array([120., 110.])
+        """
+        return self.parts.bodies.add_load(shape, resistance=resistance)
+
+    @property
+    def fields(self) -> NamedFields:
+        """The scalar fields by name, in the order in which they were added."""
+        return self.parts.fields.named()
+
+    def add_field(self, field: Field) -> ScalarField:
+        """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
+
+        Raises
+        ------
+        InvalidValueError
+            If the model has a field of this name, or it would have too many cells or sub-steps.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail", cell=10.0, diffusion=0.1, evaporation=0.01))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> round(model.run(1).fields["trail"].total, 3)
+        4.95
+        """
+        return self.parts.fields.add_field(field)
+
+    def remove_field(self, name: str) -> ScalarField:
+        """Take a scalar field out of the model, between two steps, and return it with its last values.
+
+        Rows of a recording have no picture of it from then on.
+
+        Raises
+        ------
+        UnknownNameError
+            If the model has no field of this name.
+        InvalidValueError
+            If a robot has a sensor or an actuator for it.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail"))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> model.remove_field("trail").total, len(model.fields)
+        (5.0, 0)
+        """
+        return self.parts.fields.remove_field(name)
+
+    @property
+    def state(self) -> State:
+        """Custom values that belong to the model's state: hashed, stored, resumed and copied with it.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> model.state["delivered"] = 0
+        >>> model.state["delivered"] += 2
+        >>> model.state["delivered"]
+        2
+        """
+        return self.parts.state.values
+
+    @state.setter
+    def state(self, values: Mapping[str, Any]) -> None:
+        self.parts.state.values = State(values)
+
+    @property
+    def processes(self) -> tuple[Process, ...]:
+        """What happens in each step besides robots, in the order in which it was added."""
+        return tuple(self.parts.processes.numbered.values())
+
+    def add_process(self, process: Process) -> Process:
+        """Add what happens in each step besides robots, after contacts are resolved, and return it.
+
+        Parameters
+        ----------
+        process : Process
+            Any object with ``step(model)``. Its attributes are part of the model's state.
+
+        Raises
+        ------
+        InvalidValueError
+            If it has no `step`, was added before, or refuses this model.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> class Rain:
+        ...     amount = 0
+        ...
+        ...     def step(self, model):
+        ...         self.amount += 2
+        >>> model = SwarmModel(rng=1)
+        >>> rain = model.add_process(Rain())
+        >>> model.run(3).processes[0].amount
+        6
+        """
+        return self.parts.processes.add_process(process)
+
+    def remove_process(self, process: Process) -> None:
+        """Remove a process; what it has changed stays.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is not one of `processes`.
+        """
+        self.parts.processes.remove_process(process)
+
+    @property
+    def events(self) -> EventLog:
+        """What happened, as arrays: `step`, `name`, `unique_id` and `value`; see `event`."""
+        return self.parts.events.log
+
+    def event(self, name: str, *, robot: Robot | None = None, value: float = 1.0) -> None:
+        """Note that something happened in this step: it is counted, hashed, stored, recorded, and shown in replays.
+
+        Parameters
+        ----------
+        name : str
+            One line of text, the same for events of one kind.
+        robot : Robot, optional
+            To which, or by which, it happened.
+        value : float
+            How much, any finite number.
+
+        Raises
+        ------
+        InvalidValueError
+            If a value is not permitted, or the robot is of another model.
+        RemovedRobotError
+            If the robot was removed.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, 1)
+        >>> model.event("delivered", robot=robot, value=2.0)
+        >>> model.event("delivered")
+        >>> len(model.events), model.events.value, model.events.count("delivered")
+        (2, array([2., 1.]), 2)
+        """
+        self.parts.events.note(name, robot, value)
+
+    @property
+    def imperfections(self) -> Imperfections | None:
+        """How the robots differ from ideal ones, or None; may be changed between steps.
+
+        The parameters `noise`, `slip` and `imperfections` of a model set it; a value set later replaces all three.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> from mesa_swarm.robots.imperfections import ROBOTARIUM
+        >>> model = SwarmModel(noise=0.1, rng=1)
+        >>> model.imperfections.sensing.error
+        0.1
+        >>> model.imperfections = ROBOTARIUM.at(0.5)
+        >>> model.imperfections.sensing.dropout
+        0.0175
+        """
+        return self.parts.imperfections.imperfections
+
+    @imperfections.setter
+    def imperfections(self, imperfections: Imperfections | None) -> None:
+        self.parts.imperfections.set_imperfections(imperfections)
+
+    @property
+    def observers(self) -> Observers:
+        """What is called around each step and each run, see `Observer`: a list to append to and remove from."""
+        return self.__dict__["observers"]
+
+    @observers.setter
+    def observers(self, observers: Iterable[Any]) -> None:
+        self.__dict__["observers"] = Observers(observers)
+
+    @property
+    def datacollector(self) -> mesa.DataCollector:
+        """What is collected in each step, see `collect_every`; it may be replaced by another data collector.
+
+        Such a collector gets `collisions` and `total_collisions` as well. It is collected by the model's class, as is
+        usual in Mesa, or else, in steps in which that does not collect, by the model at the end of the step.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is replaced by something else than a data collector.
+
+        Examples
+        --------
+        >>> import mesa
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> class Usual(SwarmModel):
+        ...     def __init__(self, *, rng=None):
+        ...         super().__init__(rng=rng)
+        ...         self.datacollector = mesa.DataCollector(model_reporters={"robots": lambda model: len(model.robots)})
+        ...
+        ...     def step(self):
+        ...         super().step()
+        ...         self.datacollector.collect(self)
+        >>> Usual(rng=1).run(5).datacollector.get_model_vars_dataframe().shape
+        (5, 3)
+        """
+        return self.__dict__["datacollector"]
+
+    @datacollector.setter
+    def datacollector(self, collector: mesa.DataCollector) -> None:
+        if not isinstance(collector, mesa.DataCollector):
+            raise InvalidValueError(f"datacollector is {shortened(collector)}; expected a mesa.DataCollector(...)")
+        add_reporters(collector, REPORTERS)
+        self.__dict__["datacollector"] = collector
+
+    @property
+    def threads(self) -> int:
+        """How many threads share each step of the compiled engine; may be changed between steps.
+
+        The state has the same bits for any number. Worlds of fewer than some ten thousand robots are not shared: they
+        would not be faster. See `mesa_swarm.physics.threads`.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(rng=1, threads=2).threads
+        2
+        """
+        return self.parts.robots.engine.threads
+
+    @threads.setter
+    def threads(self, threads: int) -> None:
+        self.parts.robots.engine.threads = checked_threads(threads)
+
+    @property
+    def collect_every(self) -> int:
+        """Steps between two rows of `datacollector`, 0 for no rows at all; may be changed between steps.
+
+        A row of the usual two numbers takes 50 bytes: 10 million steps with ``collect_every=1`` take half a gigabyte.
+        Rows are collected after the steps that it divides; `mesa.batch_run` needs one after each step.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1, collect_every=10).run(40)
+        >>> len(model.datacollector.get_model_vars_dataframe())
+        4
+        """
+        return self._collect_every.every
+
+    @collect_every.setter
+    def collect_every(self, every: int | Trigger) -> None:
+        self._collect_every = Trigger.of(every, "collect_every")
+
+    @property
+    def communication(self) -> Radio | None:
+        """How robots broadcast to each other, or None; a change, between steps, clears all messages."""
+        return self.parts.radio.radio
+
+    @communication.setter
+    def communication(self, radio: Radio | None) -> None:
+        self.parts.radio.set_radio(radio)
+
+    @property
+    def control(self) -> Arbiter | None:
+        """What drives the robots: an arbiter such as `Subsumption`, or None.
+
+        It may be set to a mapping of designs and names of groups to arbiters, and then is a `Team`: a mapping of
+        the same keys to the arbiters that belong to this model. The arbiter of a robot's group drives it, or else that
+        of its design; every robot needs one.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT3, AGENT9, SwarmModel
+        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> scouts, others = model.add_robots(AGENT9, 2, group="scouts"), model.add_robots(AGENT3, 3)
+        >>> avoid = Avoid(distance=15)
+        >>> model.control = {"scouts": Subsumption(avoid, Explore()), AGENT3: Subsumption(avoid)}
+        >>> model.control.names
+        ('scouts: Avoid', 'Explore', 'AGENT3: Avoid')
+        """
+        return self.parts.control.arbiter
+
+    @control.setter
+    def control(self, control: Arbiter | Mapping[Key, Arbiter | None] | None) -> None:
+        self.parts.control.set_control(control)
+
+    @property
+    def collisions(self) -> int:
+        """How many robots overlapped anything in the last step."""
+        return self.parts.robots.collisions
+
+    @collisions.setter
+    def collisions(self, collisions: int) -> None:
+        self.parts.robots.collisions = collisions
+
+    @property
+    def total_collisions(self) -> int:
+        """The sum of `collisions` over all steps."""
+        return self.parts.robots.total_collisions
+
+    @total_collisions.setter
+    def total_collisions(self, collisions: int) -> None:
+        self.parts.robots.total_collisions = collisions
+
+    def step(self) -> None:
+        """Advance the world by one step.
+
+        | phase | reads | writes |
+        | --- | --- | --- |
+        | sense | position, heading, bodies | distance, kind, radiation, line, own sensors |
+        | exchange | layer, task, sent_goal, pose, obstacles | heard_layer, heard_task, heard_from, heard_goal |
+        | decide | what robots know (`control.Senses`) | command, layer, task, goal, sent_goal, act |
+        | act | what actuators are set to | what they are about |
+        | move | command, loads, driven bodies' aims | loads, driven bodies, position, heading |
+        | resolve | position, bodies | position, heading, slip, collided, contacts |
+        | process | position, fields | fields; then what each of `processes` changes |
+        | collect | everything | datacollector, history |
+
+        Every robot acts on what was published after the previous step; nothing depends on their order. Fields are the
+        first to advance in their phase.
+        Without `communication` nothing is exchanged.
+
+        Raises
+        ------
+        UnobservedStepError
+            If the model has observers, and the method of the class was called beside the model's own ``model.step()``.
+        """
+        self._check_observed()
+        plan = self.parts.plan
+        for call in plan.calls:
+            call()
+        self._completed += 1
+        for call in plan.collecting:
+            call()
+        self._collect()
+
+    def sense(self) -> None:
+        """Read all sensors for the current poses; reading twice gives the same."""
+        self.parts.robots.sense()
+
+    def run(self, steps: int, progress: bool = False) -> Self:
+        """Take this many steps, fewer if the model stops running, and return the model.
+
+        Parameters
+        ----------
+        steps : int
+        progress : bool
+            Whether to show a bar with the time left and the time of day at which the run ends.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> SwarmModel(rng=1).run(3).steps
+        3
+        """
+        with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._observed_run():
+            for _ in range(bar.total):
+                if not self.running:
+                    break
+                self.step()
+                bar.update()
+        return self
+
+    def _collect(self) -> None:
+        if self._collect_every.is_due(self._completed):
+            collector = self.__dict__["datacollector"]
+            if self._rows.before is None:
+                collector.collect(self)
+            else:
+                self._rows.due = True
+        for observer in self.__dict__["observers"].complete:  # without the cost of the property
+            observer.after_step(self, self._completed)
+
+    @property
+    def completed(self) -> int:
+        """How many steps were completed."""
+        return self._completed
+
+    def _begin_step(self) -> None:
+        rows, collector = self._rows, self.__dict__["datacollector"]
+        rows.begun = self._completed
+        if type(collector) is not Collector:
+            rows.before, rows.due = rows_in(collector), False
+        self.parts.bodies.begin_step()
+
+    def _end_step(self) -> None:
+        if self._rows.before is not None:
+            self._collect_once(self._rows.before)
+        if self._completed == self._rows.begun and not self._rows.omitted:
+            self._rows.omitted = True
+            name = type(self).__name__
+            warnings.warn(
+                f"{name}.step took no step of the model, so that nothing in it has moved; call super().step() in "
+                "it, once",
+                StepWarning,
+                stacklevel=3,
+            )
+
+    def _collect_once(self, rows_begun: tuple[int, ...]) -> None:
+        """Collect by a collector of the user's own, unless the step of the model's class has."""
+        collector, due = self.__dict__["datacollector"], self._rows.due
+        self._rows.before, self._rows.due = None, False
+        if not due:
+            return
+        is_added = rows_in(collector) == rows_begun
+        if is_added:
+            collector.collect(self)
+        if self._rows.added is not None and self._rows.added != is_added and not self._rows.mixed:
+            self._rows.mixed = True
+            warnings.warn(
+                f"{type(self).__name__} collects after some steps only, and the model after the others, so that each "
+                "has a row; collect_every=0 leaves collecting to the class",
+                StepWarning,
+                stacklevel=4,
+            )
+        self._rows.added = is_added
+
+    @property
+    def contacts(self) -> "Contacts":
+        """The deepest contact of every robot that collided in the last step."""
+        return Contacts.of(self.swarm, self.obstacle_list, {SOURCE: self.parts.bodies.fires()})
+
+    def watch(
+        self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS
+    ) -> Snapshots:
+        """Store what robots know and do in the next steps, and return the store.
+
+        Watching again begins with an empty store; `last=None` stores every step, and memory grows without end.
+
+        Parameters
+        ----------
+        last : int or None
+            How many snapshots to store; the oldest are dropped.
+        every : int
+            Steps from one to the next.
+        columns : tuple of str
+            Of the swarm, those that `explain` needs by default.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> snapshots = model.watch(last=50)
+        >>> len(model.run(60).watched)
+        50
+        """
+        self.parts.control.watch(Snapshots(self.swarm, last=last, every=every, columns=columns))
+        return self.watched  # type: ignore[return-value]
+
+    @property
+    def watched(self) -> Snapshots | None:
+        """What `watch` stores, None without it."""
+        return self.parts.control.snapshots
+
+    def explain(self, robot: Robot, step: int | None = None) -> Explanation:
+        """Return why a robot did what it did in the last step, or in another stored one; call `watch` first.
+
+        Parameters
+        ----------
+        robot : Robot
+            One of `model.robots`.
+        step : int, optional
+
+        Returns
+        -------
+        Explanation
+            As a text one sentence: what the robot did, the layer that won, the readings that triggered it.
+
+        Raises
+        ------
+        InvalidValueError
+            If `watch` was not called, columns are missing, control is None, or the step is not stored.
+        RemovedRobotError
+            If the robot was removed.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(765, 300, 0.0)], tendency="left")
+        >>> model.control = Subsumption(Avoid(distance=10.5), Explore())
+        >>> snapshots = model.watch()
+        >>> print(model.run(1).explain(robot))
+        step 1: robot 5 turns left while moving; Avoid: front sensor 10.0 (an obstacle) < 10.5
+        """
+        if not isinstance(robot, Robot) or robot.model is not self:
+            raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots")
+        row, snapshots = robot.alive(), check_watched(self.watched, DECISIONS, "explain")
+        if self.control is None:
+            raise InvalidValueError("control is None, which explains nothing; set model.control")
+        wanted = int(snapshots.steps[-1]) if step is None else check_count("step", step)
+        return explanation(self.control, self.swarm, snapshots, row, wanted, self.kinds)
+
+    def state_hash(self) -> str:
+        """Return a fingerprint of all numbers that steps read or write: equal for equal runs, in any number of threads.
+
+        Hashed are all columns, bodies of every kind with their shapes and poses, fields, the bounds of the map,
+        designs, parameters of layers, of the radio, of imperfections and of what burns, rules by their source and the
+        constants that they read, processes, learners and the declared state. Not hashed are threads, the engine,
+        `collect_every`, reporters, observers, looks, parameters that nothing reads, attributes of a model that only its
+        own `step` reads (use `state`), states of random streams, and Mesa agents of other classes. All sensors are read
+        first, so that the fingerprint is independent of earlier readings.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> one, other = SwarmModel(rng=1), SwarmModel(rng=1)
+        >>> one.state_hash() == other.state_hash()
+        True
+        >>> mark = other.add_obstacle(disc((100, 100), 5))
+        >>> one.state_hash() == other.state_hash()
+        False
+        """
+        self.sense()
+        return state_hash_of(self)
+
+    @contextmanager
+    def _observed_run(self) -> Iterator[None]:
+        """Call observers when a run is over; an error or Ctrl-C closes them, so that what they recorded is stored."""
+        begin = self.completed
+        try:
+            yield
+        except BaseException:
+            for observer in self.observers.complete:
+                observer.break_off()
+            raise
+        for observer in self.observers.complete:
+            observer.after_run(self, self.completed - begin)
+
+
+# As the constructors of derived classes, it gets the common parameters that these have not declared.
+EngineModel.__init__ = with_common(EngineModel)  # type: ignore[method-assign]
+
+
+def _plain(value: object) -> object:
+    return value.every if isinstance(value, Trigger) else value

@@ -1,0 +1,140 @@
+"""The part `processes`: what happens in each step besides robots."""
+
+from collections.abc import Iterator
+from typing import Any, Protocol, runtime_checkable
+
+from mesa_swarm.errors import InvalidValueError, asked, shortened
+from mesa_swarm.kernels.part import Itself, Part, Phase, Stage
+from mesa_swarm.model.state import Checkpointed, attributes_of, fingerprint, refuse_attributes, state_of
+from mesa_swarm.model.state_hash import described_process
+
+
+@runtime_checkable
+class Process(Protocol):
+    """What happens in each step besides robots: growth, weather, a plan of moving doors; see `SwarmModel.add_process`.
+
+    Any object with `step` serves; `fire.Burning` is one. Its attributes are part of the model's state: plain values,
+    arrays and random generators are hashed, stored and resumed. A class with other attributes has two more methods,
+    `checkpoint`, which returns all on which a later step depends, as plain values and arrays by name, and `restore`,
+    which takes it back. A class may have a method ``check_model(model)``, which raises an error if a model lacks what
+    the process needs; it is called before the process is added.
+
+    `resume` makes a process that no constructor adds without the constructor of its class, which has to be in the
+    module of the model's class, to derive from `Process` or declare ``resumable = True``, and to declare its attributes
+    by annotations or values in the class.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel
+    >>> class Tide(Process):
+    ...     level: float = 0.0
+    ...
+    ...     def step(self, model):
+    ...         self.level += 0.5
+    >>> model = SwarmModel(rng=1)
+    >>> tide = model.add_process(Tide())
+    >>> model.run(3).processes[0].level
+    1.5
+    """
+
+    def step(self, model: Any) -> None:
+        """Advance by one step; called after contacts are resolved, in the order in which processes were added."""
+        return
+
+
+class ProcessesPart(Part):
+    """The processes of a model.
+
+    Attributes
+    ----------
+    numbered : dict of int to Process
+        In the order in which they take place, by the numbers under which they are stored; replaced when one is added
+        or removed.
+    """
+
+    name = "processes"
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self.numbered: dict[int, Process] = {}
+
+    def stages(self) -> Iterator[Stage]:
+        """Advance all processes, one after the other."""
+        names = ", ".join(dict.fromkeys(type(process).__name__ for process in self.numbered.values()))
+        yield Stage(Phase.PROCESS, self.advance, "processes take place", python=names)
+
+    def parameters(self) -> list:
+        """Return the state of processes, and what they are besides."""
+        return [*self.states(), *(described_process(process) for process in self.numbered.values())]
+
+    def mark(self) -> dict[str, Any]:
+        """Return which processes there are, and a fingerprint of the state of each."""
+        return {
+            "set of processes": Itself(self.numbered),
+            **{name: fingerprint(state) for name, state in self.states()},
+        }
+
+    def store(self) -> dict[str, Any]:
+        """Return what processes hold, by their number; one that stores itself whole."""
+        stored: dict[str, Any] = {}
+        for number, process in self.numbered.items():
+            if isinstance(process, Checkpointed):
+                stored[f"{number}"] = process
+            else:
+                stored |= {f"{number} {name}": value for name, value in attributes_of(process).items()}
+        return stored
+
+    def word_of(self, name: str) -> str:
+        """Return whose attribute a stored value is."""
+        number, _, attribute = name.partition(" ")
+        return f"process {type(self.numbered[int(number)]).__name__}" + (f"'s {attribute}" if attribute else "")
+
+    def restore(self, stored: dict[str, Any]) -> None:
+        """Take back what `store` returned: attributes, checked; what a process has besides is dropped."""
+        for number, process in self.numbered.items():
+            begin = f"{number} "
+            values = {name.removeprefix(begin): value for name, value in stored.items() if name.startswith(begin)}
+            if isinstance(process, Checkpointed):
+                continue
+            for name in [name for name in getattr(process, "__dict__", {}) if name not in values]:
+                delattr(process, name)
+            refuse_attributes(process, values)
+            for name, value in values.items():
+                object.__setattr__(process, name, value)
+
+    def add_process(self, process: Process) -> Process:
+        """Add what happens in each step, and return it; see `SwarmModel.add_process`."""
+        if isinstance(process, type) or not callable(asked(process, "step")):
+            raise InvalidValueError(
+                f"process is {shortened(process)}; expected an object with step(model), see Process"
+            )
+        if any(process is other for other in self.numbered.values()):
+            raise InvalidValueError(f"process {shortened(process)} was added before; expected another one")
+        check = asked(process, "check_model")
+        if callable(check):
+            check(self.model)
+        self.numbered = {**self.numbered, max(self.numbered, default=0) + 1: process}
+        return process
+
+    def put_first(self, process: Process, number: int) -> None:
+        """Add a process before all others, unless there is one of this number: below 1, where those of users begin."""
+        if number not in self.numbered:
+            self.numbered = {number: process, **self.numbered}
+
+    def remove_process(self, process: Process) -> None:
+        """Remove a process; what it has changed stays."""
+        others = {number: other for number, other in self.numbered.items() if other is not process}
+        if len(others) == len(self.numbered):
+            raise InvalidValueError(f"process is {shortened(process)}; expected one of model.processes")
+        self.numbered = others
+
+    def advance(self) -> None:
+        """Advance what changes in each step besides robots."""
+        for process in self.numbered.values():
+            process.step(self.model)
+
+    def states(self) -> Iterator[tuple[str, Any]]:
+        """Iterate over the state of processes, by name."""
+        for number, process in self.numbered.items():
+            if state := state_of(process):
+                yield f"process {number} ({type(process).__name__})", state

@@ -1,0 +1,303 @@
+"""The part `robots`: the swarm's columns, where robots are placed, what they sense, do and how they move."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
+from typing import Any, cast
+
+import numpy as np
+
+from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_name, check_number, shortened
+from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.kernels.part import Column, Part, Phase, Role, Stage
+from mesa_swarm.model.state import checked_state
+from mesa_swarm.model.state_hash import described_designs
+from mesa_swarm.physics.engine import Engine
+from mesa_swarm.physics.own_parts import OwnParts
+from mesa_swarm.robots.actuators import Actuator
+from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.parts import RobotPart
+from mesa_swarm.robots.robot import SIDES, Robot, add_handles, remove_together
+from mesa_swarm.robots.sensors import BUILT_IN, Sensor
+from mesa_swarm.world.arena import uncollected
+from mesa_swarm.world.placement import free_places, place_apart
+from mesa_swarm.world.shapes import as_numbers
+
+# Columns that follow from parameters, and those that depend on the order in which things were created.
+OF_PARAMETERS = frozenset({"radius", "max_speed"})
+INDICES = frozenset({"number", "design", "contact_index", "group"})
+# What is stored besides columns, with its types.
+STORED: dict[str, tuple[type, ...]] = {
+    **dict.fromkeys(("collisions", "total_collisions"), (int,)),
+    "turn_angle": (float, int, np.float64),
+    "noise": (tuple,),
+}
+LARGEST_NUMBER = 1e15
+OF_HANDLES = ("position", "heading", "command", "max_speed", "tendency", "temperature", "group")
+SET_BY_HAND, NAMES_OF_MARKS = itemgetter(*OF_HANDLES), [f"{name} of robots" for name in OF_HANDLES]
+
+
+def check_stored(name: str, value: Any, kinds: tuple[type, ...]) -> None:
+    """Refuse a stored number of another type, below 0 or too large."""
+    if type(value) not in kinds or not 0 <= value < LARGEST_NUMBER:
+        raise InvalidValueError(f"invalid {name}: {shortened(value)}")
+
+
+def _check_noise(noise: tuple) -> None:
+    _, before, draws = noise
+    checked_state(before)
+    if not isinstance(draws, np.ndarray) or draws.dtype != float:
+        raise InvalidValueError("invalid sensor noise")
+
+
+def role_of(name: str) -> Role:
+    """Return the role of a column of the swarm."""
+    return "index" if name in INDICES else "parameter" if name in OF_PARAMETERS else "state"
+
+
+class Sensed:
+    """What was read last, and this step's draws for errors of sensors: made anew where a model is copied."""
+
+    state: tuple | None = None
+
+
+class RobotsPart(Part):
+    """The robots of a model.
+
+    Attributes
+    ----------
+    swarm : Swarm
+    engine : Engine
+        What computes sensing and contact.
+    turn_angle : float, rad
+        A robot that meets a flat side at more than this from its normal is turned parallel to it.
+    collisions, total_collisions : int
+        Robots that overlapped anything in the last step; the sum of these over all steps.
+    noise : tuple or None
+        A step, the state of the stream before it, and the draws for errors of sensors in it.
+    """
+
+    name = "robots"
+
+    def __init__(self, model: Any, engine: Engine, turn_angle: float) -> None:
+        self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle
+        self.collisions = self.total_collisions = 0
+        self.noise: tuple | None = None
+        self.devices, self.made = OwnParts(), Sensed()
+
+    def columns(self) -> Mapping[str, Column]:
+        """Return the columns of the swarm that no other part has."""
+        others = [part.columns() for name, part in self.model.parts.items() if name != self.name]
+        theirs = {id(column.array) for columns in others for column in columns.values() if column.rows == "robots"}
+        return {
+            name: Column(column, "robots", role_of(name))
+            for name, column in self.swarm.columns.items()
+            if id(column) not in theirs
+        }
+
+    def stages(self) -> Iterator[Stage]:
+        """Sense, act, move."""
+        yield Stage(
+            Phase.SENSE,
+            self.sense,
+            "robots read their sensors",
+            compiled="sense_proximity",
+            python=self._of_class(Sensor),
+        )
+        if self.swarm.table.actions:
+            yield Stage(Phase.ACT, self.act, "actuators do what they are set to", python=self._of_class(Actuator))
+        yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", compiled="travel_pieces")
+        yield Stage(Phase.COLLECT, self.count_collisions, "collisions are counted")
+
+    def _of_class(self, kind: type) -> str:
+        """Return the names of custom devices of a class that robots have."""
+        devices = [device for design in self.swarm.designs for device in (*design.sensors, *design.actuators)]
+        own = [
+            device
+            for device in devices
+            if isinstance(device, RobotPart) and isinstance(device, kind) and type(device) not in BUILT_IN
+        ]
+        return ", ".join(dict.fromkeys(device.name for device in own))
+
+    def parameters(self) -> dict[str, Any]:
+        """Return designs with the rows of their robots, groups, and how robots turn at walls."""
+        designs = described_designs(self.swarm.designs, self.swarm.columns["design"])
+        return {"designs": designs, "groups": self.rows_of_groups(), "turn angle": self.turn_angle}
+
+    def store(self) -> dict[str, Any]:
+        """Return the counters, the angle at which robots turn, and this step's draws for errors of sensors."""
+        return {name: getattr(self, name) for name in STORED}
+
+    def restore(self, stored: dict[str, Any]) -> None:
+        """Take back what `store` returned, checked."""
+        for name, value in stored.items():
+            if name != "noise":
+                check_stored(name, value, STORED[name])
+            elif value is not None:
+                _check_noise(value)
+            setattr(self, name, value)
+
+    def mark(self) -> dict[str, Any]:
+        """Return the columns that handles set, and wheel commands, which persist where no controller decides."""
+        swarm = self.swarm
+        bytes_of = map(np.ndarray.tobytes, SET_BY_HAND(swarm.columns))
+        return {
+            **dict(zip(NAMES_OF_MARKS, bytes_of, strict=True)),
+            "counters": (self.collisions, self.total_collisions, self.turn_angle),
+            "an attribute set to the value that it had": (swarm.disturbed, swarm.version),
+        }
+
+    def rows_of_groups(self) -> dict[str, np.ndarray]:
+        """Return by the names of groups, of those that have robots, which rows are in them."""
+        group, names = self.swarm.columns["group"], self.swarm.groups
+        return {names[place]: group == place for place in np.unique(group).tolist() if place >= 0}
+
+    def sense(self) -> None:
+        """Read all sensors for the current poses; reading twice gives the same."""
+        swarm, model, step = self.swarm, self.model, self.model._completed
+        scene, imperfect = model.parts.bodies.scene(), model.parts.imperfections.effect
+        state = (step, swarm.version, scene)
+        if self.made.state != state or swarm.disturbed:
+            self.engine.sense(swarm, scene, step, self._noise_draws(step))
+            if imperfect is not None:
+                imperfect.spoil_readings(swarm, step)
+            self.made.state = state
+        if swarm.table.readings:
+            # Always: what they read, such as a user's own agents, may have changed since the last reading.
+            self.devices.sense(model, scene)
+            if imperfect is not None:
+                imperfect.spoil_custom(swarm, step)
+
+    def forget_readings(self) -> None:
+        """Let sensors be read again, though nothing that a reading depends on seems to have changed."""
+        self.made.state = None
+
+    def act(self) -> None:
+        """Let actuators do what they are set to."""
+        self.devices.act(self.model, self.model.parts.bodies.scene())
+
+    def move(self) -> None:
+        """Move all robots by their commands, and resolve contacts."""
+        swarm = self.swarm
+        if not len(swarm):
+            return
+        scene, table, imperfect = self.model.parts.bodies.scene(), swarm.table, self.model.parts.imperfections.effect
+        if swarm.disturbed:
+            self.engine.settle(swarm, scene)
+            swarm.disturbed = False
+        draws = self.model.streams["slip"].random((len(swarm), table.wheels)) if table.slips else None
+        if imperfect is None:
+            self.engine.move(swarm, scene, self.turn_angle, draws)
+            return
+        with imperfect.driving(swarm, self.model._completed) as rolled:
+            rolled.append(self.engine.move(swarm, scene, self.turn_angle, draws))
+
+    def count_collisions(self) -> None:
+        """Count the robots that overlapped anything in this step."""
+        self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
+        self.total_collisions += self.collisions
+
+    def _noise_draws(self, step: int) -> np.ndarray | None:
+        """Return this step's draws for the sensors' errors, the same for every reading of the step."""
+        if not self.swarm.table.noisy:
+            return None
+        shape, stream = self.swarm.distance.shape, self.model.streams["noise"]
+        if self.noise is None or self.noise[0] != step:
+            self.noise = (step, stream.bit_generator.state, None)
+        step, before, draws = self.noise
+        if draws is None or draws.shape != shape:
+            # Robots were added or removed since the last reading: draw as if that had not taken place.
+            stream.bit_generator.state = before
+            draws = stream.random(shape)
+            self.noise = (step, before, draws)
+        return draws
+
+    # ---- robots that are added and removed
+
+    def add_robots(
+        self,
+        design: RobotDesign,
+        n: int | None,
+        poses: Iterable[Sequence[float]] | None,
+        tendency: str | Sequence[str] | None,
+        group: str,
+    ) -> list[Robot]:
+        """Add robots at free random poses, or at given ones, and return their handles; see `SwarmModel.add_robots`."""
+        self._check_addable(design, group)
+        if (n is None) == (poses is None):
+            raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
+        if poses is None:
+            position, heading = self._free_poses(design, check_count("n", n))
+        else:
+            position, heading = self._checked_poses(poses)
+        sides = self._sides(len(position), tendency)
+        if design.battery:
+            self.model.parts.imperfections.prepare_wear()
+        self.swarm.add(design, position, heading, sides, group)
+        robots = add_handles(self.model.space, self.model, self.swarm)
+        self.swarm.disturbed |= poses is not None
+        self.model.parts.add_rows("robots", len(robots))
+        return robots
+
+    def _check_addable(self, design: RobotDesign, group: str) -> None:
+        """Refuse robots that the model cannot have."""
+        if not isinstance(design, RobotDesign):
+            raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
+        self.swarm.check_parts(design)
+        for device in (*design.sensors, *design.actuators):
+            device.check_model(self.model)
+        if group != "":
+            check_name("group", group)
+        self.model.parts.control.check_driven(design, group)
+        bodies = self.model.parts.bodies
+        bodies.check_resolved(design.radius, (body.shape for body in bodies.listed))
+
+    def remove_robots(self, robots: Iterable[Robot]) -> None:
+        """Take robots out of the model, between two steps; see `SwarmModel.remove_robots`."""
+        try:
+            chosen = list(robots)
+        except TypeError:  # not iterable
+            chosen = [cast(Robot, robots)]
+        for robot in chosen:
+            if not isinstance(robot, Robot) or robot.swarm is not self.swarm:
+                raise InvalidValueError(f"robots holds {shortened(robot)}; expected some of model.robots")
+        remove_together(chosen)
+
+    def drop_rows(self, rows: Sequence[int]) -> None:
+        """Drop the rows of robots that have left the model, and free what they carried."""
+        self.swarm.remove(rows)
+        self.model.parts.drop_rows("robots", rows)
+        self.model.parts.bodies.release_from_removed()
+
+    def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
+        bodies, streams, world = self.model.parts.bodies, self.model.streams, self.model.map
+        with uncollected():
+            shapes = [body.shape for body in bodies.listed if not bodies.is_carried(body)]
+            space = free_places(world.bounds, shapes, bodies.heat_sources()[0], design.radius)
+        old, radii, where = self.swarm.position, self.swarm.radius, f"map {world.name}"
+        position = place_apart(n, design.radius, space, old, radii, streams["placement"], where)
+        return position, streams["heading"].uniform(-np.pi, np.pi, n)
+
+    def _checked_poses(self, poses: Iterable[Sequence[float]]) -> tuple[np.ndarray, np.ndarray]:
+        try:
+            table = np.empty((0, 3)) if not len(rows := list(poses)) else as_numbers(rows)
+        except TypeError:  # not iterable
+            table = np.empty(0)
+        if table.ndim != 2 or table.shape[1] != 3:
+            raise InvalidValueError("poses are not rows of three numbers; expected (x, y, heading) each")
+        for x, y, heading in table:
+            self.model.parts.bodies.checked_point((x, y))
+            check_number("heading", heading, minimum=-1e9, maximum=1e9)
+        return table[:, :2].copy(), np.array([wrapped(heading) for heading in table[:, 2]], dtype=float)
+
+    def _sides(self, n: int, tendency: str | Sequence[str] | None) -> np.ndarray:
+        if tendency is None:
+            return np.where(self.model.streams["tendency"].random(n) < 0.5, 1.0, -1.0)
+        try:
+            names = [tendency] * n if isinstance(tendency, str) else list(tendency)
+        except TypeError:
+            raise InvalidValueError(
+                f"tendency is {shortened(tendency)}; expected left, right, or a sequence of these"
+            ) from None
+        if len(names) != n:
+            raise InvalidValueError(f"tendency names {len(names)} sides for {n} robots; expected one each")
+        return np.array([SIDES[check_choice("tendency", name, SIDES)] for name in names], dtype=float)
