@@ -23,7 +23,7 @@ from mesa_swarm.robots.design import DesignTable
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.arena import Agents, Arena
-from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_resistance, placed
+from mesa_swarm.world.bodies import Body, Form, Load, Loads, Obstacle, Pose, checked_resistance, placed
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, occupied, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
@@ -49,7 +49,7 @@ class BodyWorld(MesaModel):
     space: Arena
     swarm: Swarm
     _obstacles: list[Body]
-    _loads: list[Load]
+    _loads: Loads
     _scene: Surroundings | None
     _scene_table: DesignTable | None
     _movers: Movers | None = None  # None until the first driven body
@@ -74,7 +74,7 @@ class BodyWorld(MesaModel):
     @property
     def loads(self) -> Agents[Load]:
         """The loads as Mesa agents, in the order in which they were added."""
-        return Agents(self._loads, random=self.random)
+        return Agents(self._loads.agents, random=self.random)
 
     @property
     def displaced(self) -> list[Load | Driven]:
@@ -406,8 +406,7 @@ class BodyWorld(MesaModel):
         if not shape.contact:
             raise InvalidValueError("load is a mark on the ground, which cannot be pushed; leave out contact=False")
         self._check_room_for_load(Form.of(shape), (*shape.position.tolist(), 0.0))
-        load = Load(self.space, self, shape, resistance, kind)
-        self._loads.append(load)
+        load = Load(self.space, self, shape, self._loads, resistance, kind)
         self._take(load)
         return load
 
@@ -484,9 +483,8 @@ class BodyWorld(MesaModel):
                 del self._obstacles[index]
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self._kinds))):
                     self.swarm.forget_contact(kind, index)
-        loads = [obstacle for obstacle in self._obstacles if isinstance(obstacle, Load)] if self._loads else []
-        if len(loads) != len(self._loads):
-            self._loads = loads
+        for load in [load for load in self._loads if load.space is None]:
+            self._loads.drop(load)
         self._scene_changed()
 
     def _scene_changed(self) -> None:
@@ -502,7 +500,6 @@ class BodyWorld(MesaModel):
             sources, temperature = self._heat_sources()
             sight = float(table.reach.max(initial=0.0))
             touch = max((design.radius for design in table.designs), default=1.0)
-            loads = [(row, body) for row, body in enumerate(self._obstacles) if isinstance(body, Load)]
             self._scene = Surroundings.of(
                 self.map.bounds,
                 shapes,
@@ -510,7 +507,8 @@ class BodyWorld(MesaModel):
                 temperature,
                 sight=sight,
                 touch=touch,
-                loads=loads,
+                loads=self._loads,
+                rows=[row for row, body in enumerate(self._obstacles) if isinstance(body, Load)],
                 codes=[self._kinds.index(body.kind) for body in self._obstacles],
                 driven=[row for row, body in enumerate(self._obstacles) if isinstance(body, Driven)],
                 movers=self._movers,

@@ -388,8 +388,8 @@ class EngineModel(ImperfectModel):
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
 
     def _move(self) -> None:
-        for load in self._loads:
-            load.rest()
+        if self._loads:
+            self._loads.rest()
         if self._movers is None:
             self._move_robots()
             return

@@ -27,7 +27,7 @@ from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, uncollected
-from mesa_swarm.world.bodies import Body, Load
+from mesa_swarm.world.bodies import Body, Loads
 from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.placement import free_places, place_apart
@@ -67,7 +67,8 @@ class World(BodyWorld):
         self.swarm = Swarm()
         self.space.attach(self.swarm)
         self._obstacles: list[Body] = []
-        self._loads: list[Load] = []
+        self._loads = Loads()
+        self.space.attach(self._loads)
         self._scene: Surroundings | None = None
         self._scene_table: DesignTable | None = None
         with uncollected():

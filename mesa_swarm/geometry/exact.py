@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.outlines import product, sum_of
 

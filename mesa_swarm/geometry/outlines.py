@@ -396,3 +396,59 @@ def split(number):
     scaled = SPLIT * number
     upper = scaled - (scaled - number)
     return upper, number - upper
+
+
+@compiled
+def is_point(solid, outlines):
+    """Return whether a solid is a point, or a disc."""
+    ring = outlines.solids[solid]
+    return outlines.rings[ring + 1] - outlines.rings[ring] == 1
+
+
+@compiled
+def place_of(solid, outlines):
+    """Return the first point of a solid, all of a point."""
+    v = outlines.rings[outlines.solids[solid]]
+    return outlines.points[v, 0], outlines.points[v, 1]
+
+
+@compiled
+def gap_of(a, b, limit, outlines):
+    """Return the distance of two solids, of a disc of its centre; `limit` if it is not less."""
+    if is_point(b, outlines):
+        x, y = place_of(b, outlines)
+        return gap_to_point(a, x, y, limit, outlines)[0]
+    if is_point(a, outlines):
+        x, y = place_of(a, outlines)
+        return gap_to_point(b, x, y, limit, outlines)[0]
+    return gap_between(a, b, limit, outlines)[0]
+
+
+@compiled
+def nearest_to_point(solid, x, y, limit, outlines):
+    """Return the point of a solid nearest to (x, y), itself if it is inside or not nearer than `limit`."""
+    v = gap_to_point(solid, x, y, limit, outlines)[1]
+    points = outlines.points
+    if v < 0:
+        return x, y
+    if is_point(solid, outlines):
+        return points[v, 0], points[v, 1]
+    return nearest_on_line(x, y, points[v, 0], points[v, 1], points[v + 1, 0], points[v + 1, 1])
+
+
+@compiled
+def nearest_points(a, b, outlines):
+    """Return the nearest points of two solids that are not both points, px, py, qx, qy; equal ones if they meet.
+
+    Segments that touch but for rounding, where GEOS might take them to cross, are apart here.
+    """
+    if is_point(b, outlines):
+        x, y = place_of(b, outlines)
+        px, py = nearest_to_point(a, x, y, math.inf, outlines)
+        return px, py, x, y
+    if is_point(a, outlines):
+        x, y = place_of(a, outlines)
+        px, py = nearest_to_point(b, x, y, math.inf, outlines)
+        return x, y, px, py
+    gap, i, j = gap_between(a, b, math.inf, outlines)
+    return nearest_of_segments(i, j, outlines.points) if gap > 0.0 else (0.0, 0.0, 0.0, 0.0)
