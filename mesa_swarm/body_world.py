@@ -496,6 +496,8 @@ class BodyWorld(MesaModel):
     def _current_scene(self) -> Surroundings:
         table = self.swarm.table
         if self._scene is None or self._scene_table is not table or (self._loads and self._scene.is_worn):
+            # Where tables are only worn, all bodies are what they were.
+            room = self._scene.room if self._scene is not None and self._scene_table is table else None
             shapes = [obstacle.shape for obstacle in self._obstacles]
             sources, temperature = self._heat_sources()
             sight = float(table.reach.max(initial=0.0))
@@ -512,6 +514,7 @@ class BodyWorld(MesaModel):
                 codes=[self._kinds.index(body.kind) for body in self._obstacles],
                 driven=[row for row, body in enumerate(self._obstacles) if isinstance(body, Driven)],
                 movers=self._movers,
+                room=room,
             )
             self._scene_table = table
         return self._scene

@@ -66,7 +66,7 @@ def hypot(x, y):
     """
     x, y = abs(x), abs(y)
     largest = max(x, y)
-    if largest == 0.0 or largest == math.inf:
+    if not 0.0 < largest < math.inf:
         return largest
     unit = LEAST_NORMAL if largest < 0.25 * LEAST_NORMAL else 1.0
     scale = math.ldexp(1.0, -math.frexp(largest / unit)[1])

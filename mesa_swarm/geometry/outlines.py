@@ -247,10 +247,9 @@ def gap_between_segments(ax, ay, bx, by, cx, cy, dx, dy):
         s = ((ay - cy) * (bx - ax) - (ax - cx) * (by - ay)) / determinant
         if not (r < 0.0 or r > 1.0 or s < 0.0 or s > 1.0):
             return 0.0
-    return min(
-        min(gap_to_segment(ax, ay, cx, cy, dx, dy), gap_to_segment(bx, by, cx, cy, dx, dy)),
-        min(gap_to_segment(cx, cy, ax, ay, bx, by), gap_to_segment(dx, dy, ax, ay, bx, by)),
-    )
+    of_first = min(gap_to_segment(ax, ay, cx, cy, dx, dy), gap_to_segment(bx, by, cx, cy, dx, dy))
+    of_second = min(gap_to_segment(cx, cy, ax, ay, bx, by), gap_to_segment(dx, dy, ax, ay, bx, by))
+    return min(of_first, of_second)
 
 
 @compiled

@@ -100,8 +100,8 @@ def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.n
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
     loads, n = surroundings.loads, len(motion)
     old = np.column_stack([loads.position, loads.heading])
-    robots = Pushers(*(columns[name] for name in Pushers._fields[:-1]), motion)
-    pushes = Pushes(*(np.empty(n) for _ in Pushes._fields[:-1]), np.empty(MOST_PARTS))
+    robots = Pushers(motion=motion, **{name: columns[name] for name in Pushers._fields[:-1]})
+    pushes = Pushes(parts=np.empty(MOST_PARTS), **{name: np.empty(n) for name in Pushes._fields[:-1]})
     push_loads(robots, surroundings.poses, loads.resistance, room, pushes, loads.pushers, loads.moved)
     before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(loads.moved).tolist()}
     if before:

@@ -67,10 +67,12 @@ class Surroundings:
         codes: Sequence[int] = (),
         driven: Sequence[int] = (),
         movers: Movers | None = None,
+        room: Room | None = None,
     ) -> "Surroundings":
         """Collect all bodies; `sight`, `touch`, `codes`, `driven` as `Statics.of` takes them.
 
         `movers` are the poses of the driven bodies, in the order of `driven`, and `loads` those in the order of `rows`.
+        `room` is that of the same bodies as before, if there is one: of many loads it takes milliseconds to make.
         """
         loads = Loads() if loads is None else loads
         slack, solid = SLACK * touch, list(shapes)
@@ -105,7 +107,7 @@ class Surroundings:
             rows=tuple(rows),
             slack=slack - STEP * touch,
             items=items_of(statics, loads, rows),
-            room=room_of(statics, loads.agents, [*rows, *driven], movers) if len(loads) else None,
+            room=room or (room_of(statics, loads.agents, [*rows, *driven], movers) if len(loads) else None),
             codes=tuple(known),
             driven=tuple(driven),
             moving=Moving(movers, list(driven), statics, bounds, sight, touch)

@@ -91,7 +91,7 @@ def check_pair(a, b, first, second, table):
         assert list(ours.nearest_of_segments(i, j, table.points)) == ends
 
 
-def test_what_is_inside_or_on_a_polygon_is_what_shapely_says_of_points_next_to_its_edges():
+def test_what_is_inside_or_on_a_polygon_is_that_of_shapely_for_points_next_to_its_edges():
     rng = np.random.default_rng(3)
     for _ in range(60):
         solid = star(rng, False)

@@ -11,7 +11,7 @@ from support import shapely_loads
 from support.random_worlds import hauled, load_state, state
 
 STEPS = 40
-ANGLE = polygon([(20, 20), (44, 20), (44, 27), (28, 27), (28, 40), (20, 40)])
+BENT = polygon([(20, 20), (44, 20), (44, 27), (28, 27), (28, 40), (20, 40)])
 RING = polygon([(60, 60), (90, 60), (90, 90), (60, 90)], [[(64, 64), (64, 86), (86, 86), (86, 64)]])
 
 
@@ -21,7 +21,7 @@ def after(world, steps, seed=None):
     doors = []
     if seed is not None:
         rng = np.random.default_rng(seed)
-        for shape in (ANGLE, RING):
+        for shape in (BENT, RING):
             try:
                 model.add_load(shape, resistance=0.3)
                 doors.append(model.add_body(polygon([(5, 100), (12, 100), (9, 106)]), kind="door"))
@@ -29,8 +29,8 @@ def after(world, steps, seed=None):
                 pass
     for step in range(steps):
         for door in doors if step else ():
-            x, y, heading = door.pose
-            door.move_to((*np.clip([x, y] + rng.uniform(-2, 2, 2), 10, 100), heading + rng.uniform(-0.2, 0.2)))
+            place = np.clip(door.position + rng.uniform(-2, 2, 2), 10, 100)
+            door.move_to((*place, door.heading + rng.uniform(-0.2, 0.2)))
         try:
             model.step()
         except ValueError as problem:
