@@ -10,7 +10,7 @@ MOST_PARTS = 64
 LEAST_NORMAL = 2.0**-1022
 
 
-@compiled
+@compiled(apart=True)
 def exact_sum(terms, count, parts):
     """Return the sum of the first terms, rounded once, so that their order is nothing to it (Shewchuk 1997).
 
@@ -55,7 +55,7 @@ def rounded_sum(n, parts):
     return total
 
 
-@compiled
+@compiled(apart=True)
 def hypot(x, y):
     """Return the length of a vector as `math.hypot` rounds it: correctly, but for one case in some millions.
 

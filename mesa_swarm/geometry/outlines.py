@@ -74,7 +74,7 @@ def outlines_of(geometries: Sequence[BaseGeometry], radius: Sequence[float] | np
     )
 
 
-@compiled
+@compiled(apart=True)
 def place_solid(solid, x, y, heading, outlines):
     """Write where the points of a solid are, in the order of `local`, when its centre and its heading are these."""
     local, points, rings, boxes = outlines.local, outlines.points, outlines.rings, outlines.boxes
@@ -89,7 +89,7 @@ def place_solid(solid, x, y, heading, outlines):
             boxes[r, 1], boxes[r, 3] = min(boxes[r, 1], py), max(boxes[r, 3], py)
 
 
-@compiled
+@compiled(apart=True)
 def normalize_solid(solid, outlines):
     """Bring a placed polygon into Shapely's normal form: each ring begins at its least point, holes descend by it.
 
@@ -131,7 +131,7 @@ def is_before(a, b, points):
     return points[a, 0] < points[b, 0] or (points[a, 0] == points[b, 0] and points[a, 1] < points[b, 1])
 
 
-@compiled
+@compiled(apart=True)
 def gap_to_point(solid, x, y, limit, outlines):
     """Return the distance of a point from a solid, and the first point of the nearest segment, -1 if it is inside.
 
@@ -156,7 +156,7 @@ def gap_to_point(solid, x, y, limit, outlines):
     return gap, nearest
 
 
-@compiled
+@compiled(apart=True)
 def gap_between(a, b, limit, outlines):
     """Return the distance of two solids, and the first points of their nearest segments, -1 if one is inside.
 

@@ -131,7 +131,7 @@ def place_all(poses, room):
             normalize_solid(solid, room.outlines)
 
 
-@compiled
+@compiled(apart=True)
 def place_load(k, x, y, heading, room):
     """Place the outlines of load k: its body, its core and its heart."""
     place_solid(room.still + k, x, y, heading, room.outlines)
@@ -169,7 +169,7 @@ def is_within(k, solid, distance, room):
     return gap - radius <= distance if solid < room.still else gap <= distance + radius
 
 
-@compiled
+@compiled(apart=True)
 def has_room(k, x, y, heading, count, room):
     """Return whether load k in a pose overlaps none of the first solids in `room.near` by more than rounding."""
     place_solid(room.still + room.loads + room.driven + k, x, y, heading, room.outlines)
@@ -179,7 +179,7 @@ def has_room(k, x, y, heading, count, room):
     return True
 
 
-@compiled
+@compiled(apart=True)
 def find_stops(k, distance, count, poses, room):
     """Write the stops of load k and return their number: all that is within a distance of it, of what is near."""
     found = 0

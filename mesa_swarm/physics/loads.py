@@ -125,7 +125,7 @@ def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
         moved[k] = poses.position[k, 0] != x or poses.position[k, 1] != y or poses.heading[k] != heading
 
 
-@compiled
+@compiled(apart=True)
 def find_pushes(k, robots, poses, room, pushes):
     """Write the pushes of the robots that touch load k, or would in this step, and drive into it; return how many."""
     count = 0
@@ -159,7 +159,7 @@ def find_push(i, k, way, place, robots, poses, room, pushes):
     return pushes.way[place] > 0.0 and pushes.way[place] > EQUAL * limit
 
 
-@compiled
+@compiled(apart=True)
 def move_load(k, count, longest, resistance_square, poses, room, pushes):
     """Move load k as far as it is pushed and has room, first straight, then along what it meets.
 
