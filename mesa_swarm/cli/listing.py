@@ -135,10 +135,10 @@ class Source:
 def _common() -> list[tuple[str, Any, str]]:
     """Return name, default and help of the parameters that every model takes."""
     package = Path(__file__).parent.parent
-    texts = [Path(package, name).read_bytes() for name in ("imperfect_model.py", "parameters.py")]
+    texts = [Path(package, name).read_bytes() for name in ("model/engine_model.py", "parameters.py")]
     module, declared = map(ast.parse, texts)
     hints = {line.targets[0].id: line.value for line in declared.body if _is_alias(line)}  # type: ignore[attr-defined]
-    model = _only(node for node in module.body if isinstance(node, ast.ClassDef))
+    model = _only(node for node in module.body if isinstance(node, ast.ClassDef) and node.name == "EngineModel")
     start = _only(node for node in model.body if isinstance(node, ast.FunctionDef) and node.name == "__init__").args
     pairs = zip(start.kwonlyargs, start.kw_defaults, strict=True)
     named = [(one.arg, first, hints.get(getattr(one.annotation, "id", ""))) for one, first in pairs if first]

@@ -222,8 +222,8 @@ class TaskWorld(SwarmModel):
     def _perceive(self) -> None:
         """Read all sensors, and let robots hear what was sent in the last step, as in the next step."""
         self.sense()
-        if self._channel is not None:
-            self._exchange(self._channel)
+        if self.communication is not None:
+            self.parts.radio.exchange()
 
     def observe(self, out: np.ndarray) -> None:
         """Write the observations of the first robots, as many as `out` (k, width) has rows; 0 for removed ones."""

@@ -17,8 +17,8 @@ PACKAGE = Path(__file__).resolve().parent.parent
 VERSIONED = ("builtins", "mesa", "mesa_swarm")
 # Files that decide the result of a run, apart from those that define the runs.
 ENGINE = (
-    *("geometry", "world", "robots", "physics", "control", "fire", "learning", "analysis"),
-    *("streams.py", *sorted(path.name for path in PACKAGE.glob("*model.py"))),
+    *("kernels", "geometry", "world", "robots", "physics", "control", "model", "fire", "learning", "analysis"),
+    *("streams.py", "swarm_model.py"),
 )
 
 

@@ -22,7 +22,7 @@ from mesa_swarm.model.state_hash import described_bodies, described_movers
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_resistance, placed
+from mesa_swarm.world.bodies import Body, Form, Load, Loads, Obstacle, Pose, checked_resistance, placed
 from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, occupied, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
@@ -55,7 +55,7 @@ class BodiesPart(Part):
     ----------
     listed : list of Body
         Obstacles, loads, driven bodies and marks on the ground.
-    loads : list of Load
+    loads : Loads
     movers : Movers or None
         None until the first driven body.
     kinds : tuple of str
@@ -68,7 +68,8 @@ class BodiesPart(Part):
     def __init__(self, model: Any) -> None:
         self.model, self.map, self.space, self.swarm = model, model.map, model.space, model.swarm
         self.listed: list[Body] = []
-        self.loads: list[Load] = []
+        self.loads = Loads()
+        self.space.attach(self.loads)
         self.movers: Movers | None = None
         self.kinds: tuple[str, ...] = KINDS
         self.heat: Any = None
@@ -92,8 +93,8 @@ class BodiesPart(Part):
 
     def begin_move(self) -> None:
         """Forget what bodies did in the last step, and store where they are now; in a world without robots, move."""
-        for load in self.loads:
-            load.rest()
+        if self.loads:
+            self.loads.rest()
         moving = self.scene().moving if self.movers is not None else None
         if moving is None:
             return
@@ -111,7 +112,8 @@ class BodiesPart(Part):
 
     def mark(self) -> dict[str, Any]:
         """Return poses of loads and of driven bodies, which may be set by hand."""
-        loads = [(load.pose, load.resistance) for load in self.loads] if self.loads else ()
+        table = self.loads
+        loads = tuple(map(np.ndarray.tobytes, (table.position, table.heading, table.resistance))) if table else ()
         driven = () if self.movers is None else tuple(map(np.ndarray.tobytes, self.movers.poses))
         return {"pose or resistance of loads": loads, POSES: driven, "kinds": len(self.kinds)}
 
@@ -123,7 +125,7 @@ class BodiesPart(Part):
         """Return the bounds of the map and what bodies are."""
         described: dict[str, Any] = {"map": self.map.bounds, "bodies": described_bodies(self.listed)}
         if self.loads:
-            described["loads"] = [[*load.pose, load.resistance] for load in self.loads]
+            described["loads"] = [self.loads.position, self.loads.heading, self.loads.resistance]
         if self.movers is not None and self.movers.agents:
             described["driven"] = [*self.movers.poses, described_movers(self.movers)]
         return described
@@ -314,8 +316,7 @@ class BodiesPart(Part):
         if not shape.contact:
             raise InvalidValueError("load is a mark on the ground, which cannot be pushed; leave out contact=False")
         self.check_room_for_load(Form.of(shape), (*shape.position.tolist(), 0.0))
-        load = Load(self.space, self.model, shape, resistance, kind)
-        self.loads.append(load)
+        load = Load(self.space, self.model, shape, self.loads, resistance, kind)
         self._take(load)
         return load
 
@@ -394,9 +395,8 @@ class BodiesPart(Part):
                 del self.listed[index]
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self.kinds))):
                     self.swarm.forget_contact(kind, index)
-        loads = [obstacle for obstacle in self.listed if isinstance(obstacle, Load)] if self.loads else []
-        if len(loads) != len(self.loads):
-            self.loads = loads
+        for load in [load for load in self.loads if load.space is None]:
+            self.loads.drop(load)
         self.scene_changed()
 
     def scene_changed(self) -> None:
@@ -413,7 +413,8 @@ class BodiesPart(Part):
             sources, temperature = self.heat_sources()
             sight = float(table.reach.max(initial=0.0))
             touch = max((design.radius for design in table.designs), default=1.0)
-            loads = [(row, body) for row, body in enumerate(self.listed) if isinstance(body, Load)]
+            # Where tables are only worn, all bodies are what they were.
+            room = self.made.scene.room if self.made.scene is not None and self.made.table is table else None
             self.made.scene = Surroundings.of(
                 self.map.bounds,
                 shapes,
@@ -421,7 +422,9 @@ class BodiesPart(Part):
                 temperature,
                 sight=sight,
                 touch=touch,
-                loads=loads,
+                loads=self.loads,
+                rows=[row for row, body in enumerate(self.listed) if isinstance(body, Load)],
+                room=room,
                 codes=[self.kinds.index(body.kind) for body in self.listed],
                 driven=[row for row, body in enumerate(self.listed) if isinstance(body, Driven)],
                 movers=self.movers,

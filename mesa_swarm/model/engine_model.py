@@ -20,7 +20,6 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
-from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.kernels.plan import Plan
 from mesa_swarm.model.bodies import MODES, BodiesPart
@@ -35,10 +34,8 @@ from mesa_swarm.model.mesa_model import (
     Collector,
     MesaModel,
     add_reporters,
-    declares,
     rows_in,
     seed_sequence,
-    without_scenario,
 )
 from mesa_swarm.model.observers import Observers
 from mesa_swarm.model.parts import Parts
@@ -117,18 +114,6 @@ class EngineModel(MesaModel):
     if TYPE_CHECKING:
         fires: Any  # of the part that `SwarmModel` adds
         fire_constants: Any
-
-    def __new__(cls, *given: Any, **named: Any) -> Self:
-        """Store the arguments of the outermost constructor, with which a recorded model is made again."""
-        if "seed" in named and not declares(cls, "seed"):
-            raise InvalidValueError(f"seed was given to {cls.__name__}; the seed of a model is rng, as in rng=1")
-        compilation.expect(cls)
-        model = super().__new__(cls)
-        if "scenario" in named and not declares(cls, "scenario"):
-            named = without_scenario(cls, named)
-        # Before any constructor of a subclass has changed them; triggers as recordings have them.
-        model.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
-        return model
 
     def __init_subclass__(cls, shows_all: bool = False, **named: Any) -> None:
         """Let the constructor of the class take the parameters that every model takes."""
@@ -1113,7 +1098,3 @@ class EngineModel(MesaModel):
 
 # As the constructors of derived classes, it gets the common parameters that these have not declared.
 EngineModel.__init__ = with_common(EngineModel)  # type: ignore[method-assign]
-
-
-def _plain(value: object) -> object:
-    return value.every if isinstance(value, Trigger) else value

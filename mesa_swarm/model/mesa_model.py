@@ -5,15 +5,17 @@ import warnings
 from collections import defaultdict
 from collections.abc import Callable, Container, Mapping
 from random import Random
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import mesa
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, StepWarning, UnobservedStepError, shortened
+from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.model.observers import Observers
 from mesa_swarm.parameters import check_names
 from mesa_swarm.streams import Seed
+from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import ArenaAgent, hold_agents
 
 # Mesa 4 has neither `steps` nor `batch_run`, and seeds `random` in another way.
@@ -38,6 +40,18 @@ class MesaModel(mesa.Model):
     observers: Observers
     _in_step: bool = False
     _passing: bool = False
+
+    def __new__(cls, *given: Any, **named: Any) -> Self:
+        """Store the arguments of the outermost constructor, with which a recorded model is made again."""
+        if "seed" in named and not declares(cls, "seed"):
+            raise InvalidValueError(f"seed was given to {cls.__name__}; the seed of a model is rng, as in rng=1")
+        compilation.expect(cls)
+        model = super().__new__(cls)
+        if "scenario" in named and not declares(cls, "scenario"):
+            named = without_scenario(cls, named)
+        # Before any constructor of a subclass has changed them; triggers as recordings have them.
+        model.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
+        return model
 
     def __init__(self, rng: Seed) -> None:
         seed = checked_seed(rng)
@@ -129,6 +143,10 @@ class MesaModel(mesa.Model):
             super().deregister_agent(agent)
         else:
             agent.remove()
+
+
+def _plain(value: object) -> object:
+    return value.every if isinstance(value, Trigger) else value
 
 
 def seed_sequence(rng: Seed, generator: np.random.Generator) -> np.random.SeedSequence:

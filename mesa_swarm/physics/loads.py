@@ -15,19 +15,25 @@ side moves at their speed, and one that turns about a single robot gives way at 
 Loads move before the robots do, one after the other in the order in which they were added, at most half the
 least radius of a robot a step, and never push one another. Static bodies bear a load without friction, so that
 it slides along walls. A load to which robots cannot give way returns to where it was.
+
+Both engines share these functions; their numbers are those of Shapely and of Python, bit for bit.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-import shapely
 
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.exact import MOST_PARTS, exact_sum, hypot
+from mesa_swarm.geometry.outlines import gap_to_point, nearest_to_point
+from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.contact import SLOP
+from mesa_swarm.physics.load_room import Room, find_stops, has_room, list_near, place_all, place_load
 from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
-from mesa_swarm.physics.surroundings import Room, Stop, Surroundings
-from mesa_swarm.world.bodies import Load, Pose
+from mesa_swarm.physics.surroundings import Surroundings
+from mesa_swarm.world.bodies import Pose
 
 # A joint push that exceeds the resistance by less than this share is equal to it but for rounding; a robot whose
 # push is a smaller share of a full one drives along the load.
@@ -44,22 +50,30 @@ HAIR = 1e-4
 Result = TypeVar("Result")
 
 
-class RobotPush(NamedTuple):
-    """One robot's push: unit vector into the load, lever arm about the centre, force in 0..1, and way."""
+class Pushers(NamedTuple):
+    """The robots that may push: (n, 2), rad, map units, map units a step, and their motion (n, 3) in this step."""
 
-    x: float
-    y: float
-    arm: float
-    force: float
-    way: float
+    position: np.ndarray
+    heading: np.ndarray
+    radius: np.ndarray
+    max_speed: np.ndarray
+    motion: np.ndarray
 
 
-class Wrench(NamedTuple):
-    """A force and a torque, in full pushes and in full pushes times map units."""
+class Pushes(NamedTuple):
+    """The pushes on one load: unit vectors into it, lever arms about its centre, forces in 0..1, and ways.
 
-    x: float
-    y: float
-    torque: float
+    `along` is how fast its point there moves, per unit of the twist; `terms` and `parts` are scratch of sums.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    arm: np.ndarray
+    force: np.ndarray
+    way: np.ndarray
+    along: np.ndarray
+    terms: np.ndarray
+    parts: np.ndarray
 
 
 def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
@@ -75,7 +89,7 @@ def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel:
     before = push_all(surroundings, room, columns, motion)
     while True:
         result = travel()
-        stuck = [k for k in before if is_overlapped(surroundings.loads[k], columns)]
+        stuck = stuck_loads(surroundings, room, before, columns)
         if not stuck:
             return result
         columns["position"][:], columns["heading"][:] = position, heading
@@ -84,143 +98,200 @@ def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel:
 
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
-    longest = LONGEST_PIECE * float(columns["radius"].min(initial=math.inf))
-    before = {}
-    for k, load in enumerate(surroundings.loads):
-        pushes, old = pushes_on(load, columns, motion), load.pose
-        load.pushers = len(pushes)
-        move_load(load, pushes, min(longest, load.form.thickness), room)
-        load.moved = load.pose != old
-        if load.moved:
-            before[k] = old
-            surroundings.follow(k)
+    loads, n = surroundings.loads, len(motion)
+    old = np.column_stack([loads.position, loads.heading])
+    robots = Pushers(motion=motion, **{name: columns[name] for name in Pushers._fields[:-1]})
+    pushes = Pushes(parts=np.empty(MOST_PARTS), **{name: np.empty(n) for name in Pushes._fields[:-1]})
+    push_loads(robots, surroundings.poses, loads.resistance, room, pushes, loads.pushers, loads.moved)
+    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(loads.moved).tolist()}
+    if before:
+        surroundings.follow()
     return before
 
 
-def pushes_on(load: Load, columns: dict, motion: np.ndarray) -> list[RobotPush]:
-    """Return the pushes of the robots that touch a load, or would in this step, and drive into it."""
-    position, radius = columns["position"], columns["radius"]
-    x, y, _ = load.pose
-    apart = load.form.reach + radius + np.abs(motion[:, 0]) + np.abs(motion[:, 1])
-    near = np.flatnonzero((position[:, 0] - x) ** 2 + (position[:, 1] - y) ** 2 <= apart**2)
-    if not len(near):
-        return []
-    lines = shapely.shortest_line(load.shape.geometry, shapely.points(position[near]))
-    pushes = []
-    for i, line in zip(near.tolist(), shapely.get_coordinates(lines).reshape(-1, 4).tolist(), strict=True):
-        push = _push_of(line, float(radius[i]), load, motion[i].tolist(), float(columns["heading"][i]))
-        limit = float(columns["max_speed"][i])
-        if push is not None and push.way > EQUAL * limit:
-            pushes.append(push._replace(force=min(push.force / limit, 1.0)))
-    return pushes
+@compiled
+def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
+    """Move all loads, one after the other; write how many robots push each, and which ones moved."""
+    place_all(poses, room)
+    least = math.inf
+    for radius in robots.radius:
+        least = min(least, radius)
+    for k in range(room.loads):
+        count = find_pushes(k, robots, poses, room, pushes)
+        pushers[k] = count
+        x, y, heading = poses.position[k, 0], poses.position[k, 1], poses.heading[k]
+        longest = min(LONGEST_PIECE * least, room.forms.thickness[k])
+        move_load(k, count, longest, resistance[k] ** room.two, poses, room, pushes)
+        moved[k] = poses.position[k, 0] != x or poses.position[k, 1] != y or poses.heading[k] != heading
 
 
-def _push_of(line: list[float], radius: float, load: Load, motion: list[float], heading: float) -> RobotPush | None:
-    """Return the push of one robot, its force still a speed, or None; the line is from the load to its centre."""
-    px, py, qx, qy = line
-    length = math.hypot(px - qx, py - qy)
+@compiled(apart=True)
+def find_pushes(k, robots, poses, room, pushes):
+    """Write the pushes of the robots that touch load k, or would in this step, and drive into it; return how many."""
+    count = 0
+    for i in range(robots.radius.shape[0]):
+        way = abs(robots.motion[i, 0]) + abs(robots.motion[i, 1])
+        dx, dy = robots.position[i, 0] - poses.position[k, 0], robots.position[i, 1] - poses.position[k, 1]
+        apart = room.forms.reach[k] + robots.radius[i] + way
+        if dx * dx + dy * dy <= apart * apart and find_push(i, k, way, count, robots, poses, room, pushes):
+            count += 1
+    return count
+
+
+@compiled
+def find_push(i, k, way, place, robots, poses, room, pushes):
+    """Write the push of robot i on load k, and return whether there is one: `way` is as far as it might go."""
+    qx, qy, radius = robots.position[i, 0], robots.position[i, 1], room.forms.radius[k] + robots.radius[i]
+    px, py = nearest_to_point(room.still + k, qx, qy, (1.0 + EQUAL) * (radius + way), room.outlines)
+    length = hypot(px - qx, py - qy)
     if length == 0.0:
-        return None
+        return False
     nx, ny = (px - qx) / length, (py - qy) / length
-    half_way, chord = heading + motion[2] / 2.0, sinc(motion[2] / 2.0)
+    ahead, left, turn = robots.motion[i, 0], robots.motion[i, 1], robots.motion[i, 2]
+    half_way, chord = robots.heading[i] + turn / 2.0, sinc(turn / 2.0)
     cosine, sine = math.cos(half_way), math.sin(half_way)
-    speed = chord * ((cosine * motion[0] - sine * motion[1]) * nx + (sine * motion[0] + cosine * motion[1]) * ny)
-    way = speed - max(length - load.form.radius - radius, 0.0)
-    arm = (px - load.pose[0]) * ny - (py - load.pose[1]) * nx
-    return RobotPush(nx, ny, arm, speed, way) if way > 0.0 else None
+    speed = chord * ((cosine * ahead - sine * left) * nx + (sine * ahead + cosine * left) * ny)
+    pushes.way[place] = speed - max(length - room.forms.radius[k] - robots.radius[i], 0.0)
+    pushes.x[place], pushes.y[place] = nx, ny
+    pushes.arm[place] = (px - poses.position[k, 0]) * ny - (py - poses.position[k, 1]) * nx
+    limit = robots.max_speed[i]
+    pushes.force[place] = min(speed / limit, 1.0)
+    return pushes.way[place] > 0.0 and pushes.way[place] > EQUAL * limit
 
 
-def move_load(load: Load, pushes: list[RobotPush], longest: float, room: Room) -> None:
-    """Move a load as far as it is pushed and has room, first straight, then along what it meets.
+@compiled(apart=True)
+def move_load(k, count, longest, resistance_square, poses, room, pushes):
+    """Move load k as far as it is pushed and has room, first straight, then along what it meets.
 
     No point of it moves farther than `longest` in a step.
     """
-    stops: list[Stop] = []
-    wrench, left = wrench_of(pushes), 1.0
+    wrench, left, stops, near = wrench_of(count, pushes), 1.0, 0, -1
+    distance = 2.0 * longest / 2**HALVINGS
     for _ in range(MOST_WAYS):
-        way = twist_of(borne(wrench, stops, load.form.lever), pushes, load, longest)
-        if way is None:
+        moves, x, y, turn = twist_of(borne(wrench, stops, k, room), count, resistance_square, longest, k, room, pushes)
+        if not moves:
             return
-        left -= left * go(load, (left * way[0], left * way[1], left * way[2]), room)
+        if near < 0:
+            near = list_near(k, longest + distance, poses, room)
+        left -= left * go(k, left * x, left * y, left * turn, near, poses, room)
         if left == 0.0:
             return
-        stops = room.stops_of(load, 2.0 * longest / 2**HALVINGS)
+        stops = find_stops(k, distance, near, poses, room)
 
 
-def wrench_of(pushes: list[RobotPush]) -> Wrench:
-    """Return the joint push; exactly summed, independent of the order of robots."""
-    return Wrench(
-        math.fsum(p.force * p.x for p in pushes),
-        math.fsum(p.force * p.y for p in pushes),
-        math.fsum(p.force * p.arm for p in pushes),
+@compiled
+def wrench_of(count, pushes):
+    """Return the joint push, a force and a torque; exactly summed, independent of the order of robots."""
+    return (
+        sum_of_products(pushes.force, pushes.x, count, pushes),
+        sum_of_products(pushes.force, pushes.y, count, pushes),
+        sum_of_products(pushes.force, pushes.arm, count, pushes),
     )
 
 
-def twist_of(wrench: Wrench, pushes: list[RobotPush], load: Load, longest: float) -> Pose | None:
-    """Return the motion of a load in this step, as (x, y, turn), or None if it stays."""
-    turn = wrench.torque / load.form.lever**2
-    if wrench.x**2 + wrench.y**2 + turn * wrench.torque <= load.resistance**2 * (1.0 + EQUAL):
-        return None
-    # Robots that are driven back by the others do not affect its speed.
-    speeds = [(p, wrench.x * p.x + wrench.y * p.y + turn * p.arm) for p in pushes]
-    along = [(p.force * p.way, p.force * speed) for p, speed in speeds if speed > 0.0]
-    if not along:
-        return None
-    rate = math.fsum(way for way, _ in along) / math.fsum(speed for _, speed in along)
-    fastest = rate * (math.hypot(wrench.x, wrench.y) + abs(turn) * load.form.reach)
-    rate *= min(1.0, longest / fastest)
-    return rate * wrench.x, rate * wrench.y, rate * turn
+@compiled
+def sum_of_products(a, b, count, pushes):
+    """Return the exactly rounded sum of the products of two columns of pushes."""
+    for k in range(count):
+        pushes.terms[k] = a[k] * b[k]
+    return exact_sum(pushes.terms, count, pushes.parts)
 
 
-def borne(wrench: Wrench, stops: list[Stop], lever: float) -> Wrench:
-    """Return the wrench that remains when the stops bear the load, without friction.
+@compiled
+def twist_of(wrench, count, resistance_square, longest, k, room, pushes):
+    """Return whether load k moves in this step, and its motion: x, y, turn."""
+    force_x, force_y, torque = wrench
+    turn = torque / room.forms.lever_square[k]
+    # Python's square is the power of C, which now and then rounds otherwise than a product.
+    needed = force_x**room.two + force_y**room.two + turn * torque
+    if needed <= resistance_square * (1.0 + EQUAL):
+        return False, 0.0, 0.0, 0.0
+    for p in range(count):
+        # Robots that are driven back by the others do not affect its speed.
+        pushes.along[p] = max(force_x * pushes.x[p] + force_y * pushes.y[p] + turn * pushes.arm[p], 0.0)
+    speed = sum_of_products(pushes.force, pushes.along, count, pushes)
+    if speed == 0.0:
+        return False, 0.0, 0.0, 0.0
+    for p in range(count):
+        pushes.terms[p] = pushes.force[p] * pushes.way[p] if pushes.along[p] > 0.0 else 0.0
+    rate = exact_sum(pushes.terms, count, pushes.parts) / speed
+    rate *= min(1.0, longest / (rate * (hypot(force_x, force_y) + abs(turn) * room.forms.reach[k])))
+    return True, rate * force_x, rate * force_y, rate * turn
+
+
+@compiled
+def borne(wrench, count, k, room):
+    """Return the wrench that remains when the first stops bear load k, without friction.
 
     The forces of the stops are the least, in the metric of the limit surface, that keep the load from moving
     into any of them (projected Gauss and Seidel rounds).
     """
-    forces = [0.0] * len(stops)
-    hair = HAIR * math.hypot(wrench.x, wrench.y)
+    x, y, torque = wrench
+    stops, lever_square = room.stops, room.forms.lever_square[k]
+    hair = HAIR * hypot(x, y)
+    for s in range(count):
+        stops.force[s] = 0.0
+        stops.yielding[s] = 1.0 + (stops.arm[s] / room.forms.lever[k]) ** room.two
     for _ in range(ROUNDS):
-        for k, stop in enumerate(stops):
-            leaving = wrench.x * stop.x + wrench.y * stop.y + wrench.torque * stop.arm / lever**2
-            more = max((hair - leaving) / (1.0 + (stop.arm / lever) ** 2), -forces[k])
-            forces[k] += more
-            wrench = Wrench(wrench.x + more * stop.x, wrench.y + more * stop.y, wrench.torque + more * stop.arm)
-    return wrench
+        for s in range(count):
+            leaving = x * stops.x[s] + y * stops.y[s] + torque * stops.arm[s] / lever_square
+            more = max((hair - leaving) / stops.yielding[s], -stops.force[s])
+            stops.force[s] += more
+            x, y, torque = x + more * stops.x[s], y + more * stops.y[s], torque + more * stops.arm[s]
+    return x, y, torque
 
 
-def go(load: Load, way: Pose, room: Room) -> float:
-    """Move a load along a way as far as there is room, found by bisection, and return the share of the way."""
-    x, y, heading = load.pose
-
-    def pose(share: float) -> Pose:
-        return x + share * way[0], y + share * way[1], heading + share * way[2]
-
+@compiled
+def go(k, way_x, way_y, turn, near, poses, room):
+    """Move load k along a way as far as there is room, found by bisection, and return the share of the way."""
+    x, y, heading = poses.position[k, 0], poses.position[k, 1], poses.heading[k]
     free, step = 0.0, 1.0
     while step >= 0.5**HALVINGS and free < 1.0:
-        if room.has_room_for(load, pose(free + step)):
-            free += step
+        share = free + step
+        if has_room(k, x + share * way_x, y + share * way_y, heading + share * turn, near, room):
+            free = share
         step /= 2.0
     if free > 0.0:
-        load.put(pose(free))
+        poses.position[k, 0], poses.position[k, 1] = x + free * way_x, y + free * way_y
+        poses.heading[k] = wrapped(heading + free * turn)
+    place_load(k, poses.position[k, 0], poses.position[k, 1], poses.heading[k], room)
     return free
 
 
-def is_overlapped(load: Load, columns: dict) -> bool:
-    """Return whether a robot overlaps a load."""
+def stuck_loads(surroundings: Surroundings, room: Room, moved: Iterable[int], columns: dict) -> list[int]:
+    """Return which of the loads that moved are overlapped by a robot."""
     position, radius = columns["position"], columns["radius"]
-    x, y, _ = load.pose
-    apart = load.form.reach + radius
-    near = np.flatnonzero((position[:, 0] - x) ** 2 + (position[:, 1] - y) ** 2 < apart**2)
-    gaps = shapely.distance(load.shape.geometry, shapely.points(position[near])) - load.form.radius
-    return bool((gaps < (1.0 - 2.0 * SLOP) * radius[near]).any())
+    return [k for k in moved if is_overlapped(k, position, radius, surroundings.poses, room)]
+
+
+@compiled
+def is_overlapped(k, position, radius, poses, room):
+    """Return whether a robot overlaps load k."""
+    reach, own_radius = room.forms.reach[k], room.forms.radius[k]
+    for i in range(radius.shape[0]):
+        dx, dy = position[i, 0] - poses.position[k, 0], position[i, 1] - poses.position[k, 1]
+        apart = reach + radius[i]
+        if dx * dx + dy * dy < apart * apart:
+            gap, _ = gap_to_point(room.still + k, position[i, 0], position[i, 1], apart, room.outlines)
+            if gap - own_radius < (1.0 - 2.0 * SLOP) * radius[i]:
+                return True
+    return False
 
 
 def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
     """Return loads to where they were, and those that then overlap them; drop them from `before`."""
+    loads, poses = surroundings.loads, surroundings.poses
     while stuck:
         for k in stuck:
-            surroundings.loads[k].put(before.pop(k))
-            surroundings.loads[k].moved = False
-            surroundings.follow(k)
-        stuck = [k for k in before if not room.has_room_for(surroundings.loads[k], surroundings.loads[k].pose)]
+            *loads.position[k], loads.heading[k] = before.pop(k)
+            loads.moved[k] = False
+        place_all(poses, room)
+        stuck = [k for k in before if not has_room_here(k, poses, room)]
+    surroundings.follow()
+
+
+@compiled
+def has_room_here(k, poses, room):
+    """Return whether load k overlaps no body by more than rounding where it is."""
+    near = list_near(k, 0.0, poses, room)
+    return has_room(k, poses.position[k, 0], poses.position[k, 1], poses.heading[k], near, room)

@@ -1,7 +1,8 @@
 """The engine by Shapely alone: slow, short, readable, the reference for the compiled engine.
 
-It shares the arithmetic of wheels, arcs and errors with the compiled engine, and its constants, but no function
-that measures a shape: it is the oracle that the other is tested against.
+It shares the arithmetic of wheels, arcs and errors with the compiled engine, its constants, and loads, whose numbers
+tests compare with those of Shapely to the last bit; but no other function that measures a shape: it is the oracle that
+the other is tested against.
 
 The centre of a robot is never inside a solid, because of `find_room` and of the length of the pieces: the nearest
 point of an outline always shows the way out.

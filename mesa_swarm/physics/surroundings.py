@@ -1,21 +1,19 @@
 """The world around the robots as the engines need it, and the room for loads."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
-import shapely
-from shapely import STRtree
-from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.physics.moving import Moving
-from mesa_swarm.world.bodies import Body, Load, Pose, placed
-from mesa_swarm.world.movers import Driven, Movers
+from mesa_swarm.physics.load_room import Poses, Room, poses_of, room_of
+from mesa_swarm.physics.moving import Moving, place_items
+from mesa_swarm.world.bodies import Load, Loads
+from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import LOAD, OBSTACLE, SOURCE, Marks, Statics
+from mesa_swarm.world.statics import LOAD, OBSTACLE, Marks, Statics, edges_of
 
 # Loads may move this far before they are listed anew, in radii of the largest robot; and this far in one step.
 SLACK = 4.0
@@ -26,105 +24,15 @@ LOOK = 0.5
 MOST_LOOKS = 64
 
 
-class Stop(NamedTuple):
-    """A point at which a load leans on a body: unit vector towards the load, and its lever arm about the centre."""
-
-    x: float
-    y: float
-    arm: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Room:
-    """The static lines and discs that stand still, in a tree, and the loads and driven bodies, as they are now.
-
-    `solids` are the edges, the border's first, then the centres of discs; `radii` are 0 for edges.
-    """
-
-    solids: np.ndarray
-    radii: np.ndarray
-    tree: STRtree
-    loads: tuple[Load, ...]
-    movers: Movers | None
-
-    @classmethod
-    def of(cls, statics: Statics, loads: tuple[Load, ...], rows: Sequence[int], movers: Movers | None) -> "Room":
-        """Collect the static bodies: all shapes but those with the indices `rows`."""
-        still = ~np.isin(statics.owner, rows) | (statics.body == SOURCE)
-        lines = shapely.linestrings(statics.edges[still[: len(statics.edges)]].reshape(-1, 2, 2))
-        discs = statics.discs[still[len(statics.edges) :]]
-        solids = np.concatenate([lines, shapely.points(discs[:, :2])])
-        radii = np.concatenate([np.zeros(len(lines)), discs[:, 2]])
-        return cls(solids=solids, radii=radii, tree=STRtree(solids), loads=loads, movers=movers)
-
-    def has_room_for(self, load: Load, pose: Pose) -> bool:
-        """Return whether a load in this pose overlaps no body by more than rounding."""
-        core = placed(load.form.core, pose)
-        return next(self._near(load, core, load.form.core_radius), None) is None
-
-    def stops_of(self, load: Load, distance: float) -> list[Stop]:
-        """Return the stops of a load: all that is within a distance of it as it is now."""
-        core = placed(load.form.core, load.pose)
-        near = self._near(load, core, load.form.core_radius + distance)
-        return [stop for solid, radius in near for stop in _stops(load, solid, radius + distance)]
-
-    def _near(self, load: Load, core: BaseGeometry, distance: float) -> Iterator[tuple[BaseGeometry, float]]:
-        """Yield all that is at most this distance from the core of a load, with the radii of discs."""
-        far = distance + self.radii.max(initial=0.0)
-        rows = np.sort(self.tree.query(core, predicate="dwithin", distance=far))
-        rows = rows[shapely.distance(core, self.solids[rows]) - self.radii[rows] <= distance]
-        yield from zip(self.solids[rows], self.radii[rows].tolist(), strict=True)
-        others: list[Body] = [other for other in self.loads if other is not load]
-        for body in (other.shape for other in [*others, *self._driven_near(load, core, distance)]):
-            if shapely.distance(core, body.geometry) <= distance + body.radius:
-                yield body.geometry, body.radius
-
-    def _driven_near(self, load: Load, core: BaseGeometry, distance: float) -> list[Driven]:
-        """Return the driven bodies that may be at most this distance from the core of a load."""
-        if self.movers is None:
-            return []
-        x, y = shapely.get_coordinates(shapely.centroid(core))[0]
-        apart = np.hypot(*(self.movers.position - (x, y)).T)
-        near = np.flatnonzero((apart <= self.movers.reach + load.form.reach + distance) & ~self.movers.carried)
-        return [self.movers.agents[row] for row in near]
-
-
-def _stops(load: Load, solid: BaseGeometry, distance: float) -> list[Stop]:
-    """Return the stops of a load on a solid: corners of either that are this near the other, or the nearest point.
-
-    The direction is that of the line to the load's heart: between bodies that touch it is undefined.
-    """
-    x, y, _ = load.pose
-    line = shapely.shortest_line(solid, placed(load.form.heart, load.pose))
-    (px, py), (qx, qy) = shapely.get_coordinates(line).tolist()
-    length = math.hypot(qx - px, qy - py)
-    if length == 0.0:
-        return []
-    nx, ny = (qx - px) / length, (qy - py) / length
-    if load.form.radius:
-        return [Stop(nx, ny, 0.0)]
-    points = _touching_corners(load.shape.geometry, solid, distance)
-    return [Stop(nx, ny, (ax - x) * ny - (ay - y) * nx) for ax, ay in points or [(px, py)]]
-
-
-def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list[tuple[float, float]]:
-    """Return the corners of each of two geometries that are within a distance of the other, each once."""
-    found: list[tuple[float, float]] = []
-    for one, other in ((a, b), (b, a)):
-        corners = shapely.get_coordinates(one)
-        near = shapely.distance(other, shapely.points(corners)) <= distance
-        found += [(x, y) for x, y in corners[near].tolist()]
-    return list(dict.fromkeys(found))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
     """The world without its robots; shapes and temperatures are as they are now.
 
     `shapes` are obstacles, loads, marks and driven bodies (see `present_shapes`), `codes` their kinds, and `rows` the
     indices of the loads among them, `driven` those of driven bodies, which `moving` moves. `sources` (k, 3) are
-    x, y, radius of bodies that radiate heat, with temperature 0 once cold. `listed` are the poses of the loads when the
-    tables were made; they may move by `slack` from there. `room` is what loads may not overlap, None without loads.
+    x, y, radius of bodies that radiate heat, with temperature 0 once cold. `listed` (m, 3) are the poses of the loads
+    when the tables were made; they may move by `slack` from there. `poses` are the present ones, `items` what
+    `place_items` takes, and `room` is what loads may not overlap: None without loads.
     """
 
     bounds: tuple[float, float, float, float]
@@ -133,10 +41,12 @@ class Surroundings:
     temperature: np.ndarray
     statics: Statics
     marks: Marks
-    loads: tuple[Load, ...] = ()
+    loads: Loads
+    poses: Poses
+    listed: np.ndarray
     rows: tuple[int, ...] = ()
-    listed: tuple[Pose, ...] = ()
     slack: float = 0.0
+    items: tuple[Any, ...] = ()
     room: Room | None = None
     codes: tuple[int, ...] = ()
     driven: tuple[int, ...] = ()
@@ -152,18 +62,21 @@ class Surroundings:
         *,
         sight: float,
         touch: float,
-        loads: Sequence[tuple[int, Load]] = (),
+        loads: Loads | None = None,
+        rows: Sequence[int] = (),
         codes: Sequence[int] = (),
         driven: Sequence[int] = (),
         movers: Movers | None = None,
+        room: Room | None = None,
     ) -> "Surroundings":
-        """Collect all bodies; `sight`, `touch`, `codes`, `driven` as `Statics.of` takes them, loads with indices.
+        """Collect all bodies; `sight`, `touch`, `codes`, `driven` as `Statics.of` takes them.
 
-        `movers` are the poses of the driven bodies, in the order of `driven`.
+        `movers` are the poses of the driven bodies, in the order of `driven`, and `loads` those in the order of `rows`.
+        `room` is that of the same bodies as before, if there is one: of many loads it takes milliseconds to make.
         """
-        rows, bodies = tuple(row for row, _ in loads), tuple(load for _, load in loads)
+        loads = Loads() if loads is None else loads
         slack, solid = SLACK * touch, list(shapes)
-        for row, load in loads:
+        for row, load in zip(rows, loads, strict=True):
             solid[row] = load.form.body_at(load.pose)
         for place, row in enumerate(driven):
             body = cast(Movers, movers).agents[place]
@@ -188,19 +101,25 @@ class Surroundings:
             temperature,
             statics,
             Marks.of(shapes),
-            bodies,
-            rows,
-            tuple(load.pose for load in bodies),
-            slack - STEP * touch,
-            Room.of(statics, bodies, [*rows, *driven], movers) if loads else None,
-            tuple(known),
-            tuple(driven),
-            Moving(movers, list(driven), statics, bounds, sight, touch) if movers is not None and len(driven) else None,
+            loads=loads,
+            poses=poses_of(loads, movers),
+            listed=np.column_stack([loads.position, loads.heading]),
+            rows=tuple(rows),
+            slack=slack - STEP * touch,
+            items=items_of(statics, loads, rows),
+            room=room or (room_of(statics, loads.agents, [*rows, *driven], movers) if len(loads) else None),
+            codes=tuple(known),
+            driven=tuple(driven),
+            moving=Moving(movers, list(driven), statics, bounds, sight, touch)
+            if movers is not None and driven
+            else None,
         )
 
     @property
     def present_shapes(self) -> list[Shape]:
-        """All shapes as they are now, those of driven bodies too."""
+        """All shapes as they are now, those of loads and driven bodies too."""
+        for row, load in zip(self.rows, self.loads, strict=True):
+            self.shapes[row] = load.shape
         if self.moving is not None:
             for row, body in zip(self.driven, self.moving.movers.agents, strict=True):
                 self.shapes[row] = body.shape
@@ -237,11 +156,27 @@ class Surroundings:
     @property
     def is_worn(self) -> bool:
         """Whether a load has moved so far that the tables have to be made anew before the next step."""
-        moved = zip(self.loads, self.listed, strict=True)
-        return any(load.farthest_from(pose) > self.slack for load, pose in moved)
+        if self.room is None:
+            return False
+        moved = self.poses.position - self.listed[:, :2]
+        turned = 2.0 * np.abs(np.sin((self.poses.heading - self.listed[:, 2]) / 2.0))
+        return bool((np.hypot(moved[:, 0], moved[:, 1]) + self.room.forms.reach * turned > self.slack).any())
 
-    def follow(self, k: int) -> None:
-        """Update the tables to the present pose of load k."""
-        row, load = self.rows[k], self.loads[k]
-        self.shapes[row] = load.shape
-        self.statics.follow(row, load.form.body_at(load.pose))
+    def follow(self) -> None:
+        """Update the tables to the present poses of the loads."""
+        place_items(self.poses.position, self.poses.heading, self.items, self.statics.edges, self.statics.discs)
+
+
+def items_of(statics: Statics, loads: Loads, rows: Sequence[int]) -> tuple[Any, ...]:
+    """Return the local edges of loads, their rows in the tables and their loads, and rows and loads of discs."""
+    polygons = [k for k, load in enumerate(loads) if not load.form.radius]
+    edges = [edges_of(Shape(loads[k].form.outline)) for k in polygons]
+    discs = [k for k, load in enumerate(loads) if load.form.radius]
+    none = np.empty(0, np.int64)
+    return (
+        np.concatenate([np.empty((0, 4)), *edges]),
+        np.concatenate([none, *(statics.rows_of(rows[k]) for k in polygons)]),
+        np.repeat(np.array(polygons, np.int64), [len(own) for own in edges]),
+        np.concatenate([none, *(statics.rows_of(rows[k]) - len(statics.edges) for k in discs)]),
+        np.array(discs, np.int64),
+    )

@@ -106,8 +106,8 @@ class ChangeDetector:
         marks, attributes = _marks_of(model), model.own_attributes
         others = self._of_others(model)
         # Nothing was replaced, as a rule: seen at once where names stand in the same order.
-        replaced = any(map(is_not, self._attributes.values(), attributes.values()))
-        if marks == self._marks and not others and not replaced and len(attributes) == len(self._attributes):
+        differs = any(map(is_not, self._attributes.values(), attributes.values()))
+        if marks == self._marks and not others and not differs and len(attributes) == len(self._attributes):
             return []
         was = self._attributes
         names = [name.lstrip("_") for name in {**was, **attributes} if not _same(name, was, attributes)]

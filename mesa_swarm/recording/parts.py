@@ -479,10 +479,10 @@ def _make_obstacle(model: EngineModel, body: dict) -> None:
     elif "load" in body:
         form = Form.about_origin(*restored_outline(body["load"]))
         kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[LOAD])
-        load = Load(model.space, model, form.shape_at((0.0, 0.0, 0.0)), body["resistance"], kind)
+        shape, table = form.shape_at((0.0, 0.0, 0.0)), model.parts.bodies.loads
+        load = Load(model.space, model, shape, table, body["resistance"], kind)
         load.form = form
         model.parts.bodies.listed.append(load)
-        model.parts.bodies.loads.append(load)
     else:
         kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[OBSTACLE])
         model.parts.bodies.listed.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
@@ -541,7 +541,7 @@ def checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, floa
 def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
     load.resistance = stored["resistance"]
     load.put(checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
-    load.moved, load.pushers = bool(stored["moved"]), _id(stored["pushers"])
+    load.note(moved=bool(stored["moved"]), pushers=_id(stored["pushers"]))
 
 
 def _id(value: object) -> int:

@@ -28,7 +28,7 @@ from mesa_swarm.recording.parts import (
 )
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.arena import ArenaAgent
-from mesa_swarm.world.bodies import Body, Form, Load, Obstacle
+from mesa_swarm.world.bodies import Body, Form, Load, Loads, Obstacle, checked_resistance
 from mesa_swarm.world.movers import Driven
 
 GONE = -1  # the row of a removed handle
@@ -110,8 +110,9 @@ def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
         body.movers, body.row, body.agent, body.carrier, body._shown = model.movers, GONE, None, None, None
     elif isinstance(body, Load):
         body.form = Form.about_origin(*restored_outline(remains["load"]))
-        body.pose = checked_pose("removed load", remains["pose"], model.map.bounds)
-        body.shape, body.resistance = body.form.shape_at(body.pose), remains["resistance"]
-        body.moved, body.pushers = bool(remains["moved"]), int(remains["pushers"])
+        *place, heading = checked_pose("removed load", remains["pose"], model.map.bounds)
+        Loads().add(body, position=place, heading=heading, resistance=checked_resistance(remains["resistance"]))
+        body.note(moved=bool(remains["moved"]), pushers=int(remains["pushers"]))
+        body._shown = None
     elif isinstance(body, Obstacle):
         body.shape = restored_shape(remains["shape"])

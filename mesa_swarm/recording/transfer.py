@@ -132,7 +132,7 @@ def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None
     first = {load.unique_id: load.resistance for load in fresh.loads}
     for load, was in zip(new.loads, old.loads, strict=True):
         load.put(was.pose)
-        load.moved, load.pushers = was.moved, was.pushers
+        load.note(moved=was.moved, pushers=was.pushers)
         if was.resistance != first.get(load.unique_id, was.resistance):
             load.resistance = was.resistance
     for column, source in zip(new.movers.poses, old.movers.poses, strict=True):

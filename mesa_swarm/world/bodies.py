@@ -2,9 +2,9 @@
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import shapely
@@ -229,6 +229,49 @@ class Body(ArenaAgent):
         shape: Shape
 
 
+class BodyTable:
+    """Columns of bodies, one row each, in the order in which they were added; `agents` are their handles.
+
+    `columns` are the attributes that are columns, as they are without any body.
+    """
+
+    columns: ClassVar[dict[str, np.ndarray]] = {"position": np.empty((0, 2)), "heading": np.empty(0)}
+    position: np.ndarray
+    heading: np.ndarray
+
+    def __init__(self) -> None:
+        self.agents: list[Any] = []
+        for name, column in self.columns.items():
+            setattr(self, name, column.copy())
+
+    def __len__(self) -> int:
+        return len(self.agents)
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.agents)
+
+    def __getitem__(self, row: int) -> Any:
+        return self.agents[row]
+
+    def add(self, body: Any, **values: Any) -> None:
+        """Append the row of a body; columns without a value are 0 there."""
+        body.row = len(self.agents)
+        self.agents.append(body)
+        for name, column in self.columns.items():
+            row = np.zeros((1, *column.shape[1:]), column.dtype)
+            row[0] = values.get(name, 0)
+            setattr(self, name, np.concatenate([getattr(self, name), row]))
+
+    def drop(self, body: Any) -> None:
+        """Remove the row of a body."""
+        row, body.row = body.row, -1
+        for name in self.columns:
+            setattr(self, name, np.delete(getattr(self, name), row, axis=0))
+        del self.agents[row]
+        for later, agent in enumerate(self.agents):
+            agent.row = later
+
+
 class Obstacle(Body):
     """A static body, or a mark painted on the ground.
 
@@ -254,6 +297,45 @@ class Obstacle(Body):
         raise InvalidValueError("obstacles do not move; remove this one and add another")
 
 
+class Loads(BodyTable):
+    """The poses of all loads of a model, and what happened to them in the last step.
+
+    Attributes
+    ----------
+    position, heading : ndarrays, shape (m, 2), (m,) rad
+    resistance : ndarray, shape (m,)
+        In robots' full pushes.
+    pushers : int64 ndarray, shape (m,)
+        Number of robots that pushed each in the last step.
+    moved : bool ndarray, shape (m,)
+        Whether it moved in the last step.
+    """
+
+    columns: ClassVar[dict[str, np.ndarray]] = BodyTable.columns | {
+        "resistance": np.empty(0),
+        "pushers": np.empty(0, np.int64),
+        "moved": np.empty(0, bool),
+    }
+    resistance: np.ndarray
+    pushers: np.ndarray
+    moved: np.ndarray
+
+    def add(self, body: "Load", **values: Any) -> None:
+        """Append the row of a load."""
+        super().add(body, **values)
+        body.table = self
+
+    def drop(self, body: "Load") -> None:
+        """Remove the row of a load, which keeps what it was in a table of its own."""
+        was = {name: getattr(self, name)[body.row].copy() for name in self.columns}
+        super().drop(body)
+        Loads().add(body, **was)
+
+    def rest(self) -> None:
+        """Forget the last step."""
+        self.pushers[:], self.moved[:] = 0, False
+
+
 class Load(Obstacle):
     """A body that moves while robots push harder than it resists; otherwise an obstacle.
 
@@ -263,29 +345,40 @@ class Load(Obstacle):
     ----------
     shape : Shape
         At its present pose; a new one whenever it has moved.
-    moved : bool
-        Whether it moved in the last step.
-    pushers : int
-        Number of robots that pushed it in the last step.
+    table : Loads
+        The columns in which its pose is, in the row `row`; of a removed load, its own.
     """
 
     mode = "pushed"
 
     form: Form
-    pose: Pose
-    _resistance: float
-    moved: bool
-    pushers: int
+    table: Loads
+    row: int
+    _shown: tuple[Pose, Shape] | None
     _made_by: ClassVar[str] = "model.add_load(disc((x, y), radius), resistance=0.5)"
 
-    def __init__(self, space: Arena, model: Model, shape: Shape, resistance: float, kind: str = KINDS[LOAD]) -> None:
-        super().__init__(space, model, shape, kind)
+    def __init__(
+        self, space: Arena, model: Model, shape: Shape, table: Loads, resistance: float, kind: str = KINDS[LOAD]
+    ) -> None:
         self.form = Form.of(shape)
-        x, y = shape.position.tolist()
-        self.put((x, y, 0.0))
-        self.resistance = resistance
-        self.moved = False
-        self.pushers = 0
+        self._shown = None
+        self.table, self.row = table, -1
+        Body.__init__(self, space, model, kind)
+        table.add(self, position=shape.position, resistance=checked_resistance(resistance))
+
+    @property
+    def pose(self) -> Pose:
+        """Where it is: x, y, heading."""
+        x, y = self.table.position[self.row].tolist()
+        return x, y, self.heading
+
+    @property
+    def shape(self) -> Shape:  # type: ignore[override]
+        """Its shape where it is."""
+        pose = self.pose
+        if self._shown is None or self._shown[0] != pose:
+            self._shown = pose, self.form.shape_at(pose)
+        return self._shown[1]
 
     @property
     def position(self) -> np.ndarray:
@@ -301,16 +394,26 @@ class Load(Obstacle):
     @property
     def heading(self) -> float:
         """Its turn since it was added, rad in [-pi, pi), counter-clockwise."""
-        return self.pose[2]
+        return float(self.table.heading[self.row])
 
     @property
     def resistance(self) -> float:
         """Number of robots' full pushes that it withstands; it moves only when pushed harder than that."""
-        return self._resistance
+        return float(self.table.resistance[self.row])
 
     @resistance.setter
     def resistance(self, value: float) -> None:
-        self._resistance = checked_resistance(value)
+        self.table.resistance[self.row] = checked_resistance(value)
+
+    @property
+    def moved(self) -> bool:
+        """Whether it moved in the last step."""
+        return bool(self.table.moved[self.row])
+
+    @property
+    def pushers(self) -> int:
+        """Number of robots that pushed it in the last step."""
+        return int(self.table.pushers[self.row])
 
     def move_to(self, pose: Sequence[float]) -> None:
         """Move it by hand to (x, y, heading), between two steps; robots there give way in the next step.
@@ -340,19 +443,16 @@ class Load(Obstacle):
 
     def put(self, pose: Pose) -> None:
         """Put it where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
-        x, y, heading = pose
-        self.pose = (x, y, float(wrapped(heading)))
-        self.shape = self.form.shape_at(self.pose)
-        self.space._agent_positions[self._mesa_index] = x, y
+        *self.table.position[self.row], self.table.heading[self.row] = *pose[:2], wrapped(pose[2])
 
     def lay(self, pose: Pose) -> None:
         """Move it to (x, y, heading); deprecated, see `move_to`."""
         warnings.warn("Load.lay is called move_to now", DeprecationWarning, stacklevel=2)
         self.move_to(pose)
 
-    def rest(self) -> None:
-        """Forget the last step."""
-        self.moved, self.pushers = False, 0
+    def note(self, *, moved: bool, pushers: int) -> None:
+        """Write what happened to it in the last step."""
+        self.table.moved[self.row], self.table.pushers[self.row] = moved, pushers
 
     def farthest_from(self, pose: Pose) -> float:
         """Return an upper bound of the distance of its points from where they are at another pose."""

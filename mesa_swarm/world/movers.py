@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import shapely
@@ -12,14 +12,14 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena
-from mesa_swarm.world.bodies import Body, Form, Pose
+from mesa_swarm.world.bodies import Body, BodyTable, Form, Pose
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers
 
 LARGEST_HEADING = 1e9
 
 
-class Movers:
+class Movers(BodyTable):
     """The poses of all driven bodies of a model, one row each, in the order in which they were added.
 
     A pose that is set is a request: the body goes there in the phase move of the next step, as far as robots
@@ -42,36 +42,33 @@ class Movers:
         Distance of its centre from its farthest point.
     """
 
+    columns: ClassVar[dict[str, np.ndarray]] = BodyTable.columns | {
+        "aim": np.empty((0, 2)),
+        "aim_heading": np.empty(0),
+        "blocked": np.empty(0, bool),
+        "fresh": np.empty(0, bool),
+        "carried": np.empty(0, bool),
+        "reach": np.empty(0),
+    }
+    aim: np.ndarray
+    aim_heading: np.ndarray
+    blocked: np.ndarray
+    fresh: np.ndarray
+    carried: np.ndarray
+    reach: np.ndarray
+
     def __init__(self) -> None:
-        self.agents: list[Driven] = []
-        self.position, self.aim = np.empty((0, 2)), np.empty((0, 2))
-        self.heading, self.aim_heading, self.reach = np.empty(0), np.empty(0), np.empty(0)
-        self.blocked, self.fresh, self.carried = np.empty(0, bool), np.empty(0, bool), np.empty(0, bool)
+        super().__init__()
         self.followers: list[Driven] = []
 
-    def __len__(self) -> int:
-        return len(self.agents)
-
-    def add(self, body: "Driven", position: np.ndarray) -> None:
+    def add(self, body: "Driven", **values: Any) -> None:
         """Append the row of a body."""
-        body.row = len(self.agents)
-        self.agents.append(body)
-        self.position, self.aim = (np.vstack([old, position]) for old in (self.position, self.aim))
-        self.heading, self.aim_heading = (np.append(old, 0.0) for old in (self.heading, self.aim_heading))
-        self.blocked, self.fresh = np.append(self.blocked, False), np.append(self.fresh, True)
-        self.carried = np.append(self.carried, False)
-        self.reach = np.append(self.reach, body.form.reach)
+        super().add(body, **values)
         self.list_followers()
 
     def drop(self, body: "Driven") -> None:
         """Remove the row of a body."""
-        row = body.row
-        for name in ("position", "aim", "heading", "aim_heading", "blocked", "fresh", "carried", "reach"):
-            setattr(self, name, np.delete(getattr(self, name), row, axis=0))
-        del self.agents[row]
-        body.row = -1
-        for later, agent in enumerate(self.agents):
-            agent.row = later
+        super().drop(body)
         self.list_followers()
 
     def list_followers(self) -> None:
@@ -133,7 +130,7 @@ class Driven(Body):
         self.carrier = None
         self._shown = None
         super().__init__(space, model, kind)
-        movers.add(self, shape.position)
+        movers.add(self, position=shape.position, aim=shape.position, fresh=True, reach=self.form.reach)
 
     @property
     def pose(self) -> Pose:

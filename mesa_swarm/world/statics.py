@@ -126,14 +126,6 @@ class Statics:
         """Return the items of a shape."""
         return np.flatnonzero((self.owner == index) & (self.body != SOURCE))
 
-    def follow(self, index: int, shape: Shape) -> None:
-        """Write the present shape of a load into its rows; its corners must be in the same order as before."""
-        rows = self.rows_of(index)
-        if shape.is_disc:
-            self.discs[rows - len(self.edges)] = _discs_of([(index, shape)])[0]
-        else:
-            self.edges[rows] = _edges_of([(index, shape)], np.empty((0, 4)))[0]
-
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Marks:

@@ -97,7 +97,7 @@ def test_what_is_observed_is_what_robots_hear_in_the_next_step():
         rewarded(world, [(0, 1, 0.25), (0, 1, -0.5)])
         model.step()
         observed = heard_by(world)[:, [0, 3]] * [150, 2] - [0, 1]
-        model._exchange(model.parts.radio.channel)
+        model.parts.radio.exchange()
         known = np.column_stack([model.swarm.columns["heard.range"][:, 0], model.swarm.columns["heard.signal"][:, 0]])
         assert np.allclose(observed, known, rtol=0, atol=1e-4)
 

@@ -173,7 +173,7 @@ def test_a_driven_body_stops_broadcasts_where_obstacles_do():
             door.position = (57.5, y)
             model.step()
             model.swarm.columns["task"][:] = 1
-            model._exchange(model.parts.radio.channel)
+            model.parts.radio.exchange()
             heard.append(int(model.swarm.columns["heard_task"][0]))
     assert heard == [1, -1, 1, 1]
 

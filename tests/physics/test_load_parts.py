@@ -1,4 +1,4 @@
-"""The parts of moving loads, each by its closed form."""
+"""The parts of moving loads, of the oracle whose bits those of the engines have, each by its closed form."""
 
 import math
 from types import SimpleNamespace
@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import Map, SwarmModel, disc, rectangle
-from mesa_swarm.physics import loads
 from mesa_swarm.physics.contact import SLOP
-from mesa_swarm.physics.loads import EQUAL, HAIR, RobotPush, Wrench, borne, go, twist_of, wrench_of
-from mesa_swarm.physics.surroundings import SLACK, STEP, Room, Stop, Surroundings, _stops
+from mesa_swarm.physics.loads import EQUAL, HAIR
+from mesa_swarm.physics.surroundings import SLACK, STEP, Surroundings
+from support import shapely_loads as loads
+from support.shapely_loads import RobotPush, Room, Stop, Wrench, _stops, borne, go, twist_of, wrench_of
 
 numbers = st.floats(-5, 5)
 pushes = st.lists(st.builds(RobotPush, numbers, numbers, numbers, st.floats(0, 1), st.floats(0, 1)), max_size=5)
@@ -177,11 +178,11 @@ def test_a_load_moves_by_at_most_half_the_least_radius_and_half_its_own_width(wi
         "max_speed": np.full(2, 30.0),
     }
     before, motion = load.pose, np.array([[30.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    assert loads.push_all(around, around.room, columns, motion) == {0: before}
+    assert loads.push_all(around, Room.around(around), columns, motion) == {0: before}
     assert load.pose == pytest.approx((before[0] + way, before[1], 0.0))
     assert (load.pushers, load.moved) == (1, True)
-    assert around.shapes[0] == load.shape
-    assert loads.push_all(around, around.room, columns, 0 * motion) == {}
+    assert around.present_shapes[0] == load.shape
+    assert loads.push_all(around, Room.around(around), columns, 0 * motion) == {}
     assert (load.pushers, load.moved) == (0, False)
 
 
@@ -200,9 +201,9 @@ def test_a_robot_overlaps_a_load_where_it_does_by_more_than_twice_the_rounding(d
 def surroundings(loads_, shapes=(), fires=(), touch=5.0):
     fires = np.array(fires, float).reshape(-1, 3)
     bodies = [*shapes, *(load.shape for load in loads_)]
-    numbered = [(len(shapes) + k, load) for k, load in enumerate(loads_)]
-    temperature = np.ones(len(fires))
-    return Surroundings.of((0, 0, 400, 300), bodies, fires, temperature, sight=50.0, touch=touch, loads=numbered)
+    table = loads_[0].table if loads_ else None
+    options = {"sight": 50.0, "touch": touch, "loads": table, "rows": range(len(shapes), len(bodies))}
+    return Surroundings.of((0, 0, 400, 300), bodies, fires, np.ones(len(fires)), **options)
 
 
 @pytest.mark.parametrize("way", [(1, 0), (-1, 0), (0, 1), (0, -1)])
@@ -211,18 +212,17 @@ def surroundings(loads_, shapes=(), fires=(), touch=5.0):
 )  # fmt: skip
 def test_a_load_has_room_until_it_touches_a_body(way, body):
     """The load is 20 from the body's rim along each axis."""
-    (load,) = load_at(rectangle((190, 140), (210, 160)))
     far = np.array(way)
     centre = np.array([200.0, 150.0]) + 40.0 * far
     box = rectangle(centre - 10, centre + 10, contact=body != "mark")
+    load, *others = load_at(rectangle((190, 140), (210, 160)), *([box] if body == "load" else []))
     shape = disc(centre, 10) if body == "disc" else box
-    others = load_at(box) if body == "load" else []
     around = surroundings(
         [load, *others],
         [shape] if body in {"wall", "disc", "mark"} else [],
         [(*centre, 10.0)] if body == "fire" else [],
     )
-    room, (x, y, _) = around.room, load.pose
+    room, (x, y, _) = Room.around(around), load.pose
     assert room.has_room_for(load, (x + 19.99 * far[0], y + 19.99 * far[1], 0.0))
     assert room.has_room_for(load, (x + 20.01 * far[0], y + 20.01 * far[1], 0.0)) == (body == "mark")
     assert (len(room.stops_of(load, 20.5)) > 0) == (body != "mark")
@@ -231,7 +231,7 @@ def test_a_load_has_room_until_it_touches_a_body(way, body):
 
 def test_a_load_has_no_room_beyond_the_border():
     (load,) = load_at(disc((200, 150), 10))
-    room = surroundings([load]).room
+    room = Room.around(surroundings([load]))
     for x, y in ((10.01, 150), (389.99, 150), (200, 10.01), (200, 289.99)):
         assert room.has_room_for(load, (x, y, 0.0))
     for x, y in ((9.99, 150), (390.01, 150), (200, 9.99), (200, 290.01)):
@@ -254,7 +254,7 @@ def test_tables_are_worn_when_a_load_has_moved_by_their_slack_less_one_step():
     (load,) = load_at(disc((200, 150), 10))
     around = surroundings([load], touch=touch)
     assert around.slack == (SLACK - STEP) * touch
-    assert around.listed == ((200.0, 150.0, 0.0),)
+    assert around.listed.tolist() == [[200.0, 150.0, 0.0]]
     for moved, worn in ((0.0, False), (around.slack - 0.01, False), (around.slack + 0.01, True)):
         load.put((200.0, 150.0 + moved, 0.0))
         assert around.is_worn == worn
@@ -264,16 +264,16 @@ def test_without_loads_there_is_no_room_to_look_after_and_nothing_wears():
     around = surroundings([])
     assert around.room is None
     assert not around.is_worn
-    assert around.loads == around.rows == around.listed == ()
+    assert len(around.loads) == len(around.rows) == len(around.listed) == 0
 
 
 def test_a_load_that_followed_is_in_the_tables_where_it_is_now():
     (load,) = load_at(disc((200, 150), 10))
     around = surroundings([load], [rectangle((20, 20), (40, 40))])
     load.put((210.0, 160.0, 0.0))
-    around.follow(0)
+    around.follow()
     assert around.statics.discs.tolist() == [[210.0, 160.0, 10.0]]
-    assert around.shapes[1] == load.shape
+    assert around.present_shapes[1] == load.shape
 
 
 def test_loads_that_are_taken_back_take_those_with_them_that_then_have_no_room():
@@ -284,9 +284,9 @@ def test_loads_that_are_taken_back_take_those_with_them_that_then_have_no_room()
     second.put((125.0, 100.0, 0.0))
     third.put((150.0, 100.0, 0.0))
     for load in (first, second, third):
-        load.moved = True
+        load.note(moved=True, pushers=0)
     # The second returns to 121: the first, at 104, is then 17 from it; the third, at 150, is 29.
-    loads.take_back(around, around.room, before, [1])
+    loads.take_back(around, Room.around(around), before, [1])
     assert [load.pose[0] for load in (first, second, third)] == [100.0, 121.0, 150.0]
     assert [load.moved for load in (first, second, third)] == [False, False, True]
     assert list(before) == [2]

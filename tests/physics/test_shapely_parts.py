@@ -9,7 +9,7 @@ from shapely import LineString, Point
 
 from mesa_swarm.physics.shapely_engine import is_on_map, overlapping_pairs, rings, way_out
 from mesa_swarm.physics.shapely_sensing import View, distance_to_disc, distance_to_polygon, outside, wedge
-from mesa_swarm.physics.surroundings import _touching_corners
+from support.shapely_loads import _touching_corners
 
 AHEAD = LineString([(0, 0), (50, 0)])
 VIEW = View(Point(0, 0), AHEAD, (AHEAD,), 50.0)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.geometry.grid import cell_index
-from mesa_swarm.world.shapes import disc, polygon, rectangle
+from mesa_swarm.world.shapes import disc, polygon
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE, Marks, Statics
 
 BOUNDS = (-50.0, 20.0, 150.0, 140.0)
@@ -116,20 +116,6 @@ def test_a_cell_lists_what_can_be_seen_or_touched_from_it_also_once_a_load_has_m
         far = statics.grid.cell + 1e-6
         assert all(away[item] <= sight + far for item in seen)
         assert all(away[item] <= touch + far and item >= 4 for item in touched)
-
-
-def test_a_load_that_moved_is_followed_in_its_own_rows_alone():
-    shapes = [rectangle((0, 30), (10, 40)), RING, disc((100, 100), 7), disc((20, 120), 3)]
-    fires = np.array([[120.0, 40.0, 9.0]])
-    options = {"sight": 10.0, "touch": 5.0, "loads": [1, 2]}
-    statics = Statics.of(BOUNDS, shapes, fires, np.ones(1, bool), **options)
-    outline, hole = (np.array(ring.coords[:-1]) + np.array([3, 4]) for ring in shapely.get_rings(RING.geometry))
-    moved = [shapes[0], polygon(outline, [hole]), disc((101, 99), 7), shapes[3]]
-    expected = Statics.of(BOUNDS, moved, fires, np.ones(1, bool), **options)
-    for k in (1, 2):
-        statics.follow(k, moved[k])
-    assert statics.edges.tolist() == expected.edges.tolist()
-    assert statics.discs.tolist() == expected.discs.tolist()
 
 
 def test_marks_have_rows_of_their_own_and_solids_none_among_them():

@@ -1,0 +1,234 @@
+"""The room of loads: what they may not overlap, and where they lean on it."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.exact import hypot
+from mesa_swarm.geometry.outlines import (
+    Outlines,
+    gap_of,
+    gap_to_point,
+    nearest_points,
+    normalize_solid,
+    outlines_of,
+    place_solid,
+)
+from mesa_swarm.world.bodies import Load, Loads
+from mesa_swarm.world.movers import Movers
+from mesa_swarm.world.statics import SOURCE, Statics
+
+# What is farther than asked for by this share of a load's thickness need not be measured exactly.
+MARGIN = 1e-3
+
+
+class Forms(NamedTuple):
+    """The forms of loads, see `Form`; each has shape (m,). The squares of levers are those of Python."""
+
+    radius: np.ndarray
+    core_radius: np.ndarray
+    reach: np.ndarray
+    thickness: np.ndarray
+    lever: np.ndarray
+    lever_square: np.ndarray
+
+
+class Stops(NamedTuple):
+    """Where a load leans on bodies: unit vectors towards it, lever arms about its centre, and its points there.
+
+    `force` and `yielding` are scratch of `loads.borne`.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    arm: np.ndarray
+    point_x: np.ndarray
+    point_y: np.ndarray
+    force: np.ndarray
+    yielding: np.ndarray
+
+
+class Poses(NamedTuple):
+    """Where loads and driven bodies are: (m, 2), (m,) rad, (d, 2), (d,) rad; and which of the latter are carried."""
+
+    position: np.ndarray
+    heading: np.ndarray
+    driven_position: np.ndarray
+    driven_heading: np.ndarray
+    carried: np.ndarray
+
+
+class Room(NamedTuple):
+    """All solids that loads may not overlap, and themselves.
+
+    Of `outlines`, the first `still` stand still: edges, the border's first, then discs. The bodies of the `loads`
+    follow, then `driven` bodies, then cores and at last hearts of loads. `near` (still + loads + driven,) is scratch,
+    and `two` the exponent of squares.
+    """
+
+    outlines: Outlines
+    still: int
+    loads: int
+    driven: int
+    forms: Forms
+    near: np.ndarray
+    stops: Stops
+    two: float
+
+
+def room_of(statics: Statics, loads: Sequence[Load], rows: Sequence[int], movers: Movers | None) -> Room:
+    """Return the room of loads; what stands still is all static shapes but those with the indices `rows`."""
+    still = ~np.isin(statics.owner, rows) | (statics.body == SOURCE)
+    lines = shapely.linestrings(statics.edges[still[: len(statics.edges)]].reshape(-1, 2, 2))
+    discs = statics.discs[still[len(statics.edges) :]]
+    forms, driven = [load.form for load in loads], [body.form for body in movers or ()]
+    # Shapes are in normal form.
+    bodies = [shapely.normalize(form.outline) for form in (*forms, *driven)]
+    solids = [*lines, *shapely.points(discs[:, :2]), *bodies, *(form.core for form in forms)]
+    none = [0.0] * len(forms)
+    radius = [*[0.0] * len(lines), *discs[:, 2], *(form.radius for form in (*forms, *driven)), *none, *none]
+    outlines = outlines_of([*solids, *(form.heart for form in forms)], radius)
+    corners = [shapely.get_num_coordinates(form.outline) for form in forms]
+    most = len(outlines.points) + len(outlines.solids) * max(corners)
+    return Room(
+        outlines=outlines,
+        still=len(lines) + len(discs),
+        loads=len(forms),
+        driven=len(driven),
+        forms=Forms(
+            radius=np.array([form.radius for form in forms], float),
+            core_radius=np.array([form.core_radius for form in forms], float),
+            reach=np.array([form.reach for form in forms], float),
+            thickness=np.array([form.thickness for form in forms], float),
+            lever=np.array([form.lever for form in forms], float),
+            lever_square=np.array([form.lever**2 for form in forms], float),
+        ),
+        near=np.zeros(len(solids), np.int64),
+        stops=Stops(*(np.zeros(most) for _ in Stops._fields)),
+        two=2.0,
+    )
+
+
+def poses_of(loads: Loads, movers: Movers | None) -> Poses:
+    """Return the poses of loads and of driven bodies as they are now."""
+    driven = Movers() if movers is None else movers
+    return Poses(loads.position, loads.heading, driven.position, driven.heading, driven.carried)
+
+
+@compiled
+def place_all(poses, room):
+    """Place the outlines of all loads and driven bodies."""
+    for k in range(room.loads):
+        place_load(k, poses.position[k, 0], poses.position[k, 1], poses.heading[k], room)
+    for b in range(room.driven):
+        if not poses.carried[b]:
+            solid = room.still + room.loads + b
+            place = poses.driven_position[b]
+            place_solid(solid, place[0], place[1], poses.driven_heading[b], room.outlines)
+            normalize_solid(solid, room.outlines)
+
+
+@compiled(apart=True)
+def place_load(k, x, y, heading, room):
+    """Place the outlines of load k: its body, its core and its heart."""
+    place_solid(room.still + k, x, y, heading, room.outlines)
+    normalize_solid(room.still + k, room.outlines)
+    core = room.still + room.loads + room.driven + k
+    place_solid(core, x, y, heading, room.outlines)
+    place_solid(core + room.loads, x, y, heading, room.outlines)
+
+
+@compiled
+def list_near(k, way, poses, room):
+    """List what load k may meet when no point of it moves farther than `way`; return the number of these solids."""
+    x, y = poses.position[k, 0], poses.position[k, 1]
+    outlines, count = room.outlines, 0
+    far = (1.0 + MARGIN) * room.forms.reach[k] + way
+    for solid in range(room.still + room.loads + room.driven):
+        place = solid - room.still - room.loads
+        if solid == room.still + k or (place >= 0 and poses.carried[place]):
+            continue
+        # Of a polygon the first ring, around all others.
+        box, reach = outlines.boxes[outlines.solids[solid]], far + outlines.radius[solid]
+        if box[0] - reach <= x <= box[2] + reach and box[1] - reach <= y <= box[3] + reach:
+            room.near[count] = solid
+            count += 1
+    return count
+
+
+@compiled
+def is_within(k, solid, distance, room):
+    """Return whether a solid is at most this distance from the core of load k, where that is placed."""
+    radius = room.outlines.radius[solid]
+    core = room.still + room.loads + room.driven + k
+    gap = gap_of(core, solid, distance + radius + MARGIN * room.forms.thickness[k], room.outlines)
+    # Sums that are equal but for rounding; bits are to stay what they are.
+    return gap - radius <= distance if solid < room.still else gap <= distance + radius
+
+
+@compiled(apart=True)
+def has_room(k, x, y, heading, count, room):
+    """Return whether load k in a pose overlaps none of the first solids in `room.near` by more than rounding."""
+    place_solid(room.still + room.loads + room.driven + k, x, y, heading, room.outlines)
+    for n in range(count):
+        if is_within(k, room.near[n], room.forms.core_radius[k], room):
+            return False
+    return True
+
+
+@compiled(apart=True)
+def find_stops(k, distance, count, poses, room):
+    """Write the stops of load k and return their number: all that is within a distance of it, of what is near."""
+    found = 0
+    for n in range(count):
+        if is_within(k, room.near[n], room.forms.core_radius[k] + distance, room):
+            found = find_stops_on(k, room.near[n], distance, found, poses, room)
+    return found
+
+
+@compiled
+def find_stops_on(k, solid, distance, first, poses, room):
+    """Write the stops of a load on a solid: corners of either that are this near the other, or the nearest point.
+
+    The direction is that of the line to the load's heart: between bodies that touch it is undefined.
+    """
+    stops, radius = room.stops, room.outlines.radius[solid]
+    heart = room.still + room.loads + room.driven + room.loads + k
+    px, py, qx, qy = nearest_points(solid, heart, room.outlines)
+    length = hypot(qx - px, qy - py)
+    if length == 0.0:
+        return first
+    last = first
+    if room.forms.radius[k] == 0.0:
+        last = find_corners(room.still + k, solid, radius + distance, first, last, room)
+        last = find_corners(solid, room.still + k, radius + distance, first, last, room)
+    if last == first:
+        stops.point_x[first], stops.point_y[first] = px, py
+        last += 1
+    nx, ny = (qx - px) / length, (qy - py) / length
+    for s in range(first, last):
+        ax, ay = stops.point_x[s] - poses.position[k, 0], stops.point_y[s] - poses.position[k, 1]
+        stops.x[s], stops.y[s] = nx, ny
+        stops.arm[s] = ax * ny - ay * nx if room.forms.radius[k] == 0.0 else 0.0
+    return last
+
+
+@compiled
+def find_corners(a, b, distance, first, last, room):
+    """Write the corners of solid a that are within a distance of b, each once, and return where they end."""
+    outlines, stops = room.outlines, room.stops
+    for place in range(outlines.solids[a], outlines.solids[a + 1]):
+        ring = outlines.order[place]
+        begin, end = outlines.rings[ring], outlines.rings[ring + 1]
+        for v in range(begin, end):
+            x, y = outlines.points[v, 0], outlines.points[v, 1]
+            if gap_to_point(b, x, y, distance + MARGIN * distance, outlines)[0] <= distance:
+                stops.point_x[last], stops.point_y[last] = x, y
+                s = first
+                while stops.point_x[s] != x or stops.point_y[s] != y:
+                    s += 1
+                last = max(last, s + 1)
+    return last
