@@ -412,11 +412,10 @@ class EngineModel(ImperfectModel):
             self._engine.settle(self.swarm, scene)
             self.swarm.disturbed = False
         draws = self.streams["slip"].random((len(self.swarm), table.wheels)) if table.slips else None
-        if self._imperfect is None:
-            self._engine.move(self.swarm, scene, self._turn_angle, draws)
-            return
-        with self._imperfect.driving(self.swarm, self._completed) as rolled:
-            rolled.append(self._engine.move(self.swarm, scene, self._turn_angle, draws))
+        driven = self.swarm.columns["command"]
+        if self._imperfect is not None:
+            driven = self._imperfect.driven_wheels(self.swarm, self._completed)
+        self._engine.move(self.swarm, scene, driven, self._turn_angle, draws)
 
     def _collect(self) -> None:
         self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))

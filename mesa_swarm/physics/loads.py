@@ -18,8 +18,7 @@ it slides along walls. A load to which robots cannot give way returns to where i
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -41,8 +40,6 @@ HALVINGS = 10
 ROUNDS = 16
 HAIR = 1e-4
 
-Result = TypeVar("Result")
-
 
 class RobotPush(NamedTuple):
     """One robot's push: unit vector into the load, lever arm about the centre, force in 0..1, and way."""
@@ -60,26 +57,6 @@ class Wrench(NamedTuple):
     x: float
     y: float
     torque: float
-
-
-def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
-    """Move the loads that are pushed hard enough, then all robots, and return what `travel` returns.
-
-    `travel` moves all robots through the step, around the loads as they then are; it is called again where loads had to
-    return.
-    """
-    room = surroundings.room
-    if room is None:  # no loads
-        return travel()
-    position, heading = columns["position"].copy(), columns["heading"].copy()
-    before = push_all(surroundings, room, columns, motion)
-    while True:
-        result = travel()
-        stuck = [k for k in before if is_overlapped(surroundings.loads[k], columns)]
-        if not stuck:
-            return result
-        columns["position"][:], columns["heading"][:] = position, heading
-        take_back(surroundings, room, before, stuck)
 
 
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
@@ -214,6 +191,11 @@ def is_overlapped(load: Load, columns: dict) -> bool:
     near = np.flatnonzero((position[:, 0] - x) ** 2 + (position[:, 1] - y) ** 2 < apart**2)
     gaps = shapely.distance(load.shape.geometry, shapely.points(position[near])) - load.form.radius
     return bool((gaps < (1.0 - 2.0 * SLOP) * radius[near]).any())
+
+
+def stuck_loads(surroundings: Surroundings, columns: dict, before: dict[int, Pose]) -> list[int]:
+    """Return which of the loads that moved overlap robots, which could not give way."""
+    return [k for k in before if is_overlapped(surroundings.loads[k], columns)]
 
 
 def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:

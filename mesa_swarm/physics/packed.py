@@ -22,7 +22,7 @@ SENSING = " ".join((
     "float64[2C] int8[2C]",
 ))  # fmt: skip
 MOVING = " ".join((
-    "float64[2C] float64[2C] float64[2C] float64[2C] float64[1C]",
+    "float64[2C] float64[2C] float64[2C] float64[1C]",
     "(int64[1C] float64[2C] float64[2C] float64[1C] int64[1C] bool[1C]"
     " (int64[1C] int64[1C] float64[2C] float64[1C] float64[2C]) int64[1C])",
     "float64[2C] float64[2C] float64[1C] float64[2C] float64[1C]",
@@ -49,18 +49,18 @@ def sense_packed(first, last, pairs, block):
 
 
 @compiled(nogil=True)
-def move_packed(piece, pieces, pairs, turn_angle, block):
+def move_packed(piece, pieces, pairs, turn_angle, driven, block):
     """Move robots with two wheels that reach their speed at once, where neither bodies nor loads move.
 
-    The commands become the motion, `travel_pieces` moves all, and the slip of what they have achieved is written.
+    What is driven becomes the motion, `travel_pieces` moves all, and the slip of what they have achieved is written.
     """
     (
-        command, wheels, slip, before, heading_before,
+        wheels, slip, before, heading_before,
         crowd, listed, position, heading, motion, radius, statics,
         collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
     ) = unpack(block, MOVING)  # fmt: skip
     if piece == 0:
-        wheels_to_motion(command, radius, motion)
+        wheels_to_motion(driven, radius, motion)
         copy_places(position, before)
         for i in range(len(heading)):
             heading_before[i] = heading[i]
@@ -73,6 +73,6 @@ def move_packed(piece, pieces, pairs, turn_angle, block):
         motion_to_wheels(motion, radius, wheels)
         for i in range(len(heading)):
             if not collided[i]:
-                wheels[i, 0], wheels[i, 1] = command[i, 0], command[i, 1]
-        slip_of(command, wheels, slip)
+                wheels[i, 0], wheels[i, 1] = driven[i, 0], driven[i, 1]
+        slip_of(driven, wheels, slip)
     return ended

@@ -15,7 +15,6 @@ from mesa_swarm.physics.engine import (
     CompiledEngine,
     drives_by_rows,
     hold_readings,
-    move_by_commands,
     rolling_wheels,
     wheels_of,
     write_motion,
@@ -93,21 +92,22 @@ def test_equal_drives_share_one_call_for_all_robots():
 def test_wheels_roll_as_commanded_without_draws_and_slip_with_them():
     swarm = swarm_of((AGENT3.with_slip(probability=0.5, magnitude=0.25), (20, 20)))
     swarm.columns["command"][:] = [[0.8, -0.4]]
-    assert rolling_wheels(swarm, None).tolist() == [[0.8, -0.4]]
-    assert rolling_wheels(swarm, np.array([[0.4, 0.6]])).tolist() == [[pytest.approx(0.6), -0.4]]
+    assert rolling_wheels(swarm, swarm.command, None).tolist() == [[0.8, -0.4]]
+    assert rolling_wheels(swarm, swarm.command, np.array([[0.4, 0.6]])).tolist() == [[pytest.approx(0.6), -0.4]]
 
 
 @pytest.mark.parametrize("collided", [False, True])
 def test_slip_compares_the_command_with_what_was_achieved_where_a_robot_collided_and_with_its_wheels_else(collided):
-    swarm, motion = swarm_of((AGENT3, (30, 30)), (AGENT3, (60, 60))), np.zeros((2, 3))
+    swarm = swarm_of((AGENT3, (30, 30)), (AGENT3, (60, 60)))
     swarm.columns["command"][:] = [[0.8, 0.8], [0.5, 0.5]]
 
-    def travel():
-        swarm.columns["position"][0, 0] += 0.2
-        swarm.columns["collided"][:] = [collided, False]
-        return np.zeros(2)
+    class Pushing(ShapelyEngine):
+        def travel(self, swarm, surroundings, motion, turn_angle):
+            swarm.columns["position"][0, 0] += 0.2
+            swarm.columns["collided"][:] = [collided, False]
+            return np.zeros(2)
 
-    move_by_commands(swarm, WORLD.surroundings, None, drives_by_rows(swarm), motion, travel)
+    Pushing().move(swarm, WORLD.surroundings, swarm.columns["command"], 0.3, None)
     assert swarm.slip[0] == pytest.approx([0.75, 0.75] if collided else [0.0, 0.0])
     assert swarm.slip[1].tolist() == [0.0, 0.0]
 
@@ -149,7 +149,7 @@ def test_an_engine_notices_other_robots_and_other_surroundings(engine):
     assert swarm.distance[:, 0] == pytest.approx([5.0, 0.0])
     engine.settle(swarm, WORLD.surroundings)
     assert swarm.position.tolist() == [[30.0, 40.0], [45.0, 40.0]]
-    engine.move(swarm, WORLD.surroundings, 0.3, None)
+    engine.move(swarm, WORLD.surroundings, swarm.columns["command"], 0.3, None)
     assert not swarm.collided.any()
 
 
@@ -158,7 +158,7 @@ def test_an_engine_moves_and_settles_a_world_without_robots(engine):
     engine, swarm = engine(), Swarm()
     engine.sense(swarm, WORLD.surroundings, 1, None)
     engine.settle(swarm, WORLD.surroundings)
-    engine.move(swarm, WORLD.surroundings, 0.3, None)
+    engine.move(swarm, WORLD.surroundings, swarm.columns["command"], 0.3, None)
     assert len(swarm.position) == 0
 
 

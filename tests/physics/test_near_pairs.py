@@ -88,7 +88,7 @@ def test_after_a_step_the_pairs_are_those_at_the_places_listed_also_where_robots
         crowd = model._engine._crowd
         model.sense()
         listed = crowd.listed.copy()
-        model._engine.move(model.swarm, model._current_scene(), 0.5, None)
+        model._engine.move(model.swarm, model._current_scene(), model.swarm.columns["command"], 0.5, None)
         anew += not (crowd.listed == listed).all()
         expected = near_pairs(crowd.listed, crowd.radii, model._engine._margin, crowd.cells)
         assert ascending(crowd.pairs) == ascending(expected)
