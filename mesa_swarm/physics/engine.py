@@ -10,17 +10,16 @@ from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.physics.crowd import Crowd
 from mesa_swarm.physics.loads import push_all, stuck_loads, take_back
 from mesa_swarm.physics.motion import achieved_motion, slip_of
-from mesa_swarm.physics.packed import MOVING, SENSING, move_packed, sense_packed
-from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
-from mesa_swarm.physics.separation import MARGIN
+from mesa_swarm.physics.packed import WheelArrays, move_packed, sense_packed
+from mesa_swarm.physics.sensing import EyeArrays, err, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.separation import MARGIN, SETTLED
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
-from mesa_swarm.physics.travel import travel, travel_pieces, travel_together
+from mesa_swarm.physics.travel import Blocks, RobotArrays, get_apart, travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import Statics
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4
@@ -112,10 +111,7 @@ class CompiledEngine(Engine):
     def __init__(self) -> None:
         super().__init__()
         self._listed = False  # whether pairs are those of the present places
-        self._extra_turn = np.zeros(0)
-        self._wheels = np.zeros((0, 2))
-        self._looking: Block | None = None
-        self._moving: Block | None = None
+        self._plain: Block | None = None  # of robots that `move_packed` can move
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
@@ -144,43 +140,44 @@ class CompiledEngine(Engine):
     ) -> None:
         """Write position, heading, slip and the contact columns, of plain robots without loads in one call."""
         self._prepare(swarm, surroundings)
-        self._list_pairs(swarm.columns)
-        if self._moving is None or draws is not None or surroundings.room is not None or self._parts(len(swarm)) > 1:
+        self._list_pairs()
+        if self._plain is None or draws is not None or surroundings.room is not None or self._parts(len(swarm)) > 1:
             super().move(swarm, surroundings, driven, turn_angle, draws)
             return
-        moved, crowd = (driven, self._moving.numbers), self._crowd
-        crowd.pairs = travel(move_packed, moved, crowd.pairs, turn_angle, *self._travelling)
+        begin_way(surroundings)
+        crowd, wheels, blocks = self._crowd, self._plain.numbers, self._blocks
+        piece, pieces, state = move_packed(0, 0, crowd.pairs, turn_angle, driven, wheels, *blocks)
+        while state != SETTLED:
+            crowd.pairs = get_apart(state, crowd.pairs, blocks)
+            piece, pieces, state = move_packed(piece + 1, pieces, crowd.pairs, turn_angle, driven, wheels, *blocks)
         if driven is not swarm.columns["command"]:
-            write_slip(swarm, driven, self._wheels)
+            write_slip(swarm, driven, self._rolled)
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
         """Write position, heading and the contact columns."""
         begin_way(surroundings)
-        crowd = self._crowd
-        if self._parts(len(swarm)) > 1:
-            crowd.pairs = travel_together(self._share, crowd.pairs, turn_angle, *self._travelling)
+        crowd, n = self._crowd, len(swarm)
+        if self._parts(n) > 1:
+            crowd.pairs = travel_together(self._share, n, crowd.pairs, turn_angle, self._blocks)
         else:
-            moved = self._travelling[:2] + self._travelling[3:]
-            crowd.pairs = travel(travel_pieces, moved, crowd.pairs, turn_angle, *self._travelling)
+            crowd.pairs = travel(crowd.pairs, turn_angle, self._blocks)
         return self._extra_turn
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
         self._prepare(swarm, surroundings)
-        columns = swarm.columns
-        bodies = columns["position"], columns["radius"], columns["number"]
-        settle(*bodies, self._crowd.cells, self._statics, surroundings.statics.rings)
+        settle(swarm, surroundings, self._crowd.arrays.grid)
 
-    def _list_pairs(self, columns: dict[str, np.ndarray]) -> None:
+    def _list_pairs(self) -> None:
         """List the pairs of robots near each other, unless sensing has."""
         if not self._listed:
-            self._crowd.sort(columns["position"], columns["radius"], columns["number"])
+            self._crowd.sort()
             self._crowd.list_pairs(self._margin)
         self._listed = False  # from here on they are elsewhere
 
     def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         columns, table, statics = swarm.columns, swarm.table, surroundings.statics
-        self._look(columns, surroundings)
+        self._look(len(swarm), surroundings)
         self._listed = True
         distance, kind = columns["distance"], columns["kind"]
         if table.exposed or swarm.disturbed:
@@ -190,19 +187,18 @@ class CompiledEngine(Engine):
         if draws is not None:
             err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
 
-    def _look(self, columns: dict[str, np.ndarray], surroundings: Surroundings) -> None:
+    def _look(self, n: int, surroundings: Surroundings) -> None:
         """Write the readings without error, and list the pairs of robots near each other."""
-        crowd, n = self._crowd, len(self._crowd.order)
-        if self._looking is not None and self._parts(n) == 1:
-            crowd.pairs = crowd.pairs_from(0, n, sense_packed, self._looking.numbers)
+        crowd, parts = self._crowd, self._parts(n)
+        if surroundings.moving is not None:
+            surroundings.moving.look()
+        given = self._eyes.numbers, crowd.block, self._blocks.movers
+        if parts == 1:
+            crowd.pairs = crowd.pairs_from(0, n, sense_packed, *given)
             return
-        crowd.sort(columns["position"], columns["radius"], columns["number"])
-        moving = None if surroundings.moving is None else surroundings.moving.seen
-
-        def rows(first: int, last: int) -> np.ndarray:
-            return crowd.pairs_from(first, last, sense_proximity, moving, *self._sensing)
-
-        crowd.pairs = rows(0, n) if self._parts(n) == 1 else np.concatenate(self._share(n, rows))
+        crowd.sort()
+        found = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *given))
+        crowd.pairs = np.concatenate(found)
 
     def _parts(self, n: int) -> int:
         """Return into how many ranges n rows are cut."""
@@ -214,52 +210,41 @@ class CompiledEngine(Engine):
 
     def _renew(self, swarm: Swarm, surroundings: Surroundings) -> None:
         super()._renew(swarm, surroundings)
-        n = len(swarm)
-        radius = swarm.radius
-        self._largest_radius = float(radius.max(initial=0.0))
-        self._margin = MARGIN * float(radius.min(initial=self._largest_radius))
-        cell = max(2 * self._largest_radius + self._margin, 1e-9)
+        n, columns, table, statics = len(swarm), swarm.columns, swarm.table, surroundings.statics
+        largest = float(swarm.radius.max(initial=0.0))
+        self._margin = MARGIN * float(swarm.radius.min(initial=largest))
+        cell = max(2 * largest + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._crowd, self._listed = Crowd(grid.numbers, grid.cells, n), False
-        self._extra_turn = np.zeros(n)
-        statics = surroundings.statics
-        touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-        movers = None if surroundings.moving is None else surroundings.moving.numbers
-        self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched, movers
-        self._collect_arguments(swarm, statics)
-
-    def _collect_arguments(self, swarm: Swarm, statics: Statics) -> None:
-        """Collect what `sense_proximity` and `travel` take of arrays that stay the same until robots change."""
-        columns, table, crowd = swarm.columns, swarm.table, self._crowd
-        self._sensing: tuple[Any, ...] = (
-            *(crowd.order, crowd.listed, crowd.radii, self._largest_radius, self._margin, crowd.cells, crowd.start),
-            *(columns["heading"], columns["design"], table.proximity, table.counts, table.reach),
-            *(statics.edges, statics.discs, statics.kind, statics.grid.numbers),
-            *(statics.seen_start, statics.seen_items, columns["distance"], columns["kind"]),
-        )
-        self._travelling: tuple[Any, ...] = (
-            *(crowd.arrays, crowd.listed, crowd.cells, columns["position"], columns["heading"], self._motion),
-            *(columns["radius"], self._statics, columns["collided"]),
-            *(columns[name] for name in CONTACT_COLUMNS),
-            self._extra_turn,
-        )
-        self._looking = self._moving = None
-        if self._statics[-1] is None:  # no body moves
-            self._pack(swarm)
-
-    def _pack(self, swarm: Swarm) -> None:
-        """Put the same arguments into blocks, as far as robots are plain."""
-        columns, crowd, (_, _, _, largest_radius, margin, cells, _, *rest) = swarm.columns, self._crowd, self._sensing
         where = columns["position"], columns["radius"], columns["number"]
-        self._looking = Block(SENSING, *where, cells, *crowd.sorted, largest_radius, margin, *rest)
-        drives, table = [drive for drive, _ in self._drives], swarm.table
-        if [type(drive) for drive in drives] == [DifferentialDrive] and not (
-            table.limited or table.mixed or table.slides
-        ):
-            n = len(swarm)
-            self._wheels = np.zeros((n, 2))
-            scratch = self._wheels, columns["slip"], np.zeros((n, 2)), np.zeros(n)
-            self._moving = Block(MOVING, *scratch, *self._travelling[:2], *self._travelling[3:])
+        self._crowd, self._listed = Crowd(grid.numbers, *where), False
+        self._eyes = Block(
+            EyeArrays(
+                largest_radius=largest,
+                margin=self._margin,
+                heading=columns["heading"],
+                design=columns["design"],
+                sensors=table.proximity,
+                counts=table.counts,
+                reach=table.reach,
+                edges=statics.edges,
+                discs=statics.discs,
+                static_kind=statics.kind,
+                seen=statics.seen,
+                distance=columns["distance"],
+                kind=columns["kind"],
+            )
+        )
+        written = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
+        self._extra_turn = np.zeros(n)
+        robots = RobotArrays(motion=self._motion, radius=columns["radius"], extra_turn=self._extra_turn, **written)
+        self._robots, self._statics = Block(robots), Block(surroundings.still)
+        movers = None if surroundings.moving is None else surroundings.moving.block
+        self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
+        is_plain = not (table.limited or table.mixed or table.slides)
+        self._plain = None
+        if is_plain and [type(drive) for drive, _ in self._drives] == [DifferentialDrive]:
+            self._rolled = np.zeros((n, 2))
+            self._plain = Block(WheelArrays(columns["slip"], self._rolled, np.zeros((n, 2)), np.zeros(n)))
 
 
 def begin_way(surroundings: Surroundings) -> None:

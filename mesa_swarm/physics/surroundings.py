@@ -11,6 +11,7 @@ from shapely import STRtree
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.moving import Moving
 from mesa_swarm.world.bodies import Body, Load, Pose, placed
 from mesa_swarm.world.movers import Driven, Movers
@@ -212,6 +213,17 @@ class Surroundings:
         if self.moving is None:
             return set()
         return {self.driven[place] for place in np.flatnonzero(self.moving.movers.carried)}
+
+    @property
+    def still(self) -> StaticArrays:
+        """What robots can touch besides each other and driven bodies, as compiled functions take it."""
+        s = self.statics
+        return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, None)
+
+    @property
+    def solids(self) -> StaticArrays:
+        """The same with driven bodies."""
+        return self.still._replace(movers=None if self.moving is None else self.moving.arrays)
 
     def blocked_by_loads(self) -> np.ndarray:
         """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
