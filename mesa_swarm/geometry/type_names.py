@@ -2,7 +2,7 @@
 
 import re
 from importlib import import_module
-from types import NoneType, UnionType
+from types import NoneType
 from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -16,7 +16,7 @@ Integers = Annotated[np.ndarray, "int64[1C]"]
 Codes = Annotated[np.ndarray, "int8[1C]"]
 CodeRows = Annotated[np.ndarray, "int8[2C]"]
 Flags = Annotated[np.ndarray, "bool[1C]"]
-NUMBERS = {float: types.float64, int: types.int64, NoneType: types.none}
+NUMBERS = {float: types.float64, int: types.int64}
 
 
 def in_words(kind: Any) -> str:
@@ -78,8 +78,8 @@ def declared_type(annotation: Any) -> Any:
     """
     if get_origin(annotation) is Annotated:
         return _type_in_word(annotation.__metadata__[0])
-    if isinstance(annotation, UnionType):
-        (annotation,) = {NoneType}.intersection(get_args(annotation))
+    if NoneType in get_args(annotation):
+        return types.none
     if annotation in NUMBERS:
         return NUMBERS[annotation]
     if get_origin(annotation) is tuple:

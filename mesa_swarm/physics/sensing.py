@@ -63,7 +63,7 @@ class EyeArrays(NamedTuple):
     kind: CodeRows
 
 
-class Chunk(NamedTuple):
+class ChunkArrays(NamedTuple):
     """The robots `begin` to `end` whose readings are made together, and the readings, row 0 that of the first."""
 
     begin: int
@@ -99,7 +99,7 @@ def sense_proximity(eyes, crowd, movers, first, last, pairs):
     for begin in range(first, last, CHUNK):
         end = min(begin + CHUNK, last)
         _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, what)
-        chunk = Chunk(
+        chunk = ChunkArrays(
             begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, what
         )
         m = _find_statics(chunk, reach, edges, static_kind, e.seen, found, NONE)

@@ -25,9 +25,9 @@ def settle(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
 
     `grid` finds robots near each other.
     """
-    if not len(swarm):
-        return
     position, radius, number = (swarm.columns[name] for name in ("position", "radius", "number"))
+    if not len(position):
+        return
     solids, moving, rings = surroundings.solids, surroundings.moving, surroundings.statics.rings
     leave_solids(position, radius, solids, rings)
     crowd = CrowdArrays.of(grid, position, radius, number)._replace(places=position, radii=radius, numbers=number)
