@@ -83,7 +83,7 @@ def travel_pieces(piece, pieces, pairs, turn_angle, robots, crowd, statics, move
     if piece == 0:
         pieces = count_all_pieces(robots, movers)
     for k in range(piece, pieces):
-        if k > 0:
+        if k > 0:  # after the piece before, also where its robots were got apart from Python
             turn_rows(turn_angle, robots, crowd)
         begin_piece(k, pieces, robots, crowd, statics, movers)
         advance_rows(k, pieces, robots, crowd, statics, movers, NONE, n)
