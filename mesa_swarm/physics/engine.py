@@ -39,6 +39,10 @@ class Engine(ABC):
         self._drives: Rows = []
         self._motion = np.zeros((0, 3))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what refers to arrays: a copied or unpickled engine prepares anew."""
+        return vars(type(self)()) | {"threads": self.threads}
+
     @abstractmethod
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""

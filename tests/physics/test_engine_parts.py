@@ -1,5 +1,6 @@
 """The parts of a step between columns and kernels, and the kernels of radio, beside twins that try all pairs."""
 
+import copy
 import math
 from types import SimpleNamespace
 
@@ -280,3 +281,15 @@ def test_a_channel_carries_what_its_radio_broadcasts_and_notices_other_robots_an
 
 def test_an_exchange_without_robots_needs_no_surroundings():
     Channel(Radio()).exchange(Swarm(), SimpleNamespace(), np.uint64(5))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_copied_engine_refers_to_no_arrays_of_the_first(engine):
+    engine, swarm = engine(), swarm_of((AGENT9, (20, 20)))
+    engine.threads = 3
+    engine.sense(swarm, WORLD.surroundings, 1, None)
+    twin, other = copy.deepcopy((engine, swarm))
+    assert (twin.threads, vars(twin).keys()) == (3, vars(type(engine)()).keys())
+    other.columns["command"][:] = 1.0
+    twin.move(other, WORLD.surroundings, other.columns["command"], 0.3, None)
+    assert (other.position[0, 0], swarm.position[0, 0]) == (21.0, 20.0)
