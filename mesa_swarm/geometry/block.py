@@ -1,7 +1,8 @@
 """Many arguments of a compiled function in one array of numbers: addresses and shapes of arrays, and numbers.
 
 To pass an array from Python takes about 50 ns. Arguments that stay the same from step to step are put into a `Block`
-once; a compiled function that is given its array takes them out at the cost of reading memory.
+once; a compiled function that is given its array takes them out at the cost of reading memory. Their names and types
+are those that a class, a `typing.NamedTuple`, declares; see `type_names.declared_type`.
 """
 
 from typing import Any, cast
@@ -11,7 +12,7 @@ from numba import typeof, types
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-from mesa_swarm.geometry.type_names import in_words, types_in_words
+from mesa_swarm.geometry.type_names import declared_type, in_words
 
 NUMBER = np.dtype(np.int64)
 
@@ -21,10 +22,7 @@ class Block:
 
     Parameters
     ----------
-    words : str
-        The types of the arguments, see `types_in_words`: arrays in C order, whole and real numbers, None, and tuples of
-        these.
-    *values
+    values : NamedTuple
         The arguments; arrays are kept as long as the block is.
 
     Attributes
@@ -35,26 +33,31 @@ class Block:
     Raises
     ------
     TypeError
-        If the arguments have other types.
+        If they have other types than their class declares.
 
     Examples
     --------
-    >>> Block("float64[1C] (int64 float64)", np.zeros(3), (1, 0.5)).numbers[1:].tolist()
-    [3, 1, 4602678819172646912]
+    >>> from typing import NamedTuple
+    >>> from mesa_swarm.geometry.type_names import Reals
+    >>> class Table(NamedTuple):
+    ...     values: Reals
+    ...     share: float
+    >>> Block(Table(np.zeros(3), 0.5)).numbers[1:].tolist()
+    [3, 4602678819172646912]
     """
 
-    __slots__ = ("_values", "_words", "numbers")
+    __slots__ = ("_values", "numbers")
 
-    def __init__(self, words: str, *values: Any) -> None:
-        given = " ".join(in_words(typeof(value)) for value in values)
-        if given != words:
-            raise TypeError(f"a block got {given}; expected {words}")
-        self._words, self._values = words, values
+    def __init__(self, values: Any) -> None:
+        given, declared = in_words(typeof(values)), in_words(declared_type(type(values)))
+        if given != declared:
+            raise TypeError(f"a block got {given}; expected {declared}")
+        self._values = values
         self.numbers = np.array(_numbers_of(values), NUMBER)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how a copy is made: of copies of the arrays, so that it refers to these."""
-        return Block, (self._words, *self._values)
+        return Block, (self._values,)
 
 
 def _numbers_of(value: Any) -> list[int]:
@@ -67,16 +70,18 @@ def _numbers_of(value: Any) -> list[int]:
     return [int(np.float64(value).view(NUMBER)) if isinstance(value, float) else int(value)]
 
 
-@intrinsic(prefer_literal=True)
-def unpack(typing_context: Any, block: Any, words: Any) -> Any:
-    """Return the arguments in a block of these words, a literal text, as a tuple; for compiled functions."""
-    result = types.Tuple(types_in_words(words.literal_value))
+@intrinsic
+def unpack(typing_context: Any, block: Any, declared: Any) -> Any:
+    """Return the arguments in a block, as the class declares them, or None for None; for compiled functions."""
+    if block is types.none:
+        return types.none(block, declared), lambda context, *_: context.get_dummy_value()
+    result = declared_type(declared.instance_class)
 
     def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, given[0])
         return _Reader(context, builder, array.data).take(result)
 
-    return result(block, words), code
+    return result(block, declared), code
 
 
 class _Reader:

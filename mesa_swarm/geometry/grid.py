@@ -2,10 +2,23 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import Integers
+
+# A uniform grid as compiled functions take it: x and y of its lower left corner, cells per map unit, columns, rows.
+GridNumbers = tuple[float, float, float, int, int]
+
+
+class CellLists(NamedTuple):
+    """Items listed by the cells of a grid: those of cell c are ``items[start[c]:start[c + 1]]``."""
+
+    grid: GridNumbers
+    start: Integers
+    items: Integers
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,7 +62,7 @@ class Grid:
         return self.columns * self.rows
 
     @property
-    def numbers(self) -> tuple[float, float, float, int, int]:
+    def numbers(self) -> GridNumbers:
         """Arguments of the compiled functions: x, y, 1/cell, columns, rows."""
         return self.x, self.y, 1.0 / self.cell, self.columns, self.rows
 
@@ -69,6 +82,26 @@ def cell_index(value: float, origin: float, per_unit: float, count: int) -> int:
     if scaled >= count:
         return count - 1
     return int(scaled)
+
+
+@compiled
+def cell_at(x, y, grid):
+    """Return the cell that holds a point, see `cell_index`.
+
+    Examples
+    --------
+    >>> cell_at(25.0, 15.0, Grid(x=0.0, y=0.0, cell=10.0, columns=4, rows=3).numbers)
+    6
+    """
+    left, below, per_unit, columns, rows = grid
+    return cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
+
+
+@compiled
+def cells_of(grid):
+    """Return the number of cells of a grid."""
+    columns, rows = grid[3:]
+    return columns * rows
 
 
 @compiled
@@ -92,24 +125,22 @@ def sort_into_cells(position, grid, start, order, cell_of):
     >>> order
     array([1, 0])
     """
-    x, y, per_unit, columns, rows = grid
-    n = position.shape[0]
+    n, cells = position.shape[0], start.shape[0] - 1
     start[:] = 0
     for i in range(n):
-        column = cell_index(position[i, 0], x, per_unit, columns)
-        c = column + columns * cell_index(position[i, 1], y, per_unit, rows)
+        c = cell_at(position[i, 0], position[i, 1], grid)
         cell_of[i] = c
         start[c + 1] += 1
-    for c in range(columns * rows):
+    for c in range(cells):
         start[c + 1] += start[c]
     for i in range(n - 1, -1, -1):
         c = cell_of[i]
         start[c + 1] -= 1
         order[start[c + 1]] = i
     # After the backward fill start[c + 1] is the first index of cell c: shift it home.
-    for c in range(columns * rows):
+    for c in range(cells):
         start[c] = start[c + 1]
-    start[columns * rows] = n
+    start[cells] = n
 
 
 @compiled

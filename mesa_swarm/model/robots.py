@@ -185,11 +185,9 @@ class RobotsPart(Part):
             self.engine.settle(swarm, scene)
             swarm.disturbed = False
         draws = self.model.streams["slip"].random((len(swarm), table.wheels)) if table.slips else None
-        if imperfect is None:
-            self.engine.move(swarm, scene, self.turn_angle, draws)
-            return
-        with imperfect.driving(swarm, self.model._completed) as rolled:
-            rolled.append(self.engine.move(swarm, scene, self.turn_angle, draws))
+        step = self.model._completed
+        driven = swarm.columns["command"] if imperfect is None else imperfect.driven_wheels(swarm, step)
+        self.engine.move(swarm, scene, driven, self.turn_angle, draws)
 
     def count_collisions(self) -> None:
         """Count the robots that overlapped anything in this step."""

@@ -7,12 +7,16 @@ overlap each other.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.grid import cell_index
+from mesa_swarm.geometry.grid import CellLists, cell_at
 from mesa_swarm.geometry.overlap import nearest_on_segment
+from mesa_swarm.geometry.type_names import Codes, Integers, RealRows, Reals
+from mesa_swarm.physics.moving import MoverArrays
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
 
@@ -28,12 +32,52 @@ MOST_PUSHES = 12
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
+class StaticArrays(NamedTuple):
+    """What robots can touch besides each other, as compiled functions take it.
+
+    All but `movers`, the driven bodies, are as in `Statics`.
+    """
+
+    edges: RealRows
+    discs: RealRows
+    owner: Integers
+    body: Codes
+    bounds: Reals
+    touched: CellLists
+    movers: MoverArrays | None
+
+
+class ContactArrays(NamedTuple):
+    """The deepest contact of each robot in a step: its kind, the other body, normal and depth.
+
+    `face` (n, 3) has the normal and depth of that with a flat face in this piece of the step.
+    """
+
+    kind: Integers
+    other: Integers
+    normal: RealRows
+    depth: Reals
+    face: RealRows
+
+    @classmethod
+    def of(cls, n: int) -> "ContactArrays":
+        """Return room for the contacts of n robots, none yet."""
+        return cls(np.full(n, -1), np.full(n, -1), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3)))
+
+
+@compiled
+def solids_in(statics, movers):
+    """Return the `StaticArrays` in a block, with the movers in another one, or None."""
+    s = unpack(statics, StaticArrays)
+    return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, unpack(movers, MoverArrays))
+
+
 @compiled
 def deepest_static(x, y, radius, statics):
     """Return depth, normal, flatness and item of the deepest overlap of a disc with static bodies."""
-    edges, discs, _, _, bounds, grid, start, items, movers = statics
-    found = deepest_listed(x, y, radius, edges, discs, grid, start, items, _deepest_border(x, y, radius, bounds))
-    return deepest_moving(x, y, radius, edges, discs, movers, found)
+    edges, discs = statics.edges, statics.discs
+    found = deepest_listed(x, y, radius, edges, discs, statics.touched, _deepest_border(x, y, radius, statics.bounds))
+    return deepest_moving(x, y, radius, edges, discs, statics.movers, found)
 
 
 @compiled
@@ -41,16 +85,14 @@ def deepest_moving(x, y, radius, edges, discs, movers, found):
     """Return the deepest overlap with driven bodies if it is deeper than what was found."""
     if movers is None:
         return found
-    grid, start, items, _ = movers[5]
-    return deepest_listed(x, y, radius, edges, discs, grid, start, items, found)
+    return deepest_listed(x, y, radius, edges, discs, movers.touched, found)
 
 
 @compiled
-def deepest_listed(x, y, radius, edges, discs, grid, start, items, deepest_found):
-    """Return the deepest overlap with the items that a grid lists if it is deeper than what was found."""
+def deepest_listed(x, y, radius, edges, discs, lists, deepest_found):
+    """Return the deepest overlap with the items that are listed if it is deeper than what was found."""
     deepest, normal_x, normal_y, flat, found = deepest_found
-    left, below, per_unit, columns, rows = grid
-    cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
+    start, items, cell = lists.start, lists.items, cell_at(x, y, lists.grid)
     for k in range(start[cell], start[cell + 1]):
         item = items[k]
         if item < edges.shape[0]:
@@ -148,11 +190,10 @@ class Contacts:
 @compiled(apart=True)
 def push_all_from_statics(rows, position, radius, statics, contacts, free):
     """Move the robots in these rows out of static bodies, and write for which ones that was possible."""
-    bounds, grid, start, movers = statics[4], statics[5], statics[6], statics[8]
-    left, below, per_unit, columns, lines = grid
+    bounds, movers, grid, start = statics.bounds, statics.movers, statics.touched.grid, statics.touched.start
     for i in rows:
         x, y, r = position[i, 0], position[i, 1], radius[i]
-        cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
+        cell = cell_at(x, y, grid)
         # Most robots are near no static body: they have to be quick.
         clear = start[cell] == start[cell + 1] and (
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
@@ -165,8 +206,7 @@ def no_body_near(x, y, movers):
     """Return whether no driven body can be touched from a place."""
     if movers is None:
         return True
-    (left, below, per_unit, columns, lines), start, _, _ = movers[5]
-    cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
+    start, cell = movers.touched.start, cell_at(x, y, movers.touched.grid)
     return start[cell] == start[cell + 1]
 
 
@@ -179,15 +219,14 @@ def coincident_direction(a, b):
 
 
 @compiled
-def note_contact(i, kind, index, nx, ny, depth, contacts):
+def note_contact(i, kind, other, nx, ny, depth, contacts):
     """Write a contact of robot i if it is its deepest in this step."""
-    contact_kind, contact_index, contact_normal, contact_depth, _ = contacts
-    if depth > contact_depth[i]:
-        contact_kind[i] = kind
-        contact_index[i] = index
-        contact_normal[i, 0] = nx
-        contact_normal[i, 1] = ny
-        contact_depth[i] = depth
+    if depth > contacts.depth[i]:
+        contacts.kind[i] = kind
+        contacts.other[i] = other
+        contacts.normal[i, 0] = nx
+        contacts.normal[i, 1] = ny
+        contacts.depth[i] = depth
 
 
 @compiled
@@ -197,15 +236,15 @@ def push_from_statics(i, position, radius, statics, contacts):
     Deepest overlap first, because the face of a wall that lifts the robot frees it of the corner of the next
     wall, flush with the first: it does not catch on the seam.
     """
-    face = contacts[4]
+    face = contacts.face
     for _ in range(MOST_PUSHES):
         depth, nx, ny, flat, item = deepest_static(position[i, 0], position[i, 1], radius, statics)
         if depth <= SLOP * radius:
             return True
         position[i, 0] += nx * depth
         position[i, 1] += ny * depth
-        kind = OBSTACLE if item == BORDER else statics[3][item]
-        note_contact(i, kind, BORDER if item == BORDER else statics[2][item], nx, ny, depth, contacts)
+        kind = OBSTACLE if item == BORDER else statics.body[item]
+        note_contact(i, kind, BORDER if item == BORDER else statics.owner[item], nx, ny, depth, contacts)
         if flat and depth > face[i, 2]:
             face[i, 0], face[i, 1], face[i, 2] = nx, ny, depth
     return False

@@ -1,82 +1,148 @@
 """The robots in the order of cells: those near each other are near each other in memory."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry.block import Block, unpack
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.grid import sort_into_cells
-from mesa_swarm.physics.separation import near_pairs
+from mesa_swarm.geometry.grid import GridNumbers, cell_index, cells_of, sort_into_cells
+from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
+from mesa_swarm.physics.contact import ContactArrays
+from mesa_swarm.physics.motion import largest_of
 
 PAIRS_PER_ROBOT, FEWEST_PAIRS = 2, 64
 
 
-class Crowd:
-    """Copies of the columns that neighbours need, in the order of cells, and the pairs of robots near each other.
+class CrowdArrays(NamedTuple):
+    """Copies of the columns that neighbours need, in the order of cells, as compiled functions take them.
 
-    Row p is the robot in row ``order[p]`` of the swarm; cell c of the grid holds rows ``start[c]`` to
-    ``start[c + 1]``. Within a cell they ascend by row of the swarm, so that the order follows from the places alone.
+    The first three are these columns. Row p of the copies is the robot in row ``order[p]`` of the swarm; cell c of the
+    grid holds rows ``start[c]`` to ``start[c + 1]``. Within a cell they ascend by row of the swarm, so that the order
+    follows from the places alone. `cell_of`, `listed`, `radii` and `numbers` are the cell of each, its place when they
+    were sorted, radius and number; `places` and `before` where it is now, and was before this piece of the step; `free`
+    whether it is clear of static bodies; `rows` are 0 to n - 1.
+    """
+
+    position: RealRows
+    radius: Reals
+    number: Integers
+    grid: GridNumbers
+    start: Integers
+    order: Integers
+    cell_of: Integers
+    listed: RealRows
+    radii: Reals
+    numbers: Integers
+    places: RealRows
+    before: RealRows
+    free: Flags
+    contacts: ContactArrays
+    rows: Integers
+
+    @classmethod
+    def of(cls, grid: GridNumbers, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> "CrowdArrays":
+        """Return room for copies of these columns."""
+        n = len(position)
+        start, order, cell_of = np.zeros(cells_of(grid) + 1, np.int64), np.arange(n), np.zeros(n, np.int64)
+        listed, radii, numbers = np.zeros((n, 2)), np.zeros(n), np.zeros(n, np.int64)
+        places, before, free = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n, np.bool_)
+        sorted_arrays = start, order, cell_of, listed, radii, numbers
+        contacts, rows = ContactArrays.of(n), np.arange(n)
+        return cls(position, radius, number, grid, *sorted_arrays, places, before, free, contacts, rows)
+
+
+class Crowd:
+    """The robots in the order of cells, and the pairs of robots near each other.
 
     Attributes
     ----------
-    cells : tuple
-        `Grid.numbers`.
-    start, order : int64 ndarrays, shapes (cells + 1,), (n,)
-    listed : ndarray, shape (n, 2)
-        The places at which they were sorted.
-    radii : ndarray, shape (n,)
-    sorted : tuple
-        What `sort_by_cell` writes: start, order, the cell of each, listed, radii and numbers.
+    arrays : CrowdArrays
     pairs : int64 ndarray, shape (m, 2)
-        The pairs that were within the margin there.
-    arrays : tuple
-        What `travel` takes: order, places, those before a piece, radii, numbers, which are free of static bodies, their
-        contacts (kind, index, normal, depth, face), and 0 to n - 1.
+        The pairs that were within the margin where robots were sorted.
     """
 
-    def __init__(self, cells: tuple, count: int, n: int) -> None:
-        self.cells = cells
-        self.start, self.order, self._cell_of = np.zeros(count + 1, np.int64), np.arange(n), np.zeros(n, np.int64)
-        self.listed, self.radii, self._numbers = np.zeros((n, 2)), np.zeros(n), np.zeros(n, np.int64)
+    def __init__(self, grid: GridNumbers, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> None:
+        self.arrays = CrowdArrays.of(grid, position, radius, number)
+        self._block = Block(self.arrays)
         self.pairs = np.empty((0, 2), np.int64)
         self._rooms: dict[int, np.ndarray] = {}
-        contacts = np.full(n, -1), np.full(n, -1), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3))
-        self.sorted = self.start, self.order, self._cell_of, self.listed, self.radii, self._numbers
-        places, before, free = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n, np.bool_)
-        self.arrays: tuple[Any, ...] = (
-            *(self.order, places, before, self.radii, self._numbers, free),
-            contacts,
-            np.arange(n),
-        )
 
-    def sort(self, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> None:
+    @property
+    def block(self) -> np.ndarray:
+        """The arrays as compiled functions take them: the numbers of a block."""
+        return self._block.numbers
+
+    def sort(self) -> None:
         """Sort the robots by the cells in which they are now."""
-        sort_by_cell(position, radius, number, self.cells, *self.sorted)
+        sort_by_cell(self.block)
 
     def list_pairs(self, margin: float) -> None:
         """List the pairs within this margin of each other."""
-        self.pairs = near_pairs(self.listed, self.radii, margin, self.cells)
+        self.pairs = near_pairs(self.arrays.listed, self.arrays.radii, margin, self.arrays.grid)
 
     def pairs_from(self, first: int, last: int, find: Callable[..., int], *given: Any) -> np.ndarray:
-        """Return the pairs of rows [first, last): ``find(first, last, room, *given)`` writes them.
+        """Return the pairs of rows [first, last): ``find(*given, first, last, room)`` writes them.
 
         It returns how many there are, also where there is not room for all.
         """
         room = self._rooms.get(first)
         if room is None:
             room = np.empty((FEWEST_PAIRS + PAIRS_PER_ROBOT * (last - first), 2), np.int64)
-        while (count := find(first, last, room, *given)) >= len(room):
+        while (count := find(*given, first, last, room)) >= len(room):
             room = np.empty((FEWEST_PAIRS + 2 * count, 2), np.int64)
         self._rooms[first] = room
         return room[:count]
 
 
 @compiled
-def sort_by_cell(position, radius, number, cells, start, order, cell_of, places, radii, numbers):
+def sort_by_cell(crowd):
     """Sort robots by cell, and copy their places, radii and numbers in that order."""
-    sort_into_cells(position, cells, start, order, cell_of)
+    c = unpack(crowd, CrowdArrays)
+    position, radius, number, order, listed = c.position, c.radius, c.number, c.order, c.listed
+    radii, numbers = c.radii, c.numbers
+    sort_into_cells(position, c.grid, c.start, order, c.cell_of)
     for p in range(order.shape[0]):
         i = order[p]
-        places[p, 0], places[p, 1] = position[i, 0], position[i, 1]
+        listed[p, 0], listed[p, 1] = position[i, 0], position[i, 1]
         radii[p], numbers[p] = radius[i], number[i]
+
+
+@compiled(apart=True)
+def near_pairs(position, radius, margin, grid):
+    """Return the pairs (i, j) of robots that overlap or come within `margin` of it, i before j in the order of cells.
+
+    The first of a pair is the one whose cell, or within a cell whose row, comes first.
+    """
+    n = position.shape[0]
+    x, y, per_unit, columns, rows = grid
+    start = np.zeros(columns * rows + 1, np.int64)
+    order = np.empty(n, np.int64)
+    cell_of = np.empty(n, np.int64)
+    sort_into_cells(position, grid, start, order, cell_of)
+    pairs = np.empty((max(n, 16), 2), np.int64)
+    count = 0
+    largest = largest_of(radius)
+    for i in range(n):
+        far = radius[i] + largest + margin
+        column, row = cell_of[i] % columns, cell_of[i] // columns
+        first = cell_index(position[i, 0] - far, x, per_unit, columns)
+        last = cell_index(position[i, 0] + far, x, per_unit, columns)
+        highest = cell_index(position[i, 1] + far, y, per_unit, rows)
+        # Each pair is found once, from the earlier of its two cells.
+        for r in range(row, highest + 1):
+            left = column if r == row else first
+            for k in range(start[left + columns * r], start[last + columns * r + 1]):
+                j = order[k]
+                if cell_of[j] == cell_of[i] and j <= i:
+                    continue
+                near = radius[i] + radius[j] + margin
+                dx, dy = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
+                if dx * dx + dy * dy < near * near:
+                    if count == pairs.shape[0]:
+                        pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                    pairs[count, 0] = i
+                    pairs[count, 1] = j
+                    count += 1
+    return pairs[:count]

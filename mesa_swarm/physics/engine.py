@@ -1,26 +1,25 @@
 """The compiled engine: what sensing and moving do to the swarm's columns."""
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from abc import ABC, abstractmethod
+from typing import Any
 
 import numpy as np
 
 from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.physics.crowd import Crowd
-from mesa_swarm.physics.loads import carry
+from mesa_swarm.physics.loads import push_all, stuck_loads, take_back
 from mesa_swarm.physics.motion import achieved_motion, slip_of
-from mesa_swarm.physics.packed import MOVING, SENSING, move_packed, sense_packed
-from mesa_swarm.physics.sensing import err, sense_inside, sense_line, sense_proximity, sense_radiation
-from mesa_swarm.physics.separation import MARGIN
+from mesa_swarm.physics.packed import WheelArrays, move_packed, sense_packed
+from mesa_swarm.physics.sensing import EyeArrays, err, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.separation import MARGIN, SETTLED
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
-from mesa_swarm.physics.travel import travel, travel_pieces, travel_together
+from mesa_swarm.physics.travel import Blocks, RobotArrays, get_apart, travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import Statics
 
 FEWEST_CELLS = 64
 CELLS_PER_ROBOT = 4
@@ -30,37 +29,93 @@ CONTACT_COLUMNS = ("contact_kind", "contact_index", "contact_normal", "contact_d
 Rows = list[tuple[Drive, Any]]
 
 
-class Engine(Protocol):
-    """Computes sensing and contact: `CompiledEngine` or the Shapely twin."""
-
-    threads: int
-
-    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
-
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
-        """Move all robots by their commands, resolve contacts, and return the speeds at which wheels rolled (n, w).
-
-        `draws` (n, w) are for the wheels' slip.
-        """
-
-    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
-        """Move robots that overlap anything to free room nearby."""
-
-
-class CompiledEngine:
-    """Sensing and contact by compiled functions on a uniform grid."""
+class Engine(ABC):
+    """Computes sensing and contact: `CompiledEngine` or the Shapely twin. What moves in which order they share."""
 
     def __init__(self) -> None:
         self.threads = 1
         self._version = -1
         self._surroundings: Surroundings | None = None
-        self._listed = False  # whether pairs are those of the present places
-        self._motion, self._extra_turn = np.zeros((0, 3)), np.zeros(0)
         self._drives: Rows = []
-        self._wheels = np.zeros((0, 2))
-        self._looking: Block | None = None
-        self._moving: Block | None = None
+        self._motion = np.zeros((0, 3))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what refers to arrays: a copied or unpickled engine prepares anew."""
+        return vars(type(self)()) | {"threads": self.threads}
+
+    @abstractmethod
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
+        """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
+
+    @abstractmethod
+    def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
+        """Move driven bodies and all robots, resolve contacts, and return by how much faces turned each robot (rad).
+
+        `motion` (n, 3) is along the body: ahead, to the left, map units a step, and the turn, rad.
+        """
+
+    @abstractmethod
+    def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        """Move robots that overlap anything to free room nearby."""
+
+    def move(
+        self,
+        swarm: Swarm,
+        surroundings: Surroundings,
+        driven: np.ndarray,
+        turn_angle: float,
+        draws: np.ndarray | None,
+    ) -> None:
+        """Move loads, driven bodies and robots, and write position, heading, slip and the contact columns.
+
+        Parameters
+        ----------
+        driven : ndarray, shape (n, w)
+            Speeds at which motors drive the wheels, map units a step: the column command, or what imperfections
+            leave of it.
+        turn_angle : float
+            Robots that meet a flat face at an angle to its normal larger than this, rad, turn along it.
+        draws : ndarray, shape (n, w), or None
+            Uniform in [0, 1), for the wheels' slip.
+        """
+        self._prepare(swarm, surroundings)
+        columns, table, room = swarm.columns, swarm.table, surroundings.room
+        motion, drives, collided = self._motion, self._drives, columns["collided"]
+        wheels = rolling_wheels(swarm, driven, draws)
+        write_motion(swarm, drives, wheels, motion)
+        if table.slides:
+            lose_motion(motion, columns["design"], table.directed)
+            wheels = wheels_of(swarm, drives, motion)
+        start, start_heading = columns["position"].copy(), columns["heading"].copy()
+        pushed = {} if room is None else push_all(surroundings, room, columns, motion)
+        extra_turn = self.travel(swarm, surroundings, motion, turn_angle)
+        while room is not None and (stuck := stuck_loads(surroundings, room, pushed, columns)):
+            columns["position"][:], columns["heading"][:] = start, start_heading
+            take_back(surroundings, room, pushed, stuck)
+            extra_turn = self.travel(swarm, surroundings, motion, turn_angle)
+        if np.count_nonzero(collided):
+            achieved_motion(start, columns["position"], start_heading, extra_turn, collided, motion)
+            wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
+        write_slip(swarm, driven, wheels)
+
+    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        """Make scratch arrays and tables anew when robots, designs or obstacles have changed."""
+        if self._version == swarm.version and self._surroundings is surroundings:
+            return
+        self._renew(swarm, surroundings)
+        self._version, self._surroundings = swarm.version, surroundings
+
+    def _renew(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        self._motion, self._drives = np.zeros((len(swarm), 3)), drives_by_rows(swarm)
+
+
+class CompiledEngine(Engine):
+    """Sensing and contact by compiled functions on a uniform grid."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._listed = False  # whether pairs are those of the present places
+        self._plain: Block | None = None  # of robots that `move_packed` can move
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
@@ -79,40 +134,54 @@ class CompiledEngine:
             marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
-        """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
+    def move(
+        self,
+        swarm: Swarm,
+        surroundings: Surroundings,
+        driven: np.ndarray,
+        turn_angle: float,
+        draws: np.ndarray | None,
+    ) -> None:
+        """Write position, heading, slip and the contact columns, of plain robots without loads in one call."""
         self._prepare(swarm, surroundings)
-        columns, crowd = swarm.columns, self._crowd
-        if not self._listed:
-            crowd.sort(columns["position"], columns["radius"], columns["number"])
-            crowd.list_pairs(self._margin)
-        self._listed = False  # from here on they are elsewhere
-        together = self._parts(len(self._extra_turn)) > 1
-        if self._moving is not None and draws is None and not together and surroundings.room is None:
-            crowd.pairs = travel(move_packed, (self._moving.numbers,), crowd.pairs, turn_angle, *self._travelling)
-            return self._wheels
+        self._list_pairs()
+        if self._plain is None or draws is not None or surroundings.room is not None or self._parts(len(swarm)) > 1:
+            super().move(swarm, surroundings, driven, turn_angle, draws)
+            return
+        begin_way(surroundings)
+        crowd, wheels, blocks = self._crowd, self._plain.numbers, self._blocks
+        piece, pieces, state = move_packed(0, 0, crowd.pairs, turn_angle, driven, wheels, *blocks)
+        while state != SETTLED:
+            crowd.pairs = get_apart(state, crowd.pairs, blocks)
+            piece, pieces, state = move_packed(piece + 1, pieces, crowd.pairs, turn_angle, driven, wheels, *blocks)
+        if driven is not swarm.columns["command"]:
+            write_slip(swarm, driven, self._rolled)
 
-        def go() -> np.ndarray:
-            begin_way(surroundings)
-            if not together:
-                moved = self._travelling[:2] + self._travelling[3:]
-                crowd.pairs = travel(travel_pieces, moved, crowd.pairs, turn_angle, *self._travelling)
-            else:
-                crowd.pairs = travel_together(self._share, crowd.pairs, turn_angle, *self._travelling)
-            return self._extra_turn
-
-        return move_by_commands(swarm, surroundings, draws, self._drives, self._motion, go)
+    def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
+        """Write position, heading and the contact columns."""
+        begin_way(surroundings)
+        crowd, n = self._crowd, len(swarm)
+        if self._parts(n) > 1:
+            crowd.pairs = travel_together(self._share, n, crowd.pairs, turn_angle, self._blocks)
+        else:
+            crowd.pairs = travel(crowd.pairs, turn_angle, self._blocks)
+        return self._extra_turn
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
         self._prepare(swarm, surroundings)
-        columns = swarm.columns
-        bodies = columns["position"], columns["radius"], columns["number"]
-        settle(*bodies, self._crowd.cells, self._statics, surroundings.statics.rings)
+        settle(swarm, surroundings, self._crowd.arrays.grid)
+
+    def _list_pairs(self) -> None:
+        """List the pairs of robots near each other, unless sensing has."""
+        if not self._listed:
+            self._crowd.sort()
+            self._crowd.list_pairs(self._margin)
+        self._listed = False  # from here on they are elsewhere
 
     def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         columns, table, statics = swarm.columns, swarm.table, surroundings.statics
-        self._look(columns, surroundings)
+        self._look(len(swarm), surroundings)
         self._listed = True
         distance, kind = columns["distance"], columns["kind"]
         if table.exposed or swarm.disturbed:
@@ -122,19 +191,18 @@ class CompiledEngine:
         if draws is not None:
             err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
 
-    def _look(self, columns: dict[str, np.ndarray], surroundings: Surroundings) -> None:
+    def _look(self, n: int, surroundings: Surroundings) -> None:
         """Write the readings without error, and list the pairs of robots near each other."""
-        crowd, n = self._crowd, len(self._crowd.order)
-        if self._looking is not None and self._parts(n) == 1:
-            crowd.pairs = crowd.pairs_from(0, n, sense_packed, self._looking.numbers)
+        crowd, parts = self._crowd, self._parts(n)
+        if surroundings.moving is not None:
+            surroundings.moving.look()
+        given = self._eyes.numbers, crowd.block, self._blocks.movers
+        if parts == 1:
+            crowd.pairs = crowd.pairs_from(0, n, sense_packed, *given)
             return
-        crowd.sort(columns["position"], columns["radius"], columns["number"])
-        moving = None if surroundings.moving is None else surroundings.moving.seen
-
-        def rows(first: int, last: int) -> np.ndarray:
-            return crowd.pairs_from(first, last, sense_proximity, moving, *self._sensing)
-
-        crowd.pairs = rows(0, n) if self._parts(n) == 1 else np.concatenate(self._share(n, rows))
+        crowd.sort()
+        found = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *given))
+        crowd.pairs = np.concatenate(found)
 
     def _parts(self, n: int) -> int:
         """Return into how many ranges n rows are cut."""
@@ -144,58 +212,43 @@ class CompiledEngine:
         """Call ``rows(first, last)`` for the ranges of n rows, in as many threads, and return the results."""
         return ROW_THREADS.share(n, self._parts(n), rows)
 
-    def _prepare(self, swarm: Swarm, surroundings: Surroundings) -> None:
-        """Make the grids and the scratch arrays anew when robots, designs or obstacles have changed."""
-        if self._version == swarm.version and self._surroundings is surroundings:
-            return
-        n = len(swarm)
-        radius = swarm.radius
-        self._largest_radius = float(radius.max(initial=0.0))
-        self._margin = MARGIN * float(radius.min(initial=self._largest_radius))
-        cell = max(2 * self._largest_radius + self._margin, 1e-9)
+    def _renew(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        super()._renew(swarm, surroundings)
+        n, columns, table, statics = len(swarm), swarm.columns, swarm.table, surroundings.statics
+        largest = float(swarm.radius.max(initial=0.0))
+        self._margin = MARGIN * float(swarm.radius.min(initial=largest))
+        cell = max(2 * largest + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        self._crowd, self._listed = Crowd(grid.numbers, grid.cells, n), False
-        self._motion, self._extra_turn = np.zeros((n, 3)), np.zeros(n)
-        statics = surroundings.statics
-        touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-        movers = None if surroundings.moving is None else surroundings.moving.numbers
-        self._statics = statics.edges, statics.discs, statics.owner, statics.body, statics.bounds, *touched, movers
-        self._drives = drives_by_rows(swarm)
-        self._version, self._surroundings = swarm.version, surroundings
-        self._collect_arguments(swarm, statics)
-
-    def _collect_arguments(self, swarm: Swarm, statics: Statics) -> None:
-        """Collect what `sense_proximity` and `travel` take of arrays that stay the same until robots change."""
-        columns, table, crowd = swarm.columns, swarm.table, self._crowd
-        self._sensing: tuple[Any, ...] = (
-            *(crowd.order, crowd.listed, crowd.radii, self._largest_radius, self._margin, crowd.cells, crowd.start),
-            *(columns["heading"], columns["design"], table.proximity, table.counts, table.reach),
-            *(statics.edges, statics.discs, statics.kind, statics.grid.numbers),
-            *(statics.seen_start, statics.seen_items, columns["distance"], columns["kind"]),
-        )
-        self._travelling: tuple[Any, ...] = (
-            *(crowd.arrays, crowd.listed, crowd.cells, columns["position"], columns["heading"], self._motion),
-            *(columns["radius"], self._statics, columns["collided"]),
-            *(columns[name] for name in CONTACT_COLUMNS),
-            self._extra_turn,
-        )
-        self._looking = self._moving = None
-        if self._statics[-1] is None:  # no body moves
-            self._pack(swarm)
-
-    def _pack(self, swarm: Swarm) -> None:
-        """Put the same arguments into blocks, as far as robots are plain."""
-        columns, crowd, (_, _, _, largest_radius, margin, cells, _, *rest) = swarm.columns, self._crowd, self._sensing
         where = columns["position"], columns["radius"], columns["number"]
-        self._looking = Block(SENSING, *where, cells, *crowd.sorted, largest_radius, margin, *rest)
-        drives, table = [drive for drive, _ in self._drives], swarm.table
-        if [type(drive) for drive in drives] == [DifferentialDrive] and not (
-            table.limited or table.mixed or table.slides
-        ):
-            command, n = columns["command"], len(swarm)
-            self._wheels = np.zeros((n, 2))
-            scratch = command, self._wheels, columns["slip"], np.zeros((n, 2)), np.zeros(n)
-            self._moving = Block(MOVING, *scratch, *self._travelling[:2], *self._travelling[3:])
+        self._crowd, self._listed = Crowd(grid.numbers, *where), False
+        self._eyes = Block(
+            EyeArrays(
+                largest_radius=largest,
+                margin=self._margin,
+                heading=columns["heading"],
+                design=columns["design"],
+                sensors=table.proximity,
+                counts=table.counts,
+                reach=table.reach,
+                edges=statics.edges,
+                discs=statics.discs,
+                static_kind=statics.kind,
+                seen=statics.seen,
+                distance=columns["distance"],
+                kind=columns["kind"],
+            )
+        )
+        written = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
+        self._extra_turn = np.zeros(n)
+        robots = RobotArrays(motion=self._motion, radius=columns["radius"], extra_turn=self._extra_turn, **written)
+        self._robots, self._statics = Block(robots), Block(surroundings.still)
+        movers = None if surroundings.moving is None else surroundings.moving.block
+        self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
+        is_plain = not (table.limited or table.mixed or table.slides)
+        self._plain = None
+        if is_plain and [type(drive) for drive, _ in self._drives] == [DifferentialDrive]:
+            self._rolled = np.zeros((n, 2))
+            self._plain = Block(WheelArrays(columns["slip"], self._rolled, np.zeros((n, 2)), np.zeros(n)))
 
 
 def begin_way(surroundings: Surroundings) -> None:
@@ -223,50 +276,33 @@ def drives_by_rows(swarm: Swarm) -> Rows:
     return [(drive, np.flatnonzero(of_design[swarm.design] == k)) for k, drive in enumerate(drives)]
 
 
-def move_by_commands(
-    swarm: Swarm,
-    surroundings: Surroundings,
-    draws: np.ndarray | None,
-    drives: Rows,
-    motion: np.ndarray,
-    travel: Callable[[], np.ndarray],
-) -> np.ndarray:
-    """Write the motion (n, 3), then slip, and return the speeds at which wheels rolled (n, w).
-
-    `travel` moves all robots by the motion and returns by how much faces turned each.
-    """
-    columns = swarm.columns
-    wheels = rolling_wheels(swarm, draws)
-    write_motion(swarm, drives, wheels, motion)
-    if swarm.table.slides:
-        lose_motion(motion, columns["design"], swarm.table.directed)
-        wheels = wheels_of(swarm, drives, motion)
-    before, heading_before = columns["position"].copy(), columns["heading"].copy()
-    extra_turn, collided = carry(surroundings, columns, motion, travel), columns["collided"]
-    if np.count_nonzero(collided):
-        achieved_motion(before, columns["position"], heading_before, extra_turn, collided, motion)
-        wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
-    slip_of(columns["command"], wheels, columns["slip"])
-    return wheels
-
-
-def rolling_wheels(swarm: Swarm, draws: np.ndarray | None) -> np.ndarray:
-    """Return the wheel speeds that acceleration and slip leave of the commands, shape (n, w)."""
-    command, table = swarm.columns["command"], swarm.table
+def rolling_wheels(swarm: Swarm, driven: np.ndarray, draws: np.ndarray | None) -> np.ndarray:
+    """Return the wheel speeds that acceleration and slip leave of those that are driven, shape (n, w)."""
+    design, table = swarm.columns["design"], swarm.table
     if table.limited:
-        reached = swarm.columns[DRIVE_SPEED]
-        accelerate(command, table.acceleration, swarm.columns["design"], table.sideways, reached)
-        command = reached
+        accelerate(driven, table.acceleration, design, table.sideways, swarm.columns[DRIVE_SPEED])
+        driven = swarm.columns[DRIVE_SPEED]
     if draws is None:
-        return command
-    wheels = np.empty_like(command)
-    slipped_wheels(command, *table.slip, swarm.columns["design"], draws, wheels)
+        return driven
+    wheels = np.empty_like(driven)
+    slipped_wheels(driven, *table.slip, design, draws, wheels)
     return wheels
+
+
+def write_slip(swarm: Swarm, driven: np.ndarray, wheels: np.ndarray) -> None:
+    """Write which share of the commands wheels did not roll, with what imperfections took before they were driven."""
+    command, slip = swarm.columns["command"], swarm.columns["slip"]
+    # Motors of limited acceleration roll on where none is driven: only the others have a share of what is driven.
+    if driven is not command and not swarm.table.limited:
+        slip_of(driven, wheels, slip)
+        wheels = driven * (1.0 - slip)
+    slip_of(command, wheels, slip)
 
 
 def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndarray) -> None:
     """Write the motion (n, 3) that wheel speeds (n, w) make."""
     mixed = swarm.table.mixed
+    motion.fill(0.0)
     for drive, rows in drives:
         made = motion[rows]
         own = (rows, slice(getattr(drive, "numbers", 2))) if mixed else rows

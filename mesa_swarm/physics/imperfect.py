@@ -1,14 +1,11 @@
 """Imperfect robots: disturbed readings and wheel speeds, batteries, break-downs."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from zlib import crc32
 
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.physics.motion import slip_of
 from mesa_swarm.physics.radio import GOLDEN, mixed
 from mesa_swarm.robots.design import RANGE, places_of
 from mesa_swarm.robots.drive import no_longer
@@ -103,40 +100,27 @@ class Imperfect:
             by_chance = columns["design"], columns["number"], step, key
             spoil_any(columns[name], last, *ends, channel, limits, *by_chance)
 
-    @contextmanager
-    def driving(self, swarm: Swarm, step: int) -> Iterator[list[np.ndarray]]:
-        """Replace commands by disturbed wheel speeds within the block; afterwards restore them, and write the slip.
+    def driven_wheels(self, swarm: Swarm, step: int) -> np.ndarray:
+        """Return the speeds at which motors drive the wheels in this step, shape (n, w), and wear the robots.
 
-        The block may append to the list the speeds at which wheels rolled, which drives of limited acceleration need.
+        Where robots' wheels are perfect, that is the column command itself.
         """
-        rolled: list[np.ndarray] = []
-        fails = FAILED_WHEELS in swarm.columns
-        if not (self._drives or fails or swarm.table.battery.any()):
-            yield rolled
-            return
-        columns, given = swarm.columns, self.imperfections
-        command, slip = columns["command"], columns["slip"]
-        requested = command.copy()
+        columns, table, given = swarm.columns, swarm.table, self.imperfections
+        fails = FAILED_WHEELS in columns
+        if not (self._drives or fails or table.battery.any()):
+            return columns["command"]
+        driven = columns["command"].copy()
         worn = [kept(swarm, name) for name in ("told", "wheels", "used", "broken")]
-        table = swarm.table
         bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
         slips = float(given.slip_probability), float(given.slip_magnitude)
         charge = np.where(table.battery > 0.0, table.battery, given.battery)
         limits = given.driving.limits, (float(given.failure), *slips)
-        spoil_wheels(command, *worn, *bodies, charge, *limits, step, np.uint64(self.key))
+        spoil_wheels(driven, *worn, *bodies, charge, *limits, step, np.uint64(self.key))
         if fails:
             wheels = table.sideways, table.numbers, columns["design"], columns["number"]
             rate = float(given.wheel_failure)
-            fail_wheels(command, columns[FAILED_WHEELS], *wheels, rate, step, np.uint64(self.key))
-        try:
-            yield rolled
-            if rolled and table.limited:  # their wheels roll on where the command is 0
-                slip_of(requested, rolled[0], slip)
-                return
-            reached = command * (1.0 - slip)
-            slip[:] = np.divide(requested - reached, requested, out=np.zeros_like(requested), where=requested != 0.0)
-        finally:
-            command[:] = requested
+            fail_wheels(driven, columns[FAILED_WHEELS], *wheels, rate, step, np.uint64(self.key))
+        return driven
 
 
 def blind(swarm: Swarm, failed: np.ndarray) -> None:

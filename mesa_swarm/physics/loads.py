@@ -20,8 +20,8 @@ Both engines share these functions; their numbers are those of Shapely and of Py
 """
 
 import math
-from collections.abc import Callable, Iterable
-from typing import NamedTuple, TypeVar
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,8 +46,6 @@ HALVINGS = 10
 # load that slides may not catch on rounding.
 ROUNDS = 16
 HAIR = 1e-4
-
-Result = TypeVar("Result")
 
 
 class Pushers(NamedTuple):
@@ -74,26 +72,6 @@ class Pushes(NamedTuple):
     along: np.ndarray
     terms: np.ndarray
     parts: np.ndarray
-
-
-def carry(surroundings: Surroundings, columns: dict, motion: np.ndarray, travel: Callable[[], Result]) -> Result:
-    """Move the loads that are pushed hard enough, then all robots, and return what `travel` returns.
-
-    `travel` moves all robots through the step, around the loads as they then are; it is called again where loads had to
-    return.
-    """
-    room = surroundings.room
-    if room is None:  # no loads
-        return travel()
-    position, heading = columns["position"].copy(), columns["heading"].copy()
-    before = push_all(surroundings, room, columns, motion)
-    while True:
-        result = travel()
-        stuck = stuck_loads(surroundings, room, before, columns)
-        if not stuck:
-            return result
-        columns["position"][:], columns["heading"][:] = position, heading
-        take_back(surroundings, room, before, stuck)
 
 
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:

@@ -7,13 +7,15 @@ moves farther than `LONGEST_STEP` of the least radius of a robot: bodies that cl
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry.block import Block, unpack
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.motion import copy_places, least_of
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
@@ -26,8 +28,51 @@ FEWEST_CELLS = 64
 CELLS_PER_ITEM = 4
 
 
+class MovingItems(NamedTuple):
+    """The edges of bodies in their own frames, and the rows of `Statics` and the bodies of all edges and discs."""
+
+    local: RealRows
+    edge_row: Integers
+    edge_body: Integers
+    disc_row: Integers
+    disc_body: Integers
+
+
+class MoverArrays(NamedTuple):
+    """The driven bodies as compiled functions take them.
+
+    The first six are as in `Movers`. Then come the poses at which bodies began the step and the piece, and which ones
+    have jumped; their outlines, items, the body of each item of `Statics`, -1 for none; and lists of the items that can
+    be touched, within `touch`, or seen, within `sight`, from each cell.
+    """
+
+    position: RealRows
+    heading: Reals
+    aim: RealRows
+    aim_heading: Reals
+    blocked: Flags
+    reach: Reals
+    start: RealRows
+    start_heading: Reals
+    before: RealRows
+    before_heading: Reals
+    jumps: Flags
+    outlines: MovingItems
+    items: Integers
+    body_of: Integers
+    touched: CellLists
+    touch: float
+    seen: CellLists
+    sight: float
+
+
 class Moving:
-    """The driven bodies of a world, as the compiled engine and the radio take them."""
+    """The driven bodies of a world, as the compiled engine and the radio take them.
+
+    Attributes
+    ----------
+    arrays : MoverArrays
+    """
 
     def __init__(
         self,
@@ -51,55 +96,50 @@ class Moving:
         statics.edges[edges[movers.carried[self.body_of[edges]]]] = np.nan
         statics.discs[discs[movers.carried[self.body_of[discs]]] - len(statics.edges), :2] = np.nan
         edges, discs = (one[~movers.carried[self.body_of[one]]] for one in (edges, discs))
-        outlines = [
+        own_edges = [
             edges_of(Shape(body.form.outline))
             for body, carried in zip(movers.agents, movers.carried, strict=True)
             if not body.form.radius and not carried
         ]
-        local = np.concatenate([np.empty((0, 4)), *outlines])
-        self._outlines = local, edges, self.body_of[edges], discs - len(statics.edges), self.body_of[discs]
+        local = np.concatenate([np.empty((0, 4)), *own_edges])
+        disc_row = discs - len(statics.edges)
+        outlines = MovingItems(local, edges, self.body_of[edges], disc_row, self.body_of[discs])
         self.start, self.start_heading = movers.position.copy(), movers.heading.copy()
         self._extent = np.concatenate(
-            [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[self._outlines[3], 2]]
+            [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[disc_row, 2]]
         )
         self.items = np.concatenate([edges, discs])
-        self._touched, self._seen = self._lists(bounds, touch), self._lists(bounds, sight)
+        lists = self._lists(bounds, touch), float(touch), self._lists(bounds, sight), float(sight)
+        m, still = len(movers), (self.start, self.start_heading)
+        poses = movers.position, movers.heading, movers.aim, movers.aim_heading, movers.blocked, movers.reach
+        scratch = np.empty((m, 2)), np.empty(m), np.zeros(m, np.bool_)
+        self.arrays = MoverArrays(*poses, *still, *scratch, outlines, self.items, self.body_of, *lists)
+        self._block = Block(self.arrays)
         self._listed_for_sight = False
         self.place()
 
-    def _lists(self, bounds: tuple[float, float, float, float], reach: float) -> tuple:
-        """Return a grid, empty lists that have room for the items at any pose, and the reach."""
+    def _lists(self, bounds: tuple[float, float, float, float], reach: float) -> CellLists:
+        """Return empty lists that have room for the items at any pose."""
         cell = max(2.0 * reach, float(self._extent.sum()) / max(len(self._extent), 1), 1e-9)
         grid = Grid.over(bounds, cell, FEWEST_CELLS + CELLS_PER_ITEM * len(self._extent))
         across = np.floor((self._extent + 2.0 * reach) / grid.cell) + 2.0
         room = int((np.minimum(across, grid.columns) * np.minimum(across, grid.rows)).sum())
-        return grid.numbers, np.zeros(grid.cells + 1, np.int64), np.zeros(room, np.int64), float(reach)
+        return CellLists(grid.numbers, np.zeros(grid.cells + 1, np.int64), np.zeros(room, np.int64))
 
     @property
-    def touched(self) -> tuple:
-        """The grid, and start and items of its lists of what can be touched from a cell."""
-        return self._touched[:3]
+    def block(self) -> np.ndarray:
+        """The bodies as compiled functions take them: the numbers of a block of `MoverArrays`."""
+        return self._block.numbers
 
-    @property
-    def seen(self) -> tuple:
-        """The same of what can be seen, listed when it is read."""
+    def look(self) -> None:
+        """List what can be seen from each cell, unless it is listed."""
         if not self._listed_for_sight:
-            list_items(self._statics.edges, self._statics.discs, self.items, self._seen)
+            list_seen(self.block, self._statics.edges, self._statics.discs)
             self._listed_for_sight = True
-        return self._seen[:3]
-
-    @property
-    def numbers(self) -> tuple[Any, ...]:
-        """The argument of the compiled functions: poses, outlines, the items of each body, and lists."""
-        movers, m = self.movers, len(self.movers)
-        poses = movers.position, movers.heading, movers.aim, movers.aim_heading, movers.blocked, movers.reach
-        scratch = self.start, self.start_heading, np.empty((m, 2)), np.empty(m), np.zeros(m, np.bool_)
-        return poses, scratch, self._outlines, self.items, self.body_of, self._touched
 
     def place(self) -> None:
         """Write and list all items at the present poses of their bodies."""
-        place_items(self.movers.position, self.movers.heading, self._outlines, self._statics.edges, self._statics.discs)
-        list_items(self._statics.edges, self._statics.discs, self.items, self._touched)
+        place_all(self.block, self._statics.edges, self._statics.discs)
         self._listed_for_sight = False
 
     def begin(self) -> None:
@@ -125,6 +165,19 @@ class Moving:
 
 
 @compiled
+def place_all(block, edges, discs):
+    """Write and list the items of all bodies where these are now."""
+    follow_bodies(unpack(block, MoverArrays), edges, discs)
+
+
+@compiled
+def list_seen(block, edges, discs):
+    """List the items of all bodies by the cells from which they can be seen."""
+    movers = unpack(block, MoverArrays)
+    list_items(edges, discs, movers.items, movers.sight, movers.seen)
+
+
+@compiled
 def place_items(position, heading, outlines, edges, discs):
     """Write the edges and discs of all bodies at their poses."""
     local, edge_row, edge_body, disc_row, disc_body = outlines
@@ -140,9 +193,10 @@ def place_items(position, heading, outlines, edges, discs):
 
 
 @compiled
-def list_items(edges, discs, items, lists):
+def list_items(edges, discs, items, reach, lists):
     """List items by the cells from which they are within reach, see `list_boxes_by_cell`; in place."""
-    (x, y, per_unit, columns, rows), start, listed, reach = lists
+    x, y, per_unit, columns, rows = lists.grid
+    start, listed = lists.start, lists.items
     start[:] = 0
     for fill in range(2):
         for item in items:
@@ -177,25 +231,26 @@ def item_box(item, edges, discs):
 
 
 @compiled
-def way_of(b, poses, scratch):
+def way_of(b, movers):
     """Return how far a body is to travel in this step: an upper bound of the way of any of its points."""
-    _, _, aim, aim_heading, blocked, reach = poses
-    start, start_heading = scratch[0], scratch[1]
-    if blocked[b]:
+    if movers.blocked[b]:
         return 0.0
-    turn = abs(wrapped(aim_heading[b] - start_heading[b]))
-    return math.hypot(aim[b, 0] - start[b, 0], aim[b, 1] - start[b, 1]) + reach[b] * turn
+    aim, start = movers.aim, movers.start
+    turn = abs(wrapped(movers.aim_heading[b] - movers.start_heading[b]))
+    return math.hypot(aim[b, 0] - start[b, 0], aim[b, 1] - start[b, 1]) + movers.reach[b] * turn
 
 
 @compiled
 def count_body_pieces(pieces, radius, movers):
-    """Return the number of pieces of a step, more than those of the robots if bodies travel farther."""
+    """Return the number of pieces of a step, more than those of the robots if bodies travel farther.
+
+    `movers` are the numbers of a block, or None.
+    """
     if movers is None:
         return pieces
-    poses, scratch = movers[0], movers[1]
-    longest = LONGEST_STEP * least_of(radius)
-    for b in range(poses[0].shape[0]):
-        needed = math.ceil(way_of(b, poses, scratch) / longest - 1e-9)
+    m, longest = unpack(movers, MoverArrays), LONGEST_STEP * least_of(radius)
+    for b in range(len(m.heading)):
+        needed = math.ceil(way_of(b, m) / longest - 1e-9)
         if needed <= MOST_PIECES:
             pieces = max(pieces, int(needed))
     return pieces
@@ -209,15 +264,19 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
     """
     if movers is None:
         return False
-    poses, scratch, outlines, items, _, lists = movers
-    position, heading, aim, aim_heading, _, _ = poses
-    start, start_heading, before, before_heading, jumps = scratch
-    copy_places(position, before)
+    position, heading, aim, aim_heading = movers.position, movers.heading, movers.aim, movers.aim_heading
+    start, start_heading, before_heading, jumps = (
+        movers.start,
+        movers.start_heading,
+        movers.before_heading,
+        movers.jumps,
+    )
+    copy_places(position, movers.before)
     jumps[:] = False
     longest, moved = LONGEST_STEP * least_of(radius), False
     for b in range(position.shape[0]):
         before_heading[b] = heading[b]
-        way = way_of(b, poses, scratch)
+        way = way_of(b, movers)
         if way == 0.0:
             continue
         jumps[b] = piece == 0 and way > (MOST_PIECES + 1e-9) * longest
@@ -230,25 +289,28 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
             heading[b] = wrapped(start_heading[b] + share * wrapped(aim_heading[b] - start_heading[b]))
         moved = True
     if moved:
-        place_items(position, heading, outlines, edges, discs)
-        list_items(edges, discs, items, lists)
+        follow_bodies(movers, edges, discs)
     return moved
+
+
+@compiled
+def follow_bodies(movers, edges, discs):
+    """Write and list the items of all bodies where these are now."""
+    place_items(movers.position, movers.heading, movers.outlines, edges, discs)
+    list_items(edges, discs, movers.items, movers.touch, movers.touched)
 
 
 @compiled
 def return_bodies(goes, movers, edges, discs):
     """Put bodies where they were before this piece of the step, for the rest of it, and return whether any moved."""
-    poses, scratch, outlines, items, _, lists = movers
-    position, heading, blocked = poses[0], poses[1], poses[4]
-    before, before_heading = scratch[2], scratch[3]
+    position, heading, before, before_heading = movers.position, movers.heading, movers.before, movers.before_heading
     went = False
     for b in range(position.shape[0]):
         here = position[b, 0] == before[b, 0] and position[b, 1] == before[b, 1] and heading[b] == before_heading[b]
         if goes[b] and not here:
             position[b, 0], position[b, 1], heading[b] = before[b, 0], before[b, 1], before_heading[b]
-            blocked[b] = True
+            movers.blocked[b] = True
             went = True
     if went:
-        place_items(position, heading, outlines, edges, discs)
-        list_items(edges, discs, items, lists)
+        follow_bodies(movers, edges, discs)
     return went

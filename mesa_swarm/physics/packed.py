@@ -1,78 +1,56 @@
-"""Sensing and moving of plain robots in one call each, with all arguments that stay the same in a `Block`.
+"""Sensing and moving of plain robots in one call each.
 
 In small worlds a step takes about as long as its calls from Python and the arrays that these pass.
 """
 
+from typing import NamedTuple
+
 from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import RealRows, Reals
 from mesa_swarm.physics.crowd import sort_by_cell
 from mesa_swarm.physics.motion import achieved_motion, copy_places, slip_of
 from mesa_swarm.physics.sensing import sense_proximity
 from mesa_swarm.physics.separation import SETTLED
-from mesa_swarm.physics.travel import travel_pieces
+from mesa_swarm.physics.travel import RobotArrays, travel_pieces
 from mesa_swarm.robots.drive import motion_to_wheels, wheels_to_motion
 
-GRID = "(float64 float64 float64 int64 int64)"
-# The types of the arguments in the blocks, in their order there.
-SENSING = " ".join((
-    "float64[2C] float64[1C] int64[1C]",
-    f"{GRID} int64[1C] int64[1C] int64[1C] float64[2C] float64[1C] int64[1C]",
-    "float64 float64 float64[1C] int64[1C] float64[3C] int64[1C] float64[1C]",
-    f"float64[2C] float64[2C] int8[1C] {GRID} int64[1C] int64[1C]",
-    "float64[2C] int8[2C]",
-))  # fmt: skip
-MOVING = " ".join((
-    "float64[2C] float64[2C] float64[2C] float64[2C] float64[1C]",
-    "(int64[1C] float64[2C] float64[2C] float64[1C] int64[1C] bool[1C]"
-    " (int64[1C] int64[1C] float64[2C] float64[1C] float64[2C]) int64[1C])",
-    "float64[2C] float64[2C] float64[1C] float64[2C] float64[1C]",
-    f"(float64[2C] float64[2C] int64[1C] int8[1C] float64[1C] {GRID} int64[1C] int64[1C] none)",
-    "bool[1C] int64[1C] int64[1C] float64[2C] float64[1C] float64[1C]",
-))  # fmt: skip
+
+class WheelArrays(NamedTuple):
+    """The column slip; the speeds at which wheels rolled, and the poses before the step, which are scratch."""
+
+    slip: RealRows
+    rolled: RealRows
+    start: RealRows
+    start_heading: Reals
 
 
 @compiled(nogil=True)
-def sense_packed(first, last, pairs, block):
-    """Sort robots by cell, then do what `sense_proximity` does, where no body moves."""
-    (
-        position, radius, number,
-        grid, start, order, cell_of, places, radii, numbers,
-        largest_radius, margin, heading, design, sensors, counts, reach,
-        edges, discs, static_kind, static_grid, seen_start, seen_items,
-        distance, kind,
-    ) = unpack(block, SENSING)  # fmt: skip
-    sort_by_cell(position, radius, number, grid, start, order, cell_of, places, radii, numbers)
-    return sense_proximity(
-        first, last, pairs, None, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors,
-        counts, reach, edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
-    )  # fmt: skip
+def sense_packed(eyes, crowd, movers, first, last, pairs):
+    """Sort robots by cell, then do what `sense_proximity` does."""
+    sort_by_cell(crowd)
+    return sense_proximity(eyes, crowd, movers, first, last, pairs)
 
 
 @compiled(nogil=True)
-def move_packed(piece, pieces, pairs, turn_angle, block):
-    """Move robots with two wheels that reach their speed at once, where neither bodies nor loads move.
+def move_packed(piece, pieces, pairs, turn_angle, driven, wheels, robots, crowd, statics, movers):
+    """Move robots with two wheels that reach their speed at once, where there are no loads.
 
-    The commands become the motion, `travel_pieces` moves all, and the slip of what they have achieved is written.
+    What is driven becomes the motion, `travel_pieces` moves all, and the slip of what they have achieved is written.
     """
-    (
-        command, wheels, slip, before, heading_before,
-        crowd, listed, position, heading, motion, radius, statics,
-        collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
-    ) = unpack(block, MOVING)  # fmt: skip
+    r, w = unpack(robots, RobotArrays), unpack(wheels, WheelArrays)
+    motion, collided, rolled = r.motion, r.collided, w.rolled
     if piece == 0:
-        wheels_to_motion(command, radius, motion)
-        copy_places(position, before)
-        for i in range(len(heading)):
-            heading_before[i] = heading[i]
-    ended = travel_pieces(
-        piece, pieces, pairs, turn_angle, crowd, listed, position, heading, motion, radius, statics,
-        collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
-    )  # fmt: skip
-    if ended[2] == SETTLED:
-        achieved_motion(before, position, heading_before, extra_turn, collided, motion)
-        motion_to_wheels(motion, radius, wheels)
-        for i in range(len(heading)):
+        wheels_to_motion(driven, r.radius, motion)
+        copy_places(r.position, w.start)
+        for i in range(len(collided)):
+            w.start_heading[i] = r.heading[i]
+    piece, pieces, state = travel_pieces(piece, pieces, pairs, turn_angle, robots, crowd, statics, movers)
+    if state == SETTLED:
+        achieved_motion(w.start, r.position, w.start_heading, r.extra_turn, collided, motion)
+        motion_to_wheels(motion, r.radius, rolled)
+        for i in range(len(collided)):
             if not collided[i]:
-                wheels[i, 0], wheels[i, 1] = command[i, 0], command[i, 1]
-        slip_of(command, wheels, slip)
-    return ended
+                rolled[i, 0], rolled[i, 1] = driven[i, 0], driven[i, 1]
+        slip_of(driven, rolled, w.slip)
+    return piece, pieces, state

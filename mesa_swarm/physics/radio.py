@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.grid import Grid, cell_index, sort_into_cells
+from mesa_swarm.geometry.grid import Grid, cell_index, cells_of, sort_into_cells
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import into_frame
@@ -76,8 +76,8 @@ class Channel:
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
     statics, moving = surroundings.statics, surroundings.moving
-    touched = statics.grid.numbers, statics.touched_start, statics.touched_items
-    return statics.edges, statics.discs[: statics.first_source], *touched, None if moving is None else moving.touched
+    driven = None if moving is None else tuple(moving.arrays.touched)
+    return statics.edges, statics.discs[: statics.first_source], *statics.touched, driven
 
 
 @compiled
@@ -212,7 +212,7 @@ def nearest_heard(position, number, places, targets, numbers, limits, grid, obst
 @compiled
 def sorted_senders(places, grid):
     """Return the senders sorted by cell, see `sort_into_cells`."""
-    start = np.empty(grid[3] * grid[4] + 1, np.int64)
+    start = np.empty(cells_of(grid) + 1, np.int64)
     order, cell_of = np.empty(places.shape[0], np.int64), np.empty(places.shape[0], np.int64)
     sort_into_cells(places, grid, start, order, cell_of)
     return start, order
@@ -233,7 +233,7 @@ def is_cut(ax, ay, bx, by, obstacles):
     """Return whether an obstacle's edge or disc meets the segment a-b; touching it is enough.
 
     `obstacles` are edges, discs, grid, and start and items of the lists of what can be touched, see `Statics`, and
-    `Moving.touched` or None.
+    the last three of driven bodies, or None.
     """
     return is_cut_but(ax, ay, bx, by, obstacles, NO_OWNERS, -1)
 

@@ -1,13 +1,18 @@
 """Exact readings of all sensors of all robots (PHYSICS 3)."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.grid import cell_index
+from mesa_swarm.geometry.grid import CellLists, cell_at, cell_index
 from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
+from mesa_swarm.geometry.type_names import CodeRows, Codes, Integers, RealRows, Reals, RealTables
+from mesa_swarm.physics.crowd import CrowdArrays
+from mesa_swarm.physics.moving import MoverArrays
 from mesa_swarm.robots.design import (
     AXIS_X,
     AXIS_Y,
@@ -36,31 +41,71 @@ MOST_FOUND = 2048
 NONE = np.int64(0)
 
 
+class EyeArrays(NamedTuple):
+    """What proximity sensors read, and where they write.
+
+    The largest radius of a robot, and `margin`, the distance within which pairs are listed; columns and tables of the
+    swarm; edges, discs, kinds of both and lists as in `Statics`; then the columns that are written.
+    """
+
+    largest_radius: float
+    margin: float
+    heading: Reals
+    design: Integers
+    sensors: RealTables
+    counts: Integers
+    reach: Reals
+    edges: RealRows
+    discs: RealRows
+    static_kind: Codes
+    seen: CellLists
+    distance: RealRows
+    kind: CodeRows
+
+
+class ChunkArrays(NamedTuple):
+    """The robots `begin` to `end` whose readings are made together, and the readings, row 0 that of the first."""
+
+    begin: int
+    end: int
+    places: RealRows
+    radii: Reals
+    axes: RealRows
+    designs: Integers
+    sensors: RealTables
+    counts: Integers
+    discs: RealRows
+    disc_kind: Codes
+    near: RealRows
+    what: CodeRows
+
+
 @compiled(nogil=True, apart=True)
-def sense_proximity(
-    first, last, pairs, moving, order, places, radii, largest_radius, margin, grid, start, heading, design, sensors,
-    counts, reach, edges, discs, static_kind, static_grid, seen_start, seen_items, distance, kind,
-):  # fmt: skip
+def sense_proximity(eyes, crowd, movers, first, last, pairs):
     """Write the readings of robots p in [first, last), without error, -1 where no body is seen; return how many pairs.
 
-    Robots are in the order of cells, see `Crowd`: robot p is in row ``order[p]`` of the columns, at ``places[p]``, and
-    cell c holds those from ``start[c]`` on. For `edges` and so on see `Statics`; `moving` is `Moving.seen`, or None.
+    Robots are in the order of cells, see `CrowdArrays`. All is in blocks; `movers` is None without driven bodies.
 
-    In the same search the pairs of robots that come within `margin` of each other are written into `pairs`, each from
+    In the same search the pairs of robots that come within the margin of each other are written into `pairs`, each from
     the first of the two; where there are more than it has room for, only their number is right.
     """
+    e, c = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays)
+    heading, design, sensors, counts, reach = e.heading, e.design, e.sensors, e.counts, e.reach
+    edges, discs, static_kind, distance, kind = e.edges, e.discs, e.static_kind, e.distance, e.kind
+    order, places, radii = c.order, c.listed, c.radii
     near, what = np.empty((CHUNK, distance.shape[1])), np.empty((CHUNK, distance.shape[1]), np.int8)
     axes, designs = np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64)
     found, count = np.empty((MOST_FOUND, 2), np.int64), NONE
     for begin in range(first, last, CHUNK):
         end = min(begin + CHUNK, last)
         _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, what)
-        chunk = begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, what
-        m = _find_statics(chunk, reach, edges, static_kind, static_grid, seen_start, seen_items, found, NONE)
-        if moving is not None:
-            moving_grid, moving_start, moving_items = moving
-            m = _find_statics(chunk, reach, edges, static_kind, moving_grid, moving_start, moving_items, found, m)
-        m, count = _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, found, m)
+        chunk = ChunkArrays(
+            begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, what
+        )
+        m = _find_statics(chunk, reach, edges, static_kind, e.seen, found, NONE)
+        if movers is not None:
+            m = _find_statics(chunk, reach, edges, static_kind, unpack(movers, MoverArrays).seen, found, m)
+        m, count = _find_robots(chunk, e.largest_radius, e.margin, reach, c.grid, c.start, pairs, count, found, m)
         _see_discs(chunk, found, m)
         _write_chunk(begin, end, order, near, what, distance, kind)
     return count
@@ -92,13 +137,14 @@ def _write_chunk(begin, end, order, near, what, distance, kind):
 
 
 @compiled(apart=True)
-def _find_statics(chunk, reach, edges, static_kind, grid, start, items, found, m):
+def _find_statics(chunk, reach, edges, static_kind, lists, found, m):
     """Update readings by the edges that the cells of some robots list, and note the discs; return how many."""
-    begin, end, places, radii, axes, designs, sensors, counts, discs, _, near, what = chunk
-    left, below, per_unit, columns, rows = grid
-    for k in range(end - begin):
+    begin, places, radii, axes, designs = chunk.begin, chunk.places, chunk.radii, chunk.axes, chunk.designs
+    sensors, counts, discs, near, what = chunk.sensors, chunk.counts, chunk.discs, chunk.near, chunk.what
+    grid, start, items = lists.grid, lists.start, lists.items
+    for k in range(chunk.end - begin):
         x, y, d = places[begin + k, 0], places[begin + k, 1], designs[k]
-        cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, rows)
+        cell = cell_at(x, y, grid)
         for place in range(start[cell], start[cell + 1]):
             item = items[place]
             if item >= edges.shape[0]:
@@ -133,10 +179,10 @@ def _find_statics(chunk, reach, edges, static_kind, grid, start, items, found, m
 @compiled(apart=True)
 def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, found, m):
     """Note the robots near each of some robots, and list pairs; return the numbers of both."""
-    begin, end, places, radii, _, designs, _, _, _, _, _, _ = chunk
+    begin, places, radii, designs = chunk.begin, chunk.places, chunk.radii, chunk.designs
     left, below, per_unit, columns, rows = grid
     room = pairs.shape[0] - 1
-    for k in range(end - begin):
+    for k in range(chunk.end - begin):
         p, sight = begin + k, reach[designs[k]]
         x, y, r = places[p, 0], places[p, 1], radii[p]
         far = max(sight, r + margin) + largest_radius
@@ -171,7 +217,9 @@ def _see_discs(chunk, found, m):
     Sensor by sensor, first the discs that are beside its sector or beyond its range are sorted out, in a loop without
     branches: most are.
     """
-    begin, _, places, radii, axes, designs, sensors, counts, discs, disc_kind, near, what = chunk
+    begin, places, radii, axes, designs = chunk.begin, chunk.places, chunk.radii, chunk.axes, chunk.designs
+    sensors, counts, near, what = chunk.sensors, chunk.counts, chunk.near, chunk.what
+    discs, disc_kind = chunk.discs, chunk.disc_kind
     owner, kind, hits = np.empty(m, np.int64), np.empty(m, np.int8), np.empty(m, np.int64)
     ahead, aside, radius = np.empty(m), np.empty(m), np.empty(m)
     x, y, beside = np.empty(m), np.empty(m), np.empty(m)

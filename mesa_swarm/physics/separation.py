@@ -7,12 +7,15 @@ wedge, in a jam) returns to where it was before the piece, and so does what then
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.grid import cell_index, sort_into_cells
+from mesa_swarm.geometry.grid import cell_at
 from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.geometry.type_names import Flags, Integers, RealRows
 from mesa_swarm.physics.contact import (
     A_ROBOT,
     SLOP,
@@ -22,8 +25,10 @@ from mesa_swarm.physics.contact import (
     edge_overlap,
     note_contact,
     push_all_from_statics,
+    solids_in,
 )
-from mesa_swarm.physics.motion import copy_places, largest_of, least_of
+from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
+from mesa_swarm.physics.motion import copy_places, least_of
 from mesa_swarm.physics.moving import return_bodies
 
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
@@ -36,21 +41,43 @@ SETTLED, STUCK, STRAYED = np.int64(0), np.int64(1), np.int64(2)
 MARGIN = 1.0
 
 
+# Functions that are called from Python take blocks: `crowd` of `CrowdArrays`, `statics` of `StaticArrays`, and `movers`
+# of `MoverArrays`, or None.
+
+
+class Groups(NamedTuple):
+    """Robots that pairs connect while they are separated: pairs of each robot as `pairs_by_robot` returns them.
+
+    By robot: its push, whether it is awake, its group, and where it was when separating began. `margin` is the distance
+    at which pairs were listed, map units.
+    """
+
+    start: Integers
+    own: Integers
+    push: RealRows
+    awake: Flags
+    group: Integers
+    begins: RealRows
+    margin: float
+
+
 @compiled(nogil=True)
-def separate(position, radius, number, grid, statics, contacts, free, most_sweeps, listed, pairs):
+def separate(crowd, statics, movers, pairs, most_sweeps):
     """Push until no two robots overlap, at most `most_sweeps` times, and return whether that succeeded, and the pairs.
 
-    They are out of static bodies where that is possible; which ones are clear of them is kept in `free` (n,). `pairs`
-    are those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs
-    are listed anew, and the places written.
+    They are out of static bodies where that is possible; which ones are clear of them is kept in `free`. `pairs` are
+    those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs are
+    listed anew, and the places written.
     """
+    c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
+    position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
     n, margin, begins = len(radius), MARGIN * least_of(radius), True
     push, awake, moved = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
     group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(listed, position)
     for _ in range(most_sweeps):
         anew = 2.0 * far > margin
         if anew:
-            pairs = near_pairs(position, radius, margin, grid)
+            pairs = near_pairs(position, radius, margin, c.grid)
             copy_places(position, listed)
         if anew or begins:
             start, own = pairs_by_robot(pairs, n)
@@ -59,7 +86,7 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
         if overlaps == 0:
             return free.all(), pairs
         moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
-        push_all_from_statics(moved[:moving], position, radius, statics, contacts, free)
+        push_all_from_statics(moved[:moving], position, radius, solids, contacts, free)
         far = farthest_from(listed, position, moved[:moving])
         count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
         for k in range(moving):
@@ -68,39 +95,43 @@ def separate(position, radius, number, grid, statics, contacts, free, most_sweep
 
 
 @compiled(nogil=True, apart=True)
-def separate_near(position, radius, number, statics, contacts, free, most_sweeps, listed, pairs):
+def separate_near(crowd, statics, movers, pairs, most_sweeps):
     """Do what `separate` does as long as no robot goes farther than half the margin, and return how that ended.
 
     `STRAYED` means that one has to go farther: all are where they were.
     """
-    state, met = overlaps_of(position, radius, listed, pairs)
+    state, met = overlaps_of(crowd, pairs)
+    c = unpack(crowd, CrowdArrays)
     if len(met) == 0:
-        return state if free.all() else max(state, STUCK)
-    bodies = position, radius, number, statics, contacts, free, listed, pairs, *scratch_of(position, radius, pairs)
-    _, state = separate_groups(NONE, len(radius), met, met, most_sweeps, bodies)
-    return finish_separation(most_sweeps, bodies, met, met[:0], state)
+        return state if c.free.all() else max(state, STUCK)
+    groups = groups_of(crowd, pairs)
+    _, state = separate_groups(crowd, statics, movers, pairs, groups, met, met, most_sweeps, NONE, len(c.radii))
+    return finish_separation(crowd, statics, movers, pairs, groups, met, met[:0], most_sweeps, state)
 
 
 @compiled(nogil=True, apart=True)
-def overlaps_of(position, radius, listed, pairs):
+def overlaps_of(crowd, pairs):
     """Return `STRAYED` if robots went too far since pairs were listed, else `SETTLED`, and which pairs overlap."""
-    if 2.0 * farthest_of_all(listed, position) > MARGIN * least_of(radius):
+    c = unpack(crowd, CrowdArrays)
+    position, radius = c.places, c.radii
+    if 2.0 * farthest_of_all(c.listed, position) > MARGIN * least_of(radius):
         return STRAYED, overlapping(position, radius, pairs[:0])
     return SETTLED, overlapping(position, radius, pairs)
 
 
 @compiled(nogil=True, apart=True)
-def scratch_of(position, radius, pairs):
-    """Return the pairs of each robot, its push, whether it is awake, its group, and where it begins; and the margin."""
-    n = len(radius)
+def groups_of(crowd, pairs):
+    """Return the groups before separating begins: none is known yet."""
+    c = unpack(crowd, CrowdArrays)
+    position, radius, n = c.places, c.radii, len(c.radii)
     start, own = pairs_by_robot(pairs, n)
     push, awake, group, begins = np.zeros((n, 2)), np.zeros(n, np.bool_), np.full(n, FRESH), np.empty((n, 2))
     copy_places(position, begins)
-    return start, own, push, awake, group, begins, MARGIN * least_of(radius)
+    return Groups(start, own, push, awake, group, begins, MARGIN * least_of(radius))
 
 
 @compiled(nogil=True, apart=True)
-def separate_groups(first, last, begin, met, most_sweeps, bodies):
+def separate_groups(crowd, statics, movers, pairs, groups, begin, met, most_sweeps, first, last):
     """Separate groups of robots near each other in which pairs `met` overlap; groups do not influence each other.
 
     Only the groups that the pairs `begin` are in, and of these only those that are within rows [first, last). Return
@@ -108,7 +139,9 @@ def separate_groups(first, last, begin, met, most_sweeps, bodies):
     `SETTLED`; `STUCK` if robots overlap after `most_sweeps`; `STRAYED` if one has gone so far that it may have met
     robots beyond its group, which is then left as it is.
     """
-    position, radius, number, statics, contacts, free, listed, pairs, start, own, push, awake, group, _, margin = bodies
+    c, solids, margin = unpack(crowd, CrowdArrays), solids_in(statics, movers), groups.margin
+    position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
+    start, own, push, awake, group = groups.start, groups.own, groups.push, groups.awake, groups.group
     chosen, count, later = collect_groups(first, last, begin, met, pairs, start, own, group)
     moved, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
     for _ in range(most_sweeps):
@@ -116,7 +149,7 @@ def separate_groups(first, last, begin, met, most_sweeps, bodies):
         if overlaps == 0:
             return later, worst
         moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
-        push_all_from_statics(moved[:moving], position, radius, statics, contacts, free)
+        push_all_from_statics(moved[:moving], position, radius, solids, contacts, free)
         if 2.0 * farthest_from(listed, position, moved[:moving]) > margin:
             mark_strayed(listed, position, moved[:moving], margin, group, strayed)
             worst = STRAYED
@@ -174,17 +207,17 @@ def mark_strayed(listed, position, moved, margin, group, strayed):
 
 
 @compiled(nogil=True, apart=True)
-def finish_separation(most_sweeps, bodies, met, later, state):
+def finish_separation(crowd, statics, movers, pairs, groups, met, later, most_sweeps, state):
     """Separate the groups that were left for `later`, and return the worst state; put all back if some have strayed."""
-    position, free, group, begins = bodies[0], bodies[5], bodies[12], bodies[13]
+    c, group = unpack(crowd, CrowdArrays), groups.group
     if len(later):
         for i in range(len(group)):
             group[i] = min(group[i], LATER)
-        _, worst = separate_groups(NONE, len(group), later, met, most_sweeps, bodies)
+        _, worst = separate_groups(crowd, statics, movers, pairs, groups, later, met, most_sweeps, NONE, len(group))
         state = max(state, worst)
     if state == STRAYED:
-        copy_places(begins, position)
-    elif not free.all():
+        copy_places(groups.begins, c.places)
+    elif not c.free.all():
         state = max(state, STUCK)
     return state
 
@@ -207,45 +240,6 @@ def farthest_from(listed, position, moved):
         dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
         square = max(square, dx * dx + dy * dy)
     return math.sqrt(square)
-
-
-@compiled(apart=True)
-def near_pairs(position, radius, margin, grid):
-    """Return the pairs (i, j) of robots that overlap or come within `margin` of it, i before j in the order of cells.
-
-    The first of a pair is the one whose cell, or within a cell whose row, comes first.
-    """
-    n = position.shape[0]
-    x, y, per_unit, columns, rows = grid
-    start = np.zeros(columns * rows + 1, np.int64)
-    order = np.empty(n, np.int64)
-    cell_of = np.empty(n, np.int64)
-    sort_into_cells(position, grid, start, order, cell_of)
-    pairs = np.empty((max(n, 16), 2), np.int64)
-    count = 0
-    largest = largest_of(radius)
-    for i in range(n):
-        far = radius[i] + largest + margin
-        column, row = cell_of[i] % columns, cell_of[i] // columns
-        first = cell_index(position[i, 0] - far, x, per_unit, columns)
-        last = cell_index(position[i, 0] + far, x, per_unit, columns)
-        highest = cell_index(position[i, 1] + far, y, per_unit, rows)
-        # Each pair is found once, from the earlier of its two cells.
-        for r in range(row, highest + 1):
-            left = column if r == row else first
-            for k in range(start[left + columns * r], start[last + columns * r + 1]):
-                j = order[k]
-                if cell_of[j] == cell_of[i] and j <= i:
-                    continue
-                near = radius[i] + radius[j] + margin
-                dx, dy = position[j, 0] - position[i, 0], position[j, 1] - position[i, 1]
-                if dx * dx + dy * dy < near * near:
-                    if count == pairs.shape[0]:
-                        pairs = np.concatenate((pairs, np.empty_like(pairs)))
-                    pairs[count, 0] = i
-                    pairs[count, 1] = j
-                    count += 1
-    return pairs[:count]
 
 
 @compiled
@@ -347,21 +341,23 @@ def apply_pushes(position, push, radius, pairs, met, awake, moved):
 
 
 @compiled(apart=True)
-def put_back(position, before, radius, grid, statics, contacts, free, listed, pairs):
+def put_back(crowd, statics, movers, pairs):
     """Return to their last free place the robots that overlap, and those that then overlap them."""
-    n = position.shape[0]
+    c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
+    position, before, radius, listed, contacts, free = c.places, c.before, c.radii, c.listed, c.contacts, c.free
+    n = len(radius)
     back = np.zeros(n, np.bool_)
     farthest = max(farthest_of_all(listed, position), farthest_of_all(listed, before))
     # All pairs that can overlap, at whichever of its two places each robot ends.
     if n and 2.0 * farthest > MARGIN * least_of(radius):
-        pairs = near_pairs(listed, radius, 2.0 * farthest, grid)
+        pairs = near_pairs(listed, radius, 2.0 * farthest, c.grid)
     goes = np.zeros(n, np.bool_)
     for i in range(n):
         if not free[i]:  # the last push may have freed it
-            depth = deepest_static(position[i, 0], position[i, 1], radius[i], statics)[0]
+            depth = deepest_static(position[i, 0], position[i, 1], radius[i], solids)[0]
             goes[i] = depth > SLOP * radius[i]
     # With driven bodies, those that overlap robots return as well, also after robots have returned.
-    _return_bodies(position, radius, statics[0], statics[1], statics[8], goes)
+    _return_bodies(position, radius, solids.edges, solids.discs, solids.movers, goes)
     while True:
         # All that overlap return at once: independent of the order of the pairs.
         for k in range(pairs.shape[0]):
@@ -369,7 +365,7 @@ def put_back(position, before, radius, grid, statics, contacts, free, listed, pa
             if not (back[i] and back[j]) and _collide(i, j, position, radius, contacts):
                 goes[i], goes[j] = True, True
         went = _return_all(position, before, goes, back)
-        if not (_return_bodies(position, radius, statics[0], statics[1], statics[8], goes) or went):
+        if not (_return_bodies(position, radius, solids.edges, solids.discs, solids.movers, goes) or went):
             return
 
 
@@ -407,7 +403,7 @@ def _return_bodies(position, radius, edges, discs, movers, goes):
     """
     if movers is None:
         return False
-    bodies = np.zeros(movers[0][0].shape[0], np.bool_)
+    bodies = np.zeros(len(movers.heading), np.bool_)
     marked = False
     for i in range(position.shape[0]):
         if mark_overlapped(position[i, 0], position[i, 1], radius[i], edges, discs, movers, bodies) and not goes[i]:
@@ -418,8 +414,8 @@ def _return_bodies(position, radius, edges, discs, movers, goes):
 @compiled
 def mark_overlapped(x, y, radius, edges, discs, movers, bodies):
     """Mark the driven bodies that overlap a disc, and return whether there is one."""
-    body_of, ((left, below, per_unit, columns, lines), start, items, _) = movers[4], movers[5]
-    cell = cell_index(x, left, per_unit, columns) + columns * cell_index(y, below, per_unit, lines)
+    body_of, start, items = movers.body_of, movers.touched.start, movers.touched.items
+    cell = cell_at(x, y, movers.touched.grid)
     any_marked = False
     for k in range(start[cell], start[cell + 1]):
         item = items[k]
@@ -438,8 +434,8 @@ def stop_jumps(position, radius, edges, discs, movers):
     """Return bodies that have jumped onto a robot to where they were."""
     if movers is None:
         return
-    (place, _, _, _, _, reach), scratch, (_, edge_row, edge_body, _, _) = movers[0], movers[1], movers[2]
-    jumps = scratch[4]
+    place, reach, jumps = movers.position, movers.reach, movers.jumps
+    edge_row, edge_body = movers.outlines.edge_row, movers.outlines.edge_body
     if not jumps.any():
         return
     bodies = np.zeros(len(jumps), np.bool_)

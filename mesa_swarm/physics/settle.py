@@ -5,38 +5,43 @@ import math
 import numpy as np
 
 from mesa_swarm.errors import PlacementError
+from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.grid import GridNumbers
 from mesa_swarm.geometry.overlap import in_polygon
 from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
-from mesa_swarm.physics.separation import MARGIN, SETTLED, STRAYED, near_pairs, separate, separate_near
+from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
+from mesa_swarm.physics.separation import MARGIN, SETTLED, STRAYED, separate, separate_near
+from mesa_swarm.physics.surroundings import Surroundings
+from mesa_swarm.robots.swarm import Swarm
 
 SWEEPS = np.int64(400)
 # The search for free room goes round in rings this share of a radius apart.
 RING = 0.125
 
 
-def settle(
-    position: np.ndarray, radius: np.ndarray, number: np.ndarray, grid: tuple, statics: tuple, rings: np.ndarray
-) -> None:
+def settle(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
     """Move every robot that overlaps anything to free room nearby, whatever the tangle, or raise `PlacementError`.
 
-    `rings` (p, 2) are the rows of each solid polygon's edges; all else is as `contact.travel` takes it.
+    `grid` finds robots near each other.
     """
+    position, radius, number = (swarm.columns[name] for name in ("position", "radius", "number"))
     if not len(position):
         return
-    leave_solids(position, radius, statics, rings)
-    n = len(position)
-    normal, face = np.zeros((n, 2)), np.zeros((n, 3))
-    contacts = (np.zeros(n, np.int64), np.zeros(n, np.int64), normal, np.zeros(n), face)
-    free = np.empty(n, np.bool_)
-    push_all_from_statics(np.arange(n), position, radius, statics, contacts, free)
-    listed, pairs = position.copy(), near_pairs(position, radius, MARGIN * radius.min(), grid)
-    state = separate_near(position, radius, number, statics, contacts, free, SWEEPS, listed, pairs)
+    solids, moving, rings = surroundings.solids, surroundings.moving, surroundings.statics.rings
+    leave_solids(position, radius, solids, rings)
+    crowd = CrowdArrays.of(grid, position, radius, number)._replace(places=position, radii=radius, numbers=number)
+    push_all_from_statics(crowd.rows, position, radius, solids, crowd.contacts, crowd.free)
+    crowd.listed[:] = position
+    pairs = near_pairs(position, radius, MARGIN * radius.min(), grid)
+    blocks = Block(crowd), Block(surroundings.still)
+    bodies = *(block.numbers for block in blocks), None if moving is None else moving.block
+    state = separate_near(*bodies, pairs, SWEEPS)
     settled = state == SETTLED
     if state == STRAYED:
-        settled, _ = separate(position, radius, number, grid, statics, contacts, free, SWEEPS, listed, pairs)
+        settled, _ = separate(*bodies, pairs, SWEEPS)
     if not settled:
-        lost = leave_each_other(position, radius, statics, rings)
+        lost = leave_each_other(position, radius, solids, rings)
         if lost >= 0:
             raise no_room(lost, radius)
 
@@ -53,7 +58,7 @@ def is_free(x, y, radius, statics, rings):
     if deepest_static(x, y, radius, statics)[0] > SLOP * radius:
         return False
     for p in range(rings.shape[0]):
-        if in_polygon(x, y, statics[0], rings[p, 0], rings[p, 1]):
+        if in_polygon(x, y, statics.edges, rings[p, 0], rings[p, 1]):
             return False
     return True
 
@@ -90,7 +95,7 @@ def leave_each_other(position, radius, statics, rings):
 @compiled
 def find_room(i, position, radius, statics, rings, apart):
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
-    bounds = statics[4]
+    bounds = statics.bounds
     x, y = position[i, 0], position[i, 1]
     farthest = 2.0 * math.hypot(bounds[2] - bounds[0], bounds[3] - bounds[1])
     distance = 0.0

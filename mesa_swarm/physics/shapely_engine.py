@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
-from mesa_swarm.physics.engine import CONTACT_COLUMNS, begin_way, drives_by_rows, hold_readings, move_by_commands
+from mesa_swarm.physics.engine import CONTACT_COLUMNS, Engine, begin_way, hold_readings
 from mesa_swarm.physics.motion import advance, count_pieces
 from mesa_swarm.physics.moving import LONGEST_STEP, MOST_PIECES
 from mesa_swarm.physics.sensing import err
@@ -368,13 +368,12 @@ def rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]) -> Itera
         yield centre + distance * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
 
 
-class ShapelyEngine:
-    """Sensing and contact by Shapely: the readable twin of `CompiledEngine`."""
+class ShapelyEngine(Engine):
+    """Sensing and contact by Shapely: the readable twin of `CompiledEngine`. One thread does all."""
 
     def __init__(self) -> None:
-        self.threads = 1  # one does all
-        self._surroundings: Surroundings | None = None
-        self._solids: Solids | None = None
+        super().__init__()
+        self._solid: tuple[Surroundings, Solids] | None = None
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
@@ -388,19 +387,14 @@ class ShapelyEngine:
         sense_radiation(swarm, surroundings, columns["radiation"])
         sense_line(swarm, surroundings, columns["line"])
 
-    def move(self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, draws: np.ndarray | None) -> np.ndarray:
-        """Write position, heading, slip and the contact columns; return the speeds at which wheels rolled."""
-        motion = np.zeros((len(swarm), 3))
-
-        def go() -> np.ndarray:
-            begin_way(surroundings)
-            bodies = Travelling(surroundings, lambda: self._solids_of(swarm, surroundings), swarm.radius)
-            return travel(swarm.columns, motion, turn_angle, bodies)
-
-        wheels = move_by_commands(swarm, surroundings, draws, drives_by_rows(swarm), motion, go)
+    def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
+        """Write position, heading and the contact columns."""
+        begin_way(surroundings)
+        bodies = Travelling(surroundings, lambda: self._solids_of(swarm, surroundings), swarm.radius)
+        extra_turn = travel(swarm.columns, motion, turn_angle, bodies)
         if surroundings.moving is not None:
             surroundings.moving.place()
-        return wheels
+        return extra_turn
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
@@ -409,8 +403,8 @@ class ShapelyEngine:
     def _solids_of(self, swarm: Swarm, surroundings: Surroundings) -> Solids:
         """Return all solids, collected anew when the surroundings are others, and where bodies may have moved."""
         moves = surroundings.loads or surroundings.moving
-        if self._solids is None or self._surroundings is not surroundings or moves:
+        if self._solid is None or self._solid[0] is not surroundings or moves:
             largest = max((design.radius for design in swarm.designs), default=0.0)
             margin = 1.0 + 2.0 * (largest + swarm.table.reach.max(initial=0.0))
-            self._surroundings, self._solids = surroundings, Solids.of(surroundings, margin)
-        return self._solids
+            self._solid = surroundings, Solids.of(surroundings, margin)
+        return self._solid[1]

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.load_room import Poses, Room, poses_of, room_of
-from mesa_swarm.physics.moving import Moving, place_items
+from mesa_swarm.physics.moving import Moving, MovingItems, place_items
 from mesa_swarm.world.bodies import Load, Loads
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
@@ -46,7 +47,7 @@ class Surroundings:
     listed: np.ndarray
     rows: tuple[int, ...] = ()
     slack: float = 0.0
-    items: tuple[Any, ...] = ()
+    items: MovingItems | None = None
     room: Room | None = None
     codes: tuple[int, ...] = ()
     driven: tuple[int, ...] = ()
@@ -132,6 +133,17 @@ class Surroundings:
             return set()
         return {self.driven[place] for place in np.flatnonzero(self.moving.movers.carried)}
 
+    @property
+    def still(self) -> StaticArrays:
+        """What robots can touch besides each other and driven bodies, as compiled functions take it."""
+        s = self.statics
+        return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, None)
+
+    @property
+    def solids(self) -> StaticArrays:
+        """The same with driven bodies."""
+        return self.still._replace(movers=None if self.moving is None else self.moving.arrays)
+
     def blocked_by_loads(self) -> np.ndarray:
         """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
         movers = cast(Moving, self.moving).movers
@@ -167,13 +179,13 @@ class Surroundings:
         place_items(self.poses.position, self.poses.heading, self.items, self.statics.edges, self.statics.discs)
 
 
-def items_of(statics: Statics, loads: Loads, rows: Sequence[int]) -> tuple[Any, ...]:
+def items_of(statics: Statics, loads: Loads, rows: Sequence[int]) -> MovingItems:
     """Return the local edges of loads, their rows in the tables and their loads, and rows and loads of discs."""
     polygons = [k for k, load in enumerate(loads) if not load.form.radius]
     edges = [edges_of(Shape(loads[k].form.outline)) for k in polygons]
     discs = [k for k, load in enumerate(loads) if load.form.radius]
     none = np.empty(0, np.int64)
-    return (
+    return MovingItems(
         np.concatenate([np.empty((0, 4)), *edges]),
         np.concatenate([none, *(statics.rows_of(rows[k]) for k in polygons)]),
         np.repeat(np.array(polygons, np.int64), [len(own) for own in edges]),

@@ -12,13 +12,16 @@ in memory. Row p of these is the robot in row ``order[p]`` of the swarm.
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.physics.contact import push_all_from_statics
+from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
+from mesa_swarm.physics.contact import push_all_from_statics, solids_in
+from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.motion import count_pieces, moved_by
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
 from mesa_swarm.physics.separation import (
@@ -27,9 +30,9 @@ from mesa_swarm.physics.separation import (
     SETTLED,
     STRAYED,
     finish_separation,
+    groups_of,
     overlaps_of,
     put_back,
-    scratch_of,
     separate,
     separate_groups,
     separate_near,
@@ -41,130 +44,153 @@ from mesa_swarm.world.statics import ROBOT
 Share = Callable[[int, Callable[[int, int], Any]], list]
 
 
+class RobotArrays(NamedTuple):
+    """The columns that a step of all robots reads and writes.
+
+    `motion` (n, 3) is the one that the wheels would make, along the body; `extra_turn` (n,) becomes the turn that flat
+    faces added. The others are columns of the swarm; of these, only `radius` is not written.
+    """
+
+    position: RealRows
+    heading: Reals
+    motion: RealRows
+    radius: Reals
+    collided: Flags
+    contact_kind: Integers
+    contact_index: Integers
+    contact_normal: RealRows
+    contact_depth: Reals
+    extra_turn: Reals
+
+
+class Blocks(NamedTuple):
+    """What moves in a step, as compiled functions take it: numbers of blocks of the arrays of these names, or None."""
+
+    robots: np.ndarray
+    crowd: np.ndarray
+    statics: np.ndarray
+    movers: np.ndarray | None
+
+
 @compiled(nogil=True, apart=True)
-def travel_pieces(
-    piece, pieces, pairs, turn_angle, crowd, listed, position, heading, motion, radius, statics,
-    collided, contact_kind, contact_index, contact_normal, contact_depth, extra_turn,
-):  # fmt: skip
+def travel_pieces(piece, pieces, pairs, turn_angle, robots, crowd, statics, movers):
     """Move robots through the pieces of a step, from `piece` on, as long as these get apart; after the last, finish.
 
     Return the piece in which they did not, the number of pieces, which is counted before the first one, and the state
     in which separating has ended. The rest is as `travel` takes it.
     """
-    n = len(heading)
+    n = len(unpack(robots, RobotArrays).radius)
     if piece == 0:
-        extra_turn[:] = 0.0
-        pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
+        pieces = count_all_pieces(robots, movers)
     for k in range(piece, pieces):
-        begin_piece(k, pieces, crowd, position, radius, statics)
-        advance_rows(NONE, n, k, pieces, crowd, position, heading, motion, statics)
-        state = separate_near(crowd[1], crowd[3], crowd[4], statics, crowd[6], crowd[5], MOST_SWEEPS, listed, pairs)
+        if k > 0:  # after the piece before, also where its robots were got apart from Python
+            turn_rows(turn_angle, robots, crowd)
+        begin_piece(k, pieces, robots, crowd, statics, movers)
+        advance_rows(k, pieces, robots, crowd, statics, movers, NONE, n)
+        state = separate_near(crowd, statics, movers, pairs, MOST_SWEEPS)
         if state != SETTLED:
             return k, pieces, state
-        turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
-    finish_rows(NONE, n, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth)
+    turn_rows(turn_angle, robots, crowd)
+    finish_rows(robots, crowd, NONE, n)
     return pieces, pieces, SETTLED
 
 
-def travel(move: Callable, moved: tuple, pairs: np.ndarray, turn_angle: float, *given: Any) -> np.ndarray:
+def travel(pairs: np.ndarray, turn_angle: float, blocks: Blocks) -> np.ndarray:
     """Move all robots through one step, resolve every contact, and write the contact columns.
 
-    Return the pairs near each other at `listed`, which is written where robots have gone too far from it.
-
-    `position` (n, 2) and `heading` are changed; `motion` (n, 3) is the one that the wheels would make, along the body.
-    `crowd` are the copies of columns that `Crowd.arrays` describes; `pairs` those near each other at `listed`.
-
-    A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face;
-    `extra_turn` becomes the turn that faces added. `statics` are edges, discs, owner, body, bounds, grid numbers,
-    touched_start and touched_items, and `Moving.numbers` or None; see there for how bodies move.
-
-    `move` is `travel_pieces` or does the same, and `moved` what it takes besides.
+    `pairs` are those near each other at `listed`. Return them; where robots have gone too far from there, both are
+    renewed. A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face.
+    For how bodies move see `moving`.
     """
-    piece, pieces, state = move(0, 0, pairs, turn_angle, *moved)
+    piece, pieces, state = travel_pieces(0, 0, pairs, turn_angle, *blocks)
     while state != SETTLED:
-        crowd, listed, grid, _, heading, motion, _, statics, *_, extra_turn = given
-        pairs = _resolve(state, crowd, listed, pairs, grid, statics)
-        turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
-        piece, pieces, state = move(piece + 1, pieces, pairs, turn_angle, *moved)
+        pairs = get_apart(state, pairs, blocks)
+        piece, pieces, state = travel_pieces(piece + 1, pieces, pairs, turn_angle, *blocks)
     return pairs
 
 
-def travel_together(share: Share, pairs: np.ndarray, turn_angle: float, *given: Any) -> np.ndarray:
-    """Do what `travel` does, given the same, the rows of robots in ranges by ``share(n, rows)``."""
-    crowd, listed, grid, position, heading, motion, radius, statics, *written, extra_turn = given
-    n = len(heading)
-    extra_turn.fill(0.0)
-    pieces = count_body_pieces(count_pieces(motion, radius), radius, statics[8])
+def travel_together(share: Share, n: int, pairs: np.ndarray, turn_angle: float, blocks: Blocks) -> np.ndarray:
+    """Do what `travel` does, the rows of n robots in ranges by ``share(n, rows)``."""
+    robots, crowd, statics, movers = blocks
+    pieces = count_all_pieces(robots, movers)
     for piece in range(pieces):
-        begin_piece(piece, pieces, crowd, position, radius, statics)
-        moved = piece, pieces, crowd, position, heading, motion, statics
-        share(n, partial(_on_rows, advance_rows, moved))
-        state = _separate_together(share, crowd, listed, pairs, statics)
+        begin_piece(piece, pieces, *blocks)
+        share(n, partial(advance_rows, piece, pieces, *blocks))
+        state = _separate_together(share, n, pairs, (crowd, statics, movers))
         if state != SETTLED:
-            pairs = _resolve(state, crowd, listed, pairs, grid, statics)
-        turn_along_faces(crowd[0], heading, motion, crowd[6][4], turn_angle, extra_turn)
-    share(n, partial(_on_rows, finish_rows, (crowd, position, *written)))
+            pairs = get_apart(state, pairs, blocks)
+        turn_rows(turn_angle, robots, crowd)
+    share(n, partial(finish_rows, robots, crowd))
     return pairs
 
 
-def _separate_together(share: Share, crowd: tuple, listed: np.ndarray, pairs: np.ndarray, statics: tuple) -> int:
+def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: tuple) -> int:
     """Separate robots as `separate_near` does."""
-    _, places, _, radii, numbers, free, contacts, _ = crowd
-    state, met = overlaps_of(places, radii, listed, pairs)
+    crowd, *_ = bodies
+    state, met = overlaps_of(crowd, pairs)
     if state == STRAYED:
         return state
-    bodies = places, radii, numbers, statics, contacts, free, listed, pairs, *scratch_of(places, radii, pairs)
-    found = share(len(radii), partial(_on_rows, separate_groups, (met, met, MOST_SWEEPS, bodies)))
-    later, state = np.concatenate([late for late, _ in found]), max(state for _, state in found)
-    return finish_separation(MOST_SWEEPS, bodies, met, later, state)
+    groups = groups_of(crowd, pairs)
+    ended = share(n, partial(separate_groups, *bodies, pairs, groups, met, met, MOST_SWEEPS))
+    later, state = np.concatenate([late for late, _ in ended]), max(state for _, state in ended)
+    return finish_separation(*bodies, pairs, groups, met, later, MOST_SWEEPS, state)
 
 
-def _resolve(
-    state: int, crowd: tuple, listed: np.ndarray, pairs: np.ndarray, grid: tuple, statics: tuple
-) -> np.ndarray:
+def get_apart(state: int, pairs: np.ndarray, blocks: Blocks) -> np.ndarray:
     """Separate robots that have to go far, or put back those that stay stuck, and return the pairs near each other."""
-    _, places, before, radii, numbers, free, contacts, _ = crowd
-    settled = False
+    _, *bodies = blocks
+    is_apart = False
     if state == STRAYED:
-        settled, pairs = separate(places, radii, numbers, grid, statics, contacts, free, MOST_SWEEPS, listed, pairs)
-    if not settled:
-        put_back(places, before, radii, grid, statics, contacts, free, listed, pairs)
+        is_apart, pairs = separate(*bodies, pairs, MOST_SWEEPS)
+    if not is_apart:
+        put_back(*bodies, pairs)
     return pairs
-
-
-def _on_rows(kernel: Callable, given: tuple, first: int, last: int) -> Any:
-    return kernel(first, last, *given)
 
 
 @compiled
-def begin_piece(piece, pieces, crowd, position, radius, statics):
+def count_all_pieces(robots, movers):
+    """Return into how many pieces the step of robots and driven bodies is cut."""
+    r = unpack(robots, RobotArrays)
+    return count_body_pieces(count_pieces(r.motion, r.radius), r.radius, movers)
+
+
+@compiled
+def begin_piece(piece, pieces, robots, crowd, statics, movers):
     """Move driven bodies through a piece of their way."""
-    order, places, radii = crowd[0], crowd[1], crowd[3]
-    edges, discs, movers = statics[0], statics[1], statics[8]
     if movers is not None:
+        r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), solids_in(statics, movers)
+        order, places, position = c.order, c.places, r.position
         if piece == 0:
             for p in range(order.shape[0]):
                 places[p, 0], places[p, 1] = position[order[p], 0], position[order[p], 1]
-        advance_bodies(piece, pieces, radius, movers, edges, discs)
-        stop_jumps(places, radii, edges, discs, movers)
+        advance_bodies(piece, pieces, r.radius, solids.movers, solids.edges, solids.discs)
+        stop_jumps(places, c.radii, solids.edges, solids.discs, solids.movers)
 
 
 @compiled(nogil=True, apart=True)
-def advance_rows(first, last, piece, pieces, crowd, position, heading, motion, statics):
+def advance_rows(piece, pieces, robots, crowd, statics, movers, first, last):
     """Move robots p in [first, last) through a piece of their arcs, and out of static bodies."""
-    order, places, before, radii, _, free, contacts, rows = crowd
-    depth, face = contacts[3], contacts[4]
+    r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), solids_in(statics, movers)
+    position, heading, motion, order, places, before = r.position, r.heading, r.motion, c.order, c.places, c.before
+    depth, face, extra_turn = c.contacts.depth, c.contacts.face, r.extra_turn
     for p in range(first, last):
         i = order[p]
         if piece == 0:
             places[p, 0], places[p, 1] = position[i, 0], position[i, 1]
-            depth[p] = 0.0
+            depth[p], extra_turn[i] = 0.0, 0.0
         before[p, 0], before[p, 1] = places[p, 0], places[p, 1]
         face[p, 2] = 0.0
         dx, dy, heading[i] = moved_by(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
         places[p, 0] += dx
         places[p, 1] += dy
-    push_all_from_statics(rows[first:last], places, radii, statics, contacts, free)
+    push_all_from_statics(c.rows[first:last], places, c.radii, solids, c.contacts, c.free)
+
+
+@compiled(apart=True)
+def turn_rows(turn_angle, robots, crowd):
+    """Turn robots along the faces that they met in a piece of the step, see `turn_along_faces`."""
+    r, c = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays)
+    turn_along_faces(c.order, r.heading, r.motion, c.contacts.face, turn_angle, r.extra_turn)
 
 
 @compiled(apart=True)
@@ -190,19 +216,21 @@ def turn_along_faces(order, heading, motion, face, turn_angle, extra_turn):
 
 
 @compiled(nogil=True, apart=True)
-def finish_rows(first, last, crowd, position, collided, contact_kind, contact_index, contact_normal, contact_depth):
+def finish_rows(robots, crowd, first, last):
     """Write the positions and the contacts of robots p in [first, last) into the columns."""
-    order, places = crowd[0], crowd[1]
-    kind, index, normal, depth, _ = crowd[6]
+    r, c = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays)
+    position, collided, order, places = r.position, r.collided, c.order, c.places
+    contact_kind, contact_index, contact_normal = r.contact_kind, r.contact_index, r.contact_normal
+    kind, other, normal, depth = c.contacts.kind, c.contacts.other, c.contacts.normal, c.contacts.depth
     for p in range(first, last):
         i = order[p]
         position[i, 0], position[i, 1] = places[p, 0], places[p, 1]
         if depth[p] > 0.0:
             contact_kind[i] = kind[p]
-            contact_index[i] = order[index[p]] if kind[p] == ROBOT else index[p]
+            contact_index[i] = order[other[p]] if kind[p] == ROBOT else other[p]
             contact_normal[i, 0], contact_normal[i, 1] = normal[p, 0], normal[p, 1]
         elif collided[i]:
             contact_kind[i] = contact_index[i] = -1
             contact_normal[i, 0] = contact_normal[i, 1] = 0.0
-        contact_depth[i] = depth[p]
+        r.contact_depth[i] = depth[p]
         collided[i] = depth[p] > 0.0

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.geometry.grid import Grid, list_boxes_by_cell
+from mesa_swarm.geometry.grid import CellLists, Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
@@ -46,9 +46,8 @@ class Statics:
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
     grid : Grid
-        Its cells list the items that can be seen, or touched, from them.
-    seen_start, seen_items, touched_start, touched_items : int64 ndarrays
-        See `list_boxes_by_cell`.
+    seen, touched : CellLists
+        The items that can be seen, or touched, from each cell of the grid.
     """
 
     edges: np.ndarray
@@ -59,10 +58,8 @@ class Statics:
     rings: np.ndarray
     bounds: np.ndarray
     grid: Grid
-    seen_start: np.ndarray
-    seen_items: np.ndarray
-    touched_start: np.ndarray
-    touched_items: np.ndarray
+    seen: CellLists
+    touched: CellLists
     first_source: int
 
     @classmethod
@@ -101,7 +98,7 @@ class Statics:
         grid = _grid_for(boxes, bounds, sight, touch)
         seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
         # The border is never crossed, so contact tests its four coordinates, not its edges.
-        touched = list_boxes_by_cell(boxes[4:], touch, grid.numbers)
+        touched_start, touched_items = list_boxes_by_cell(boxes[4:], touch, grid.numbers)
         return cls(
             edges=edges,
             discs=discs,
@@ -111,10 +108,8 @@ class Statics:
             rings=rings,
             bounds=np.array(bounds, dtype=float),
             grid=grid,
-            seen_start=seen_start,
-            seen_items=still[seen_items],
-            touched_start=touched[0],
-            touched_items=still[touched[1] + 4],
+            seen=CellLists(grid.numbers, seen_start, still[seen_items]),
+            touched=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
             first_source=len(discs) - len(sources),
         )
 

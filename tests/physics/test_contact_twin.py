@@ -12,11 +12,12 @@ from mesa_swarm import Map, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.physics import contact, separation, settle, shapely_engine
 from mesa_swarm.physics.contact import SLOP, Contacts, coincident_direction
+from mesa_swarm.physics.crowd import near_pairs
 from mesa_swarm.physics.separation import MOST_SWEEPS
 from mesa_swarm.physics.shapely_engine import is_apart
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE, ROBOT
 from support.scenes import PROMISED
-from support.solid_worlds import BOUNDS, contacts_of, solid_world
+from support.solid_worlds import BOUNDS, contacts_of, crowd_in, solid_world
 
 WORLD = solid_world()
 xs, ys, radii = st.floats(10, 110), st.floats(-5, 75), st.floats(1, 6)
@@ -46,7 +47,7 @@ def test_the_deepest_overlap_with_a_static_body_is_the_twins(x, y, radius):
     nudged = shapely_engine.deepest_static(np.array([x + 1e-7, y - 1e-7]), radius, WORLD.solids)
     assume(nudged is not None and np.allclose(nudged.normal, twin.normal, atol=1e-3))
     assert (nx, ny) == pytest.approx(tuple(twin.normal), abs=1e-6)
-    owner, body = (BORDER, OBSTACLE) if item == BORDER else (WORLD.statics[2][item], WORLD.statics[3][item])
+    owner, body = (BORDER, OBSTACLE) if item == BORDER else (WORLD.statics.owner[item], WORLD.statics.body[item])
     assert (owner, body, flat) == (twin.index, twin.kind, twin.flat)
 
 
@@ -69,7 +70,7 @@ def test_overlaps_up_to_rounding_are_free_and_not_pushed_and_deeper_ones_are(dep
     ours, twin = contacts_of(1)
     place = here.copy()
     assert contact.push_from_statics(0, place, radius, WORLD.statics, ours)
-    assert (place[0, 0] > here[0, 0]) == deep == (ours[3][0] > 0)
+    assert (place[0, 0] > here[0, 0]) == deep == (ours.depth[0] > 0)
     place = here.copy()
     assert shapely_engine.leave_statics(0, place, radius, WORLD.solids, twin)
     assert (place[0, 0] > here[0, 0]) == deep == (twin.depth[0] > 0)
@@ -151,7 +152,7 @@ def test_robots_that_overlap_push_each_other_by_half_of_it_and_note_each_other(s
             deepest[i], deepest[j] = max(deepest[i], (overlap, j)), max(deepest[j], (overlap, i))
     assert met[:count].tolist() == found
     assert push == pytest.approx(expected, abs=1e-12)
-    assert ours[3] == pytest.approx([depth for depth, _ in deepest])
+    assert ours.depth == pytest.approx([depth for depth, _ in deepest])
     assert ours[1].tolist() == [other for _, other in deepest]
     assert ours[0].tolist() == [ROBOT if other >= 0 else -1 for _, other in deepest]
     for i, (_, other) in enumerate(deepest):
@@ -234,21 +235,20 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     position, radius = crowd(seed, n)
     assume((WORLD.solids.gaps(position) > 0.2 * radius).all())
     (ours, twin), place, other = contacts_of(n), position.copy(), position.copy()
-    free = np.zeros(n, np.bool_)
+    robots, bodies = crowd_in(WORLD, place, radius, contacts=ours)
+    free, listed = robots.free, robots.listed
     contact.push_all_from_statics(np.arange(n), place, radius, WORLD.statics, ours, free)
-    listed, near = position.copy(), separation.near_pairs(position, radius, radius.min(), WORLD.grid)
-    settled, pairs = separation.separate(
-        place, radius, np.arange(n), WORLD.grid, WORLD.statics, ours, free, MOST_SWEEPS, listed, near
-    )
+    near = near_pairs(position, radius, radius.min(), WORLD.grid)
+    settled, pairs = separation.separate(*bodies, near, MOST_SWEEPS)
     twice = shapely_engine.separate(other, radius, WORLD.solids, twin, MOST_SWEEPS)
     assume(settled)
     assert twice
     assert free.all()
     assert place == pytest.approx(other, abs=1e-6)
-    assert ours[3] == pytest.approx(twin.depth, abs=1e-6)
+    assert ours.depth == pytest.approx(twin.depth, abs=1e-6)
     assert len(shapely_engine.overlapping_pairs(place, radius)) == 0
     assert 2 * np.hypot(*(listed - place).T).max() <= radius.min() + 1e-9
-    assert len(pairs) == len(separation.near_pairs(listed, radius, radius.min(), WORLD.grid))
+    assert len(pairs) == len(near_pairs(listed, radius, radius.min(), WORLD.grid))
 
 
 @few
@@ -262,20 +262,22 @@ def test_robots_that_overlap_return_to_where_they_were_as_those_of_the_twin_do(s
     listed, free = place + rng.uniform(-0.5, 0.5, (n, 2)), rng.random(n) < 0.5
     for i in range(n):
         free[i] &= shapely_engine.deepest_static(place[i], radius[i], WORLD.solids) is None
-    pairs = separation.near_pairs(listed, radius, radius.min(), WORLD.grid)
-    separation.put_back(place, before, radius, WORLD.grid, WORLD.statics, ours, free, listed, pairs)
+    pairs = near_pairs(listed, radius, radius.min(), WORLD.grid)
+    _robots, bodies = crowd_in(WORLD, place, radius, before=before, listed=listed, free=free, contacts=ours)
+    separation.put_back(*bodies, pairs)
     shapely_engine.put_back(other, before, radius, WORLD.solids, twin)
     assert (place == other).all()
-    assert ours[3] == pytest.approx(twin.depth, abs=1e-9)
+    assert ours.depth == pytest.approx(twin.depth, abs=1e-9)
 
 
 def test_all_that_follow_one_that_returns_return_with_it():
     """The first is in the border; each of the others has come near to where the one before it was."""
     before = np.array([[14.5, 12.0], [23.0, 12.0], [31.5, 12.0], [40.0, 12.0]])
     place, radius = before - [[3.0, 0.0], [3.4, 0.0], [3.8, 0.0], [4.2, 0.0]], np.full(4, 4.0)
-    (ours, twin), mine, theirs = contacts_of(4), place.copy(), place.copy()
-    pairs, free = separation.near_pairs(mine, radius, 4.0, WORLD.grid), np.array([False, True, True, True])
-    separation.put_back(mine, before, radius, WORLD.grid, WORLD.statics, ours, free, place, pairs)
+    (_, twin), mine, theirs = contacts_of(4), place.copy(), place.copy()
+    pairs, free = near_pairs(mine, radius, 4.0, WORLD.grid), np.array([False, True, True, True])
+    _robots, bodies = crowd_in(WORLD, mine, radius, before=before, free=free)
+    separation.put_back(*bodies, pairs)
     shapely_engine.put_back(theirs, before, radius, WORLD.solids, twin)
     assert (mine == before).all()
     assert (theirs == before).all()
@@ -344,8 +346,9 @@ def test_the_first_robot_without_room_is_named_with_its_radius():
     assert settle.leave_each_other(place.copy(), radius, small.statics, small.rings) == 2
     with pytest.raises(PlacementError, match=r"no room is left for robot 3 of 3 \(radius 6\)"):
         shapely_engine.leave_each_other(place.copy(), radius, bounds, small.solids)
+    swarm = SimpleNamespace(columns={"position": place, "radius": radius, "number": np.arange(3)})
     with pytest.raises(PlacementError, match=r"no room is left for robot 3 of 3 \(radius 6\)"):
-        settle.settle(place, radius, np.arange(3), small.grid, small.statics, small.rings)
+        settle.settle(swarm, small.surroundings, small.grid)
 
 
 @few

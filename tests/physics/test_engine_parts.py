@@ -1,5 +1,6 @@
 """The parts of a step between columns and kernels, and the kernels of radio, beside twins that try all pairs."""
 
+import copy
 import math
 from types import SimpleNamespace
 
@@ -15,13 +16,12 @@ from mesa_swarm.physics.engine import (
     CompiledEngine,
     drives_by_rows,
     hold_readings,
-    move_by_commands,
     rolling_wheels,
     wheels_of,
     write_motion,
 )
 from mesa_swarm.physics.motion import achieved_motion, count_pieces, slip_of
-from mesa_swarm.physics.radio import Channel, hear_goals, hear_states, is_cut, nearest_heard, send_goals
+from mesa_swarm.physics.radio import Channel, hear_goals, hear_states, is_cut, nearest_heard, obstacles_of, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.swarm import Swarm
 from support.solid_worlds import BOUNDS, solid_world
@@ -93,21 +93,22 @@ def test_equal_drives_share_one_call_for_all_robots():
 def test_wheels_roll_as_commanded_without_draws_and_slip_with_them():
     swarm = swarm_of((AGENT3.with_slip(probability=0.5, magnitude=0.25), (20, 20)))
     swarm.columns["command"][:] = [[0.8, -0.4]]
-    assert rolling_wheels(swarm, None).tolist() == [[0.8, -0.4]]
-    assert rolling_wheels(swarm, np.array([[0.4, 0.6]])).tolist() == [[pytest.approx(0.6), -0.4]]
+    assert rolling_wheels(swarm, swarm.command, None).tolist() == [[0.8, -0.4]]
+    assert rolling_wheels(swarm, swarm.command, np.array([[0.4, 0.6]])).tolist() == [[pytest.approx(0.6), -0.4]]
 
 
 @pytest.mark.parametrize("collided", [False, True])
 def test_slip_compares_the_command_with_what_was_achieved_where_a_robot_collided_and_with_its_wheels_else(collided):
-    swarm, motion = swarm_of((AGENT3, (30, 30)), (AGENT3, (60, 60))), np.zeros((2, 3))
+    swarm = swarm_of((AGENT3, (30, 30)), (AGENT3, (60, 60)))
     swarm.columns["command"][:] = [[0.8, 0.8], [0.5, 0.5]]
 
-    def travel():
-        swarm.columns["position"][0, 0] += 0.2
-        swarm.columns["collided"][:] = [collided, False]
-        return np.zeros(2)
+    class Pushing(ShapelyEngine):
+        def travel(self, swarm, surroundings, motion, turn_angle):
+            swarm.columns["position"][0, 0] += 0.2
+            swarm.columns["collided"][:] = [collided, False]
+            return np.zeros(2)
 
-    move_by_commands(swarm, WORLD.surroundings, None, drives_by_rows(swarm), motion, travel)
+    Pushing().move(swarm, WORLD.surroundings, swarm.columns["command"], 0.3, None)
     assert swarm.slip[0] == pytest.approx([0.75, 0.75] if collided else [0.0, 0.0])
     assert swarm.slip[1].tolist() == [0.0, 0.0]
 
@@ -149,7 +150,7 @@ def test_an_engine_notices_other_robots_and_other_surroundings(engine):
     assert swarm.distance[:, 0] == pytest.approx([5.0, 0.0])
     engine.settle(swarm, WORLD.surroundings)
     assert swarm.position.tolist() == [[30.0, 40.0], [45.0, 40.0]]
-    engine.move(swarm, WORLD.surroundings, 0.3, None)
+    engine.move(swarm, WORLD.surroundings, swarm.columns["command"], 0.3, None)
     assert not swarm.collided.any()
 
 
@@ -158,7 +159,7 @@ def test_an_engine_moves_and_settles_a_world_without_robots(engine):
     engine, swarm = engine(), Swarm()
     engine.sense(swarm, WORLD.surroundings, 1, None)
     engine.settle(swarm, WORLD.surroundings)
-    engine.move(swarm, WORLD.surroundings, 0.3, None)
+    engine.move(swarm, WORLD.surroundings, swarm.columns["command"], 0.3, None)
     assert len(swarm.position) == 0
 
 
@@ -178,7 +179,7 @@ def test_of_the_senders_in_range_the_one_whose_target_is_nearest_is_heard_and_of
     grid = Grid.over(BOUNDS, rng.uniform(1, 40), cells).numbers
     limits = reach, 0.0, np.uint64(1), False
     statics = WORLD.statics
-    obstacles = statics[0], statics[1], statics[5], statics[6], statics[7], None
+    obstacles = statics.edges, statics.discs, *statics.touched, None
     heard = nearest_heard(position, number, places, targets, numbers, limits, grid, obstacles)
     for i in range(n):
         near = [j for j in range(m) if math.dist(places[j], position[i]) <= reach and numbers[j] != number[i]]
@@ -192,7 +193,7 @@ def test_a_broadcast_is_cut_where_the_line_meets_an_obstacle_and_not_by_fires(se
     (ax, ay), (bx, by) = rng.uniform(BOUNDS[:2], BOUNDS[2:], (2, 2))
     if rng.random() < 0.2:
         bx = ax
-    obstacles = s.edges, s.discs[: s.first_source], s.grid.numbers, s.touched_start, s.touched_items, None
+    obstacles = obstacles_of(WORLD.surroundings)
     line = shapely.LineString([(ax, ay), (bx, by)])
     outlines = [polygon.boundary for polygon in WORLD.solids.polygons[1:]]
     gaps = [outline.distance(line) for outline in outlines]
@@ -214,7 +215,7 @@ def test_goals_sent_from_their_own_frames_are_heard_in_the_frames_of_the_hearers
     assert np.isnan(sent[3]).all()
     limits, number, heard = (1e3, 0.0, np.uint64(1), False), np.arange(4), np.empty((4, 2))
     statics, beacons = WORLD.statics, np.array([[30.0, 30.0]])
-    obstacles = statics[0], statics[1], statics[5], statics[6], statics[7], None
+    obstacles = statics.edges, statics.discs, *statics.touched, None
     hear_goals(position, heading, number, sent, beacons, limits, WORLD.grid, obstacles, heard)
     for i in range(4):
         others = [30 + 30j, *(on_map[j] for j in range(3) if j != i)]
@@ -225,7 +226,7 @@ def test_goals_sent_from_their_own_frames_are_heard_in_the_frames_of_the_hearers
 def test_a_goal_with_one_number_missing_is_not_sent():
     limits, heard = (1e3, 0.0, np.uint64(1), False), np.empty((2, 2))
     statics, none = WORLD.statics, np.empty((0, 2))
-    obstacles = statics[0], statics[1], statics[5], statics[6], statics[7], None
+    obstacles = statics.edges, statics.discs, *statics.touched, None
     place = np.array([[20.0, 20.0], [40.0, 10.0]]), np.zeros(2), np.arange(2)
     for number in (0, 1):
         sent = np.full((2, 2), math.nan)
@@ -237,7 +238,7 @@ def test_a_goal_with_one_number_missing_is_not_sent():
 
 def test_the_state_of_the_nearest_robot_at_work_is_heard_from_its_place():
     statics = WORLD.statics
-    obstacles = statics[0], statics[1], statics[5], statics[6], statics[7], None
+    obstacles = statics.edges, statics.discs, *statics.touched, None
     position = np.array([[20.0, 10.0], [25.0, 10.0], [20.0, 17.0]])
     layer, task = np.array([3, 4, 5]), np.array([0, -1, 2])
     out = np.empty(3, np.int64), np.empty(3, np.int64), np.empty((3, 2))
@@ -280,3 +281,15 @@ def test_a_channel_carries_what_its_radio_broadcasts_and_notices_other_robots_an
 
 def test_an_exchange_without_robots_needs_no_surroundings():
     Channel(Radio()).exchange(Swarm(), SimpleNamespace(), np.uint64(5))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_copied_engine_refers_to_no_arrays_of_the_first(engine):
+    engine, swarm = engine(), swarm_of((AGENT9, (20, 20)))
+    engine.threads = 3
+    engine.sense(swarm, WORLD.surroundings, 1, None)
+    twin, other = copy.deepcopy((engine, swarm))
+    assert (twin.threads, vars(twin).keys()) == (3, vars(type(engine)()).keys())
+    other.columns["command"][:] = 1.0
+    twin.move(other, WORLD.surroundings, other.columns["command"], 0.3, None)
+    assert (other.position[0, 0], swarm.position[0, 0]) == (21.0, 20.0)

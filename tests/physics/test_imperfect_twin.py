@@ -213,18 +213,13 @@ def test_wheels_that_are_not_commanded_do_not_slip_whatever_they_do():
     assert model.swarm.slip.tolist() == [[0.0, 0.0]]
 
 
-def test_a_failed_step_leaves_the_commands_as_they_were_requested():
+def test_the_wheels_that_are_driven_are_the_commands_unless_imperfections_change_these_and_no_command_is_written():
     swarm = driven(None).swarm
-    imperfect = Imperfect(Imperfections(driving=Imperfection(dropout=1.0)), swarm, KEY)
-
-    def fail():
-        with imperfect.driving(swarm, 5):
-            assert not swarm.command.any()
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    assert swarm.command.tolist() == [[0.5, 0.5]] * 2
+    for imperfections, speed in ((Imperfections(driving=Imperfection(dropout=1.0)), 0.0), (Imperfections(), 0.5)):
+        wheels = Imperfect(imperfections, swarm, KEY).driven_wheels(swarm, 5)
+        assert wheels.tolist() == [[speed, speed]] * 2
+        assert (wheels is swarm.columns["command"]) == (speed == 0.5)
+        assert swarm.command.tolist() == [[0.5, 0.5]] * 2
 
 
 def test_imperfect_wheels_leave_readings_and_imperfect_readings_leave_wheels_as_they_are():

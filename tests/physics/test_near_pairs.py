@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mesa_swarm import AGENT9, Map, SwarmModel
 from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.physics import engine
-from mesa_swarm.physics.crowd import Crowd
-from mesa_swarm.physics.separation import near_pairs, pairs_by_robot, pairs_of
+from mesa_swarm.physics.crowd import Crowd, near_pairs
+from mesa_swarm.physics.separation import pairs_by_robot, pairs_of
 from support.random_worlds import Commanded
 
 seeds, few, margins, sizes = st.integers(0, 2**32 - 1), st.integers(0, 60), st.floats(0, 30), st.floats(20, 400)
@@ -45,18 +45,20 @@ def test_near_pairs_are_all_pairs_within_the_margin_whatever_the_size_of_cells(s
 @given(seeds, few, margins, sizes)
 def test_a_crowd_is_in_the_order_of_cells_and_within_a_cell_in_that_of_rows(seed, n, margin, size):
     position, radius, grid = robots(seed, n, size)
-    crowd, number = Crowd(grid.numbers, grid.cells, n), 3 * np.arange(n)
-    crowd.sort(position, radius, number)
+    number = 3 * np.arange(n)
+    crowd = Crowd(grid.numbers, position, radius, number)
+    crowd.sort()
+    order, start = crowd.arrays.order, crowd.arrays.start
     x, y, per_unit, columns, rows = grid.numbers
     cells = [cell_index(a, x, per_unit, columns) + columns * cell_index(b, y, per_unit, rows) for a, b in position]
-    assert crowd.order.tolist() == sorted(range(n), key=lambda i: (cells[i], i))
-    assert (crowd.listed == position[crowd.order]).all()
-    assert (crowd.radii == radius[crowd.order]).all()
-    assert (crowd.arrays[4] == number[crowd.order]).all()
-    assert all(crowd.order[crowd.start[c] : crowd.start[c + 1]].tolist() == sorted(
+    assert order.tolist() == sorted(range(n), key=lambda i: (cells[i], i))
+    assert (crowd.arrays.listed == position[order]).all()
+    assert (crowd.arrays.radii == radius[order]).all()
+    assert (crowd.arrays.numbers == number[order]).all()
+    assert all(order[start[c] : start[c + 1]].tolist() == sorted(
         i for i in range(n) if cells[i] == c) for c in range(grid.cells))  # fmt: skip
     crowd.list_pairs(margin)
-    assert ascending(crowd.order[crowd.pairs]) == within(position, radius, margin)
+    assert ascending(order[crowd.pairs]) == within(position, radius, margin)
 
 
 @given(seeds, few, st.integers(0, 100))
@@ -87,9 +89,11 @@ def test_after_a_step_the_pairs_are_those_at_the_places_listed_also_where_robots
         model.step()
         crowd = model.parts.robots.engine._crowd
         model.sense()
-        listed = crowd.listed.copy()
-        model.parts.robots.engine.move(model.swarm, model.parts.bodies.scene(), 0.5, None)
-        anew += not (crowd.listed == listed).all()
-        expected = near_pairs(crowd.listed, crowd.radii, model.parts.robots.engine._margin, crowd.cells)
+        arrays, listed = crowd.arrays, crowd.arrays.listed.copy()
+        model.parts.robots.engine.move(
+            model.swarm, model.parts.bodies.scene(), model.swarm.columns["command"], 0.5, None
+        )
+        anew += not (arrays.listed == listed).all()
+        expected = near_pairs(arrays.listed, arrays.radii, model.parts.robots.engine._margin, arrays.grid)
         assert ascending(crowd.pairs) == ascending(expected)
     assert anew == 5

@@ -5,7 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mesa_swarm import disc, polygon, rectangle
+from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.physics.contact import ContactArrays, StaticArrays
+from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.shapely_engine import Touches
 from mesa_swarm.physics.shapely_sensing import Solids
 from mesa_swarm.physics.surroundings import Surroundings
@@ -26,7 +29,7 @@ class SolidWorld(NamedTuple):
     """A world: for compiled functions, and for their twins."""
 
     surroundings: Surroundings
-    statics: tuple
+    statics: StaticArrays
     rings: np.ndarray
     solids: Solids
     grid: tuple
@@ -36,12 +39,22 @@ def solid_world(shapes=SHAPES, fires=FIRES, bounds=BOUNDS, touch=6.0) -> SolidWo
     """Return a world in which bodies within `touch` of a centre can be touched."""
     temperature = np.resize(TEMPERATURE, len(fires))
     around = Surroundings.of(bounds, shapes, fires.reshape(-1, 3), temperature, sight=70.0, touch=touch)
-    s = around.statics
-    statics = s.edges, s.discs, s.owner, s.body, s.bounds, s.grid.numbers, s.touched_start, s.touched_items, None
-    return SolidWorld(around, statics, s.rings, Solids.of(around, 50.0), Grid.over(bounds, 3 * touch, 400).numbers)
+    grid = Grid.over(bounds, 3 * touch, 400).numbers
+    return SolidWorld(around, around.solids, around.statics.rings, Solids.of(around, 50.0), grid)
 
 
-def contacts_of(n: int) -> tuple[tuple, Touches]:
+def crowd_in(world: SolidWorld, position: np.ndarray, radius: np.ndarray, **arrays) -> tuple[CrowdArrays, tuple]:
+    """Return robots at these places, in that order, and what compiled functions take of them and the world.
+
+    Other `arrays` replace the robots' own: `before`, `listed`, `free`, `contacts`.
+    """
+    number = np.arange(len(radius))
+    crowd = CrowdArrays.of(world.grid, position, radius, number)
+    crowd = crowd._replace(places=position, radii=radius, numbers=number, listed=position.copy())._replace(**arrays)
+    return crowd, (Block(crowd).numbers, Block(world.statics).numbers, None)
+
+
+def contacts_of(n: int) -> tuple[ContactArrays, Touches]:
     """Return where n robots' contacts are noted, for compiled functions and for their twins."""
     columns = {
         "number": np.arange(n),
@@ -50,5 +63,4 @@ def contacts_of(n: int) -> tuple[tuple, Touches]:
         "contact_normal": np.zeros((n, 2)),
         "contact_depth": np.zeros(n),
     }
-    ours = np.full(n, -1), np.full(n, -1), np.zeros((n, 2)), np.zeros(n), np.zeros((n, 3))
-    return ours, Touches(columns)
+    return ContactArrays.of(n), Touches(columns)

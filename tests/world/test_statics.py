@@ -9,7 +9,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.geometry.grid import cell_index
+from mesa_swarm.geometry.grid import cell_at
 from mesa_swarm.world.shapes import disc, polygon
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE, Marks, Statics
 
@@ -86,11 +86,10 @@ def test_every_solid_shape_has_its_rows_and_every_row_its_owner_and_kind(seed):
     assert statics.bounds.tolist() == list(BOUNDS)
 
 
-def items_at(statics, start, items, point):
+def items_at(lists, point):
     """Return the items that the cell of a point lists."""
-    x, y, per_unit, columns, rows = statics.grid.numbers
-    cell = cell_index(point[0], x, per_unit, columns) + columns * cell_index(point[1], y, per_unit, rows)
-    return set(items[start[cell] : start[cell + 1]].tolist())
+    cell = cell_at(*point, lists.grid)
+    return set(lists.items[lists.start[cell] : lists.start[cell + 1]].tolist())
 
 
 @given(seeds, st.floats(1, 60), st.floats(1, 20), st.floats(0, 10))
@@ -108,8 +107,8 @@ def test_a_cell_lists_what_can_be_seen_or_touched_from_it_also_once_a_load_has_m
     moving = statics.body == LOAD
     for point in rng.uniform(BOUNDS[:2], BOUNDS[2:], (20, 2)):
         away = np.maximum(0, np.maximum(low - point, point - high)).max(axis=1) - slack * moving
-        seen = items_at(statics, statics.seen_start, statics.seen_items, point)
-        touched = items_at(statics, statics.touched_start, statics.touched_items, point)
+        seen = items_at(statics.seen, point)
+        touched = items_at(statics.touched, point)
         assert set(np.flatnonzero(away < sight - 1e-6).tolist()) <= seen
         assert set(range(4, len(bodies))) & set(np.flatnonzero(away < touch - 1e-6).tolist()) <= touched
         # No farther than a cell and the reach; the border is never touched.
@@ -132,5 +131,5 @@ def test_marks_have_rows_of_their_own_and_solids_none_among_them():
 def test_an_empty_world_has_a_grid_of_cells_as_wide_as_can_be_touched(reach, cells):
     statics = Statics.of((0, 0, 10, 10), [], np.empty((0, 3)), np.empty(0, bool), sight=1.0, touch=reach)
     assert statics.grid.cells == cells
-    assert len(statics.touched_items) == 0
-    assert set(statics.seen_items.tolist()) == {0, 1, 2, 3}
+    assert len(statics.touched.items) == 0
+    assert set(statics.seen.items.tolist()) == {0, 1, 2, 3}
