@@ -181,7 +181,7 @@ class Fire(Body):
         """Its size: each robot lowers its temperature by k2 / area a step."""
         return float(self._read("area"))
 
-    @property
+    @property  # type: ignore[override]
     def temperature(self) -> float:
         """Its temperature in [0, 1]; 0 once it is out."""
         return float(self._read("temperature"))

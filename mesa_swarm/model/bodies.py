@@ -22,7 +22,17 @@ from mesa_swarm.model.state_hash import described_bodies, described_movers
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.robot import Robot
-from mesa_swarm.world.bodies import Body, Form, Load, Loads, Obstacle, Pose, checked_resistance, placed
+from mesa_swarm.world.bodies import (
+    Body,
+    Form,
+    Load,
+    Loads,
+    Obstacle,
+    Pose,
+    checked_resistance,
+    checked_temperature,
+    placed,
+)
 from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, occupied, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
@@ -35,7 +45,7 @@ MODES = ("driven", "fixed", "pushed")
 # A body is put down in one of these directions (rad), this share of its size from the robot's rim.
 PUT_DOWN = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60]).tolist()
 CLEAR = 1.0 + 1e-6
-POSES = "pose of driven bodies"
+POSES, HEAT = "pose of driven bodies", "temperature of bodies"
 
 
 class Made:
@@ -115,7 +125,8 @@ class BodiesPart(Part):
         table = self.loads
         loads = tuple(map(np.ndarray.tobytes, (table.position, table.heading, table.resistance))) if table else ()
         driven = () if self.movers is None else tuple(map(np.ndarray.tobytes, self.movers.poses))
-        return {"pose or resistance of loads": loads, POSES: driven, "kinds": len(self.kinds)}
+        heat = [body.temperature for body in self.listed]
+        return {"pose or resistance of loads": loads, POSES: driven, HEAT: heat, "kinds": len(self.kinds)}
 
     def store(self) -> dict[str, Any]:
         """Return nothing: bodies are agents, which are stored with all others."""
@@ -124,6 +135,8 @@ class BodiesPart(Part):
     def parameters(self) -> dict[str, Any]:
         """Return the bounds of the map and what bodies are."""
         described: dict[str, Any] = {"map": self.map.bounds, "bodies": described_bodies(self.listed)}
+        if lamps := self.lamps():
+            described["lamps"] = [[described_bodies([body]), body.temperature] for body in lamps]
         if self.loads:
             described["loads"] = [self.loads.position, self.loads.heading, self.loads.resistance]
         if self.movers is not None and self.movers.agents:
@@ -141,6 +154,15 @@ class BodiesPart(Part):
             if self.heat is None
             else (self.heat.discs, self.heat.columns["temperature"])
         )
+
+    def heat_changed(self) -> None:
+        """Let radiation sensors be read again: a body has another temperature."""
+        self.made.scene = None
+        self.swarm.disturbed = True
+
+    def lamps(self) -> list[Body]:
+        """Return the bodies that radiate, fires left out."""
+        return [body for body in self.listed if body.temperature is not None]
 
     def all_bodies(self) -> list[Body]:
         """Return all bodies by their unique_id, fires included."""
@@ -174,6 +196,7 @@ class BodiesPart(Part):
         mode: str = MODES[0],
         agent: mesa.Agent | None = None,
         resistance: float | None = None,
+        temperature: float | None = None,
     ) -> Body:
         """Add a body that robots see and bump into, and return its agent."""
         mode = check_choice("mode", mode, MODES)
@@ -188,11 +211,18 @@ class BodiesPart(Part):
             )
         if mode != "driven" and agent is not None:
             raise InvalidValueError(f"agent was given for a {mode} body; leave it out, or use mode='driven'")
+        if temperature is not None and not shape.contact:
+            raise InvalidValueError("temperature was given for a mark on the ground, which does not radiate")
+        heat = checked_temperature(temperature)
         if mode == "fixed":
-            return self.add_fixed(shape, name)
-        if mode == "pushed":
-            return self.add_pushed(shape, checked_resistance(cast(float, resistance)), name)
-        return self.add_driven(shape, name, agent)
+            body: Body = self.add_fixed(shape, name)
+        elif mode == "pushed":
+            body = self.add_pushed(shape, checked_resistance(cast(float, resistance)), name)
+        else:
+            body = self.add_driven(shape, name, agent)
+        if heat is not None:
+            body.temperature = heat
+        return body
 
     def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
         """Ask for poses of driven bodies, all at once: the quick way for many."""
@@ -425,6 +455,7 @@ class BodiesPart(Part):
                 loads=self.loads,
                 rows=[row for row, body in enumerate(self.listed) if isinstance(body, Load)],
                 room=room,
+                lamps=self.lamps(),
                 codes=[self.kinds.index(body.kind) for body in self.listed],
                 driven=[row for row, body in enumerate(self.listed) if isinstance(body, Driven)],
                 movers=self.movers,

@@ -434,6 +434,7 @@ class EngineModel(MesaModel):
         mode: str = MODES[0],
         agent: mesa.Agent | None = None,
         resistance: float | None = None,
+        temperature: float | None = None,
     ) -> Body:
         """Add a body that robots see and bump into, and return its agent.
 
@@ -452,6 +453,8 @@ class EngineModel(MesaModel):
             one, in each step. A body whose agent was removed from the model is removed as well.
         resistance : float
             See `add_load`.
+        temperature : float, optional
+            Of a body that radiates heat, 0 to 1, as `RadiationSensor` reads it; see `Body.temperature`.
 
         Raises
         ------
@@ -469,7 +472,9 @@ class EngineModel(MesaModel):
         >>> float(robot.distance[0]), model.kinds[robot.kind[0]]
         (5.0, 'predator')
         """
-        return self.parts.bodies.add_body(shape, kind=kind, mode=mode, agent=agent, resistance=resistance)
+        return self.parts.bodies.add_body(
+            shape, kind=kind, mode=mode, agent=agent, resistance=resistance, temperature=temperature
+        )
 
     def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
         """Ask for poses of driven bodies, all at once: the quick way for many.

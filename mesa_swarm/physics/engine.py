@@ -11,7 +11,15 @@ from mesa_swarm.physics.crowd import Crowd
 from mesa_swarm.physics.loads import push_all, stuck_loads, take_back
 from mesa_swarm.physics.motion import achieved_motion, slip_of
 from mesa_swarm.physics.packed import WheelArrays, move_packed, sense_packed
-from mesa_swarm.physics.sensing import EyeArrays, err, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.sensing import (
+    EyeArrays,
+    err,
+    sense_inside,
+    sense_line,
+    sense_proximity,
+    sense_radiating_edges,
+    sense_radiation,
+)
 from mesa_swarm.physics.separation import MARGIN, SETTLED
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
@@ -128,8 +136,10 @@ class CompiledEngine(Engine):
             if old:
                 hold_readings(swarm, step, *old)
         if columns["radiation"].shape[1]:
-            sources, temperature = surroundings.sources, surroundings.temperature
-            sense_radiation(position, heading, design, table.radiation, sources, temperature, columns["radiation"])
+            robots = position, heading, design, table.radiation
+            sense_radiation(*robots, *surroundings.radiating_discs(), columns["radiation"])
+            if surroundings.lamps:
+                sense_radiating_edges(*robots, *surroundings.radiating_edges(), columns["radiation"])
         if columns["line"].shape[1]:
             marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])

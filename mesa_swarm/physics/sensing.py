@@ -378,6 +378,35 @@ def sense_radiation(position, heading, design, sensors, sources, temperature, ra
 
 
 @compiled
+def sense_radiating_edges(position, heading, design, sensors, edges, temperature, radiation):
+    """Raise the readings of radiation sensors to the highest temperature among edges (m, 4) in their sectors."""
+    for i in range(position.shape[0]):
+        d = design[i]
+        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        for s in range(radiation.shape[1]):
+            ux, uy = sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y]
+            for e in range(edges.shape[0]):
+                if temperature[e] <= radiation[i, s] or sensors[d, s, RANGE] < 0.0:
+                    continue
+                ax, ay = edges[e, 0] - position[i, 0], edges[e, 1] - position[i, 1]
+                bx, by = edges[e, 2] - position[i, 0], edges[e, 3] - position[i, 1]
+                ax, ay = (
+                    cosine * ax + sine * ay - sensors[d, s, MOUNT_X],
+                    cosine * ay - sine * ax - sensors[d, s, MOUNT_Y],
+                )
+                bx, by = (
+                    cosine * bx + sine * by - sensors[d, s, MOUNT_X],
+                    cosine * by - sine * bx - sensors[d, s, MOUNT_Y],
+                )
+                seen = sector_to_segment(
+                    ax * ux + ay * uy, ay * ux - ax * uy, bx * ux + by * uy, by * ux - bx * uy,
+                    sensors[d, s, COS_HALF], sensors[d, s, SIN_HALF], sensors[d, s, RANGE],
+                )  # fmt: skip
+                if seen < math.inf:
+                    radiation[i, s] = temperature[e]
+
+
+@compiled
 def sense_line(position, heading, design, mounts, marks, rings, discs, line):
     """Write whether each line sensor is over a mark on the ground, a polygon or one of `discs` (x, y, radius).
 

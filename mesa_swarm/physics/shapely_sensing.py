@@ -110,14 +110,19 @@ def sense_proximity(
 
 def sense_radiation(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
     """Write the highest temperature among the sources of heat in each radiation sensor's sector."""
-    hot = surroundings.temperature > 0
-    sources, temperature = surroundings.sources[hot], surroundings.temperature[hot]
+    sources, temperature = surroundings.radiating_discs()
+    hot = temperature > 0
+    sources, temperature = sources[hot], temperature[hot]
+    edges, heat = surroundings.radiating_edges()
+    segments = [LineString(edge.reshape(2, 2)) for edge in edges]
     radiation[:] = 0.0
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].radiation)):
             view = view_of(swarm, i, swarm.table.radiation[design, s], reach_beyond(sources[:, 2]))
             seen = [distance_to_disc(view, Point(x, y), radius) <= view.range for x, y, radius in sources]
             radiation[i, s] = temperature[seen].max(initial=0.0)
+            met = [view.apex.distance(view.area.intersection(segment)) <= view.range for segment in segments]
+            radiation[i, s] = max(radiation[i, s], heat[met].max(initial=0.0))
 
 
 def sense_line(swarm: Swarm, surroundings: Surroundings, line: np.ndarray) -> None:

@@ -11,7 +11,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.load_room import Poses, Room, poses_of, room_of
 from mesa_swarm.physics.moving import Moving, MovingItems, place_items
-from mesa_swarm.world.bodies import Load, Loads
+from mesa_swarm.world.bodies import Body, Load, Loads
 from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import LOAD, OBSTACLE, Marks, Statics, edges_of
@@ -31,7 +31,8 @@ class Surroundings:
 
     `shapes` are obstacles, loads, marks and driven bodies (see `present_shapes`), `codes` their kinds, and `rows` the
     indices of the loads among them, `driven` those of driven bodies, which `moving` moves. `sources` (k, 3) are
-    x, y, radius of bodies that radiate heat, with temperature 0 once cold. `listed` (m, 3) are the poses of the loads
+    x, y, radius of the discs of a table of their own that radiate heat, with temperature 0 once cold; `lamps` are the
+    other bodies that do. `listed` (m, 3) are the poses of the loads
     when the tables were made; they may move by `slack` from there. `poses` are the present ones, `items` what
     `place_items` takes, and `room` is what loads may not overlap: None without loads.
     """
@@ -52,6 +53,7 @@ class Surroundings:
     codes: tuple[int, ...] = ()
     driven: tuple[int, ...] = ()
     moving: Moving | None = None
+    lamps: tuple[Body, ...] = ()
 
     @classmethod
     def of(
@@ -69,6 +71,7 @@ class Surroundings:
         driven: Sequence[int] = (),
         movers: Movers | None = None,
         room: Room | None = None,
+        lamps: Sequence[Body] = (),
     ) -> "Surroundings":
         """Collect all bodies; `sight`, `touch`, `codes`, `driven` as `Statics.of` takes them.
 
@@ -111,10 +114,27 @@ class Surroundings:
             room=room or (room_of(statics, loads.agents, [*rows, *driven], movers) if len(loads) else None),
             codes=tuple(known),
             driven=tuple(driven),
+            lamps=tuple(lamps),
             moving=Moving(movers, list(driven), statics, bounds, sight, touch)
             if movers is not None and driven
             else None,
         )
+
+    def radiating_discs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return x, y, radius (k, 3) and temperature (k,) of all discs that radiate heat, as they are now."""
+        discs = [body for body in self.lamps if body.shape.is_disc and not _is_carried(body)]
+        if not discs:
+            return self.sources, self.temperature
+        own = np.array([[*body.shape.position, body.shape.radius] for body in discs])
+        heat = np.array([body.temperature for body in discs])
+        return np.concatenate([self.sources, own]), np.concatenate([self.temperature, heat])
+
+    def radiating_edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the edges (m, 4) of all polygons that radiate heat, as they are now, and temperatures (m,)."""
+        polygons = [body for body in self.lamps if not body.shape.is_disc and not _is_carried(body)]
+        edges = [edges_of(body.shape) for body in polygons]
+        heat = [np.full(len(own), body.temperature) for own, body in zip(edges, polygons, strict=True)]
+        return np.concatenate([np.empty((0, 4)), *edges]), np.concatenate([np.empty(0), *heat])
 
     @property
     def present_shapes(self) -> list[Shape]:
@@ -177,6 +197,11 @@ class Surroundings:
     def follow(self) -> None:
         """Update the tables to the present poses of the loads."""
         place_items(self.poses.position, self.poses.heading, self.items, self.statics.edges, self.statics.discs)
+
+
+def _is_carried(body: Body) -> bool:
+    """Return whether a robot carries a body, which then is nowhere."""
+    return getattr(body, "carrier", None) is not None
 
 
 def items_of(statics: Statics, loads: Loads, rows: Sequence[int]) -> MovingItems:

@@ -35,7 +35,7 @@ from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent, next_id, set_next_id
-from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose
+from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_temperature
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
@@ -300,6 +300,8 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
     model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
     model.swarm._resize(np.arange(len(model.swarm)), 0)
     _restore_others(model, others)
+    for body in model.obstacle_list:
+        body.temperature = checked_temperature(obstacles[body.unique_id].get("temperature"))
     for load in model.parts.bodies.loads:
         _restore_load(load, obstacles[load.unique_id], model.map.bounds)
     agents = {agent.unique_id: agent for agent in model.agents}
@@ -404,7 +406,8 @@ def summary(model: EngineModel) -> list[list[int]]:
 
 def _obstacle_to_json(obstacle: Body) -> dict:
     usual = KINDS[LOAD] if isinstance(obstacle, Load) else KINDS[OBSTACLE]
-    return {**body_to_json(obstacle), **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
+    heat = {} if obstacle.temperature is None else {"temperature": float(obstacle.temperature)}
+    return {**body_to_json(obstacle), **heat, **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
 
 
 def body_to_json(obstacle: Body) -> dict:

@@ -130,6 +130,10 @@ def _take_kinds(new: EngineModel, old: EngineModel) -> None:
 def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Put bodies where they are, and agents of other classes as well."""
     first = {load.unique_id: load.resistance for load in fresh.loads}
+    heat = {body.unique_id: body.temperature for body in fresh.obstacle_list}
+    for body, before in zip(new.obstacle_list, old.obstacle_list, strict=True):
+        if before.temperature != heat.get(body.unique_id):
+            body.temperature = before.temperature
     for load, was in zip(new.loads, old.loads, strict=True):
         load.put(was.pose)
         load.note(moved=was.moved, pushers=was.pushers)

@@ -164,7 +164,7 @@ class ProximitySensor(Sensor):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RadiationSensor(Sensor):
-    """A sensor of the highest temperature among the burning fires whose body meets its sector, 0 if none.
+    """A sensor of the highest temperature among the fires and other hot bodies that meet its sector, 0 if none.
 
     Parameters
     ----------

@@ -183,15 +183,18 @@ class Body(ArenaAgent):
     ----------
     mode : str
         "fixed", "pushed" or "driven".
+    temperature : float or None
+        Of a body that radiates heat, 0 to 1.
     blocked : bool
         Whether a driven body had to stop in the last step; False for all others.
     """
 
     mode = "fixed"
     _kind: str
+    _temperature: float | None
 
     def __init__(self, space: Arena, model: Model, kind: str) -> None:
-        self._kind = kind
+        self._kind, self._temperature = kind, None
         super().__init__(space, model)
 
     def __repr__(self) -> str:
@@ -213,6 +216,28 @@ class Body(ArenaAgent):
         return self._kind
 
     @property
+    def temperature(self) -> float | None:
+        """How hot it is, 0 to 1, as radiation sensors read it; None for a body that does not radiate.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT_HEAT, SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> lamp = model.add_body(disc((100, 100), 8), kind="lamp", mode="fixed", temperature=1.0)
+        >>> (robot,) = model.add_robots(AGENT_HEAT, poses=[(60, 100, 0.0)])
+        >>> lamp.temperature = 0.25
+        >>> model.sense()
+        >>> float(robot.radiation.max())
+        0.25
+        """
+        return self._temperature
+
+    @temperature.setter
+    def temperature(self, value: float | None) -> None:
+        self._temperature = checked_temperature(value)
+        self.model.parts["bodies"].heat_changed()
+
+    @property
     def contact(self) -> bool:
         """Whether bodies bump into it; False for a mark on the ground."""
         return self.shape.contact
@@ -227,6 +252,11 @@ class Body(ArenaAgent):
 
     if TYPE_CHECKING:  # an attribute, or what follows from the pose
         shape: Shape
+
+
+def checked_temperature(value: float | None) -> float | None:
+    """Return the temperature of a body as a float from 0 to 1, None for one that does not radiate."""
+    return None if value is None else check_number("temperature", value, minimum=0, maximum=1)
 
 
 class BodyTable:
