@@ -69,12 +69,8 @@ def declared_type(annotation: Any) -> Any:
 
     Examples
     --------
-    >>> from typing import NamedTuple
-    >>> class Table(NamedTuple):
-    ...     rows: Integers
-    ...     share: float
-    >>> declared_type(Table)
-    Table(rows: Array(int64, 1, 'C', False, aligned=True), share: float64)
+    >>> in_words(declared_type(tuple[int, Reals]))
+    '(int64 float64[1C])'
     """
     if get_origin(annotation) is Annotated:
         return _type_in_word(annotation.__metadata__[0])

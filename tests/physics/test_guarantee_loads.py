@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mesa_swarm import Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.physics import loads as physics
+from mesa_swarm.physics import engine as physics
 from support.scenes import PROMISED, ahead, blind, circle, empty, wedge, worst_load_overlap, worst_overlap
 
 # Loads overlap nothing but by rounding, map units.

@@ -6,7 +6,7 @@ import pytest
 
 from mesa_swarm import RobotDesign, disc, rectangle
 from mesa_swarm.control import Subsumption
-from mesa_swarm.physics import loads as physics
+from mesa_swarm.physics import engine as physics
 from mesa_swarm.world.statics import LOAD
 from support.pushing import BOX, ENGINES, abreast, world
 from support.scenes import PROMISED, ahead, blind, empty, worst_load_overlap, worst_overlap
