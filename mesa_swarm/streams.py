@@ -33,6 +33,10 @@ class Streams:
         """Return the name of a stream, None if the generator is not one of these."""
         return next((name for name, stream in self._streams.items() if stream is generator), None)
 
+    def items(self) -> list[tuple[str, np.random.Generator]]:
+        """Return the streams that were used, by name."""
+        return sorted(self._streams.items())
+
     def state(self) -> dict[str, Mapping[str, Any]]:
         """Return the state of every stream that was used, by name."""
         return {name: stream.bit_generator.state for name, stream in sorted(self._streams.items())}

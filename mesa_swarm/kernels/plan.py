@@ -17,6 +17,8 @@ class Plan(NamedTuple):
         Of the robots' columns for which it was made.
     calls, collecting : tuples of callables
         What a step calls before it is counted as completed, and afterwards.
+    besides : tuple of str
+        What in Python each step calls besides its stages: the `step` of a class, observers, a data collector.
 
     Examples
     --------
@@ -32,12 +34,14 @@ class Plan(NamedTuple):
     process   processes  processes take place                    Python
     collect   robots     collisions are counted                  Python
     collect   fires      temperatures of fires are stored        Python
+    besides: datacollector after each step
     """
 
     stages: tuple[tuple[str, Stage], ...]
     version: int
     calls: tuple[Callable[[], None], ...]
     collecting: tuple[Callable[[], None], ...]
+    besides: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, parts: Iterable[Part], version: int, completed: Callable[[], int]) -> "Plan":
@@ -54,6 +58,7 @@ class Plan(NamedTuple):
         rows = [("phase", "part", "what", "how"), *(_row(part, stage) for part, stage in self.stages)]
         widths = [max(len(row[column]) for row in rows) for column in range(3)]
         lines = ["  ".join((*map(str.ljust, row, widths), row[3])) for row in rows]
+        lines += [f"besides: {what}" for what in self.besides]
         return "\n".join(line.rstrip() for line in lines)
 
 

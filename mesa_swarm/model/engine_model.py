@@ -220,7 +220,16 @@ class EngineModel(MesaModel):
         ['robots read their sensors', 'driven bodies begin their ways']
         """
         self.parts.replan()  # which layers are compiled is known after the first step
-        return self.parts.plan
+        return self.parts.plan._replace(besides=tuple(self._besides()))
+
+    def _besides(self) -> Iterator[str]:
+        """Iterate over what in Python a step calls besides the stages of its plan."""
+        own = [kind for kind in type(self).__mro__ if "step" in vars(kind) and issubclass(kind, EngineModel)]
+        yield from (f"{kind.__name__}.step" for kind in own if kind is not EngineModel)
+        yield from (f"observer {type(observer).__name__}" for observer in self.observers)
+        if self.collect_every:
+            often = "each step" if self.collect_every == 1 else f"every {self.collect_every} steps"
+            yield f"datacollector after {often}"
 
     def add_part(self, part: Part) -> Part:
         """Add a part, whose stages belong to each step from now on, and return it; see `Part`.

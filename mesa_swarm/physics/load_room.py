@@ -126,8 +126,8 @@ def place_all(poses, room):
     for b in range(room.driven):
         if not poses.carried[b]:
             solid = room.still + room.loads + b
-            place = poses.driven_position[b]
-            place_solid(solid, place[0], place[1], poses.driven_heading[b], room.outlines)
+            x, y = poses.driven_position[b, 0], poses.driven_position[b, 1]
+            place_solid(solid, x, y, poses.driven_heading[b], room.outlines)
             normalize_solid(solid, room.outlines)
 
 
@@ -152,8 +152,9 @@ def list_near(k, way, poses, room):
         if solid == room.still + k or (place >= 0 and poses.carried[place]):
             continue
         # Of a polygon the first ring, around all others.
-        box, reach = outlines.boxes[outlines.solids[solid]], far + outlines.radius[solid]
-        if box[0] - reach <= x <= box[2] + reach and box[1] - reach <= y <= box[3] + reach:
+        ring, reach = outlines.solids[solid], far + outlines.radius[solid]
+        x_min, y_min = outlines.boxes[ring, 0] - reach, outlines.boxes[ring, 1] - reach
+        if x_min <= x <= outlines.boxes[ring, 2] + reach and y_min <= y <= outlines.boxes[ring, 3] + reach:
             room.near[count] = solid
             count += 1
     return count

@@ -25,7 +25,7 @@ from mesa_swarm.physics.neighbours import NeighbourSensor
 from mesa_swarm.recording.container import ATOMS
 from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.robots.actuators import Emitter, Lamp
-from mesa_swarm.robots.design import DesignTable, RobotDesign
+from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
@@ -250,7 +250,7 @@ def objects_to_json(model: EngineModel) -> dict:
     return {
         **({"others": others} if others else {}),
         "designs": [part_to_json(design) for design in swarm.designs],
-        "created": swarm._created,
+        "created": swarm.robots_created,
         "robots": swarm.unique_ids.tolist(),
         "designs_of_robots": swarm.design.tolist(),
         "groups": list(swarm.groups),
@@ -295,10 +295,9 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
             makers[ids[0]]()
     set_next_id(model, _id(stored["next_id"]))
     _check_same(model, stored, obstacles)
-    model.swarm.table = DesignTable.of(designs)
-    model.swarm._created = _id(stored["created"])
+    model.swarm.robots_created = _id(stored["created"])
     model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
-    model.swarm._resize(np.arange(len(model.swarm)), 0)
+    model.swarm.set_designs(designs)
     _restore_others(model, others)
     for body in model.obstacle_list:
         body.temperature = checked_temperature(obstacles[body.unique_id].get("temperature"))

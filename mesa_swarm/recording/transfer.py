@@ -94,7 +94,7 @@ def _take_objects(new: EngineModel, old: EngineModel, fresh: EngineModel) -> boo
                 )
         restore_objects(new, _changed_objects(*map(objects_to_json, (new, old, fresh))), from_file=False)
     set_next_id(new, max(next_id(new), next_id(old)))
-    new.swarm._created = max(new.swarm._created, old.swarm._created)
+    new.swarm.robots_created = max(new.swarm.robots_created, old.swarm.robots_created)
     return remade
 
 
@@ -213,7 +213,7 @@ def _keep_fields(control: Any, old: Any) -> None:
 
 def _take_columns(new: EngineModel, old: EngineModel, of_parameters: frozenset[str]) -> None:
     renamed = _renamed_columns(new, old)
-    for name, declared in old.swarm._memory.items():
+    for name, declared in old.swarm.memory_columns.items():
         if not name[:1].isdigit() and not name.startswith(LASTING):  # of no layer, arbiter or imperfection
             new.swarm.remember(name, *declared)
     for name, column in new.swarm.columns.items():
@@ -438,7 +438,7 @@ class _Carrier:
         new, old = self._new, self._old
         pairs: list[tuple[Any, Any]] = [(old, new)]
         pairs += [(getattr(old, name), getattr(new, name)) for name in PARTS]
-        pairs += [(stream, new.streams[name]) for name, stream in old.streams._streams.items()]
+        pairs += [(stream, new.streams[name]) for name, stream in old.streams.items()]
         pairs += [(old.swarm.columns[name], column) for name, column in self._same_columns()]
         mine = {agent.unique_id: agent for agent in new.agents}
         pairs += [(agent, mine[agent.unique_id]) for agent in old.agents if agent.unique_id in mine]

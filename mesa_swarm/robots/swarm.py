@@ -152,7 +152,7 @@ class Swarm:
         self.groups: tuple[str, ...] = ()
         self.regrouped = 0
         self.battery_life = 0.0  # of robots whose design does not state it, steps at full speed, 0 for without end
-        self._created = 0
+        self.robots_created = 0
         self._memory: dict[str, tuple[tuple, type, object]] = {}
         self._messages: dict[str, tuple[tuple, type, object]] = {}
         self.columns: dict[str, np.ndarray] = {}
@@ -242,7 +242,7 @@ class Swarm:
         self._resize(np.arange(old), new)
         rows = slice(old, old + new)
         for name, values in {
-            "number": np.arange(self._created, self._created + new),
+            "number": np.arange(self.robots_created, self.robots_created + new),
             "design": self.designs.index(design),
             "group": self._index_of(group),
             "position": position,
@@ -252,7 +252,7 @@ class Swarm:
             "tendency": tendency,
         }.items():
             self.columns[name][rows] = values
-        self._created += new
+        self.robots_created += new
         return np.arange(old, old + new)
 
     def check_parts(self, design: RobotDesign) -> None:
@@ -329,6 +329,16 @@ class Swarm:
             self._memory[name] = (shape, dtype, initial)
             self._resize(np.arange(len(self.columns["position"])), 0)
         return self.columns[name]
+
+    @property
+    def memory_columns(self) -> dict[str, tuple[tuple, type, object]]:
+        """The columns that layers and others remember in: shape, type and first value of each by name."""
+        return dict(self._memory)
+
+    def set_designs(self, designs: Iterable[RobotDesign]) -> None:
+        """Have these designs in this order, to which the column `design` refers; columns get their widths."""
+        self.table = DesignTable.of(tuple(designs))
+        self._resize(np.arange(len(self)), 0)
 
     def forget(self) -> None:
         """Drop the columns of all layers."""

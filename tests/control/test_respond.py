@@ -79,7 +79,7 @@ def test_a_robot_that_is_too_hot_or_fights_does_not_respond():
         column = model.swarm.columns[name]
         before, column[index] = column[index], value
         layer = np.full(2, -1)
-        Respond(to="goal").decide(model._senses, np.zeros((2, 2)), layer, 0)
+        Respond(to="goal").decide(model.parts.control.made.senses, np.zeros((2, 2)), layer, 0)
         assert layer[index] == -1
         column[index] = before
 
