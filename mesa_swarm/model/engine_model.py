@@ -181,6 +181,11 @@ class EngineModel(MesaModel):
             for shape in self.map.obstacles:
                 self.add_obstacle(shape)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Let the parts of a copied or unpickled model take what they need of it."""
+        getattr(super(), "__setstate__", self.__dict__.update)(state)  # newer versions of Mesa have their own
+        self._parts.bind()
+
     @property
     def reserved(self) -> frozenset[str]:
         """The names of the attributes that the model has made itself, and Mesa for it."""
