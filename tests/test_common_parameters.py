@@ -7,7 +7,7 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, batch_run
+from mesa_swarm import AGENT9, Radio, SwarmModel, batch_run
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.dashboard.controls import group_of, groups_of
 from mesa_swarm.dashboard.session import Session
@@ -15,9 +15,10 @@ from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.gallery import find_model, gallery_names
-from mesa_swarm.model.common import COMMON
+from mesa_swarm.model.common import ALSO, COMMON
 from mesa_swarm.model.imperfections import SLIP_MAGNITUDE
 from mesa_swarm.parameters import Noise, Slider, parameters_of
+from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.imperfections import MEASURED
 
 STEPS = 40
@@ -93,6 +94,26 @@ def test_a_model_takes_them_without_a_line_and_stores_them_as_given():
     assert model.imperfections.sensing.error == 0.2
     assert (model.imperfections.slip_probability, model.imperfections.slip_magnitude) == (0.3, SLIP_MAGNITUDE)
     assert list(inspect.signature(Plain).parameters) == ["n_robots", "rng", *COMMON]
+
+
+def test_a_model_takes_what_is_common_to_all_without_showing_it(tmp_path):
+    named = {
+        "engine": "shapely",
+        "threads": 2,
+        "collect_every": 5,
+        "history_every": 0,
+        "communication": Radio(range=50),
+    }
+    for model_class in (Plain, Derived):
+        model = model_class(**named, rng=1)
+        assert (model.threads, model.collect_every, model.fires.history.every) == (2, 5, 0)
+        assert (model.communication, type(model.parts.robots.engine)) == (Radio(range=50), ShapelyEngine)
+    assert not {*ALSO} & {*inspect.signature(Plain).parameters}
+    assert {*ALSO} <= {*inspect.signature(SwarmModel).parameters}
+    with (model := Plain(rng=1, collect_every=5, turn_angle_degrees=30.0)).record(tmp_path / "run.arrow"):
+        model.run(12)
+    again = Plain.resume(tmp_path / "run.arrow", step=7)
+    assert (again.collect_every, again.run(5).state_hash()) == (5, model.state_hash())
 
 
 def test_the_dial_alone_is_that_of_measured_robots():
