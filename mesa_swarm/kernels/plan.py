@@ -20,8 +20,8 @@ class Plan(NamedTuple):
 
     Examples
     --------
-    >>> from mesa_swarm import SwarmModel
-    >>> print(SwarmModel(rng=1).plan)
+    >>> from mesa_swarm.model.engine_model import EngineModel
+    >>> print(EngineModel(rng=1).plan)
     phase     part       what                                    how
     sense     bodies     bodies follow their agents              Python
     sense     robots     robots read their sensors               compiled: sense_proximity
@@ -31,7 +31,6 @@ class Plan(NamedTuple):
     process   fields     fields diffuse and evaporate            compiled: spread
     process   processes  processes take place                    Python
     collect   robots     collisions are counted                  Python
-    collect   fires      temperatures of fires are stored        Python
     """
 
     stages: tuple[tuple[str, Stage], ...]

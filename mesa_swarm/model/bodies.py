@@ -48,7 +48,7 @@ CLEAR = 1.0 + 1e-6
 POSES, HEAT = "pose of driven bodies", "temperature of bodies"
 
 
-class Made:
+class SceneCache:
     """What a part has made of its state, and makes again when that has changed."""
 
     scene: Surroundings | None = None
@@ -83,7 +83,7 @@ class BodiesPart(Part):
         self.movers: Movers | None = None
         self.kinds: tuple[str, ...] = KINDS
         self.heat: Any = None
-        self.made = Made()
+        self.made = SceneCache()
 
     def stages(self) -> Iterator[Stage]:
         """Follow agents before robots sense; rest before robots move, and when all have moved."""

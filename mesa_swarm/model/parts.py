@@ -133,7 +133,7 @@ class Parts(Mapping[str, Part]):
         return [part for name, part in self._by_name.items() if name not in self._standing]
 
     def bind(self) -> None:
-        """Let all added parts take what they need, after the model was copied or restored."""
+        """Let all parts take what they need, after the model was restored."""
         context = self.context()
         for part in self._by_name.values():
             part.bind(context)
