@@ -199,7 +199,7 @@ class EngineModel(MesaModel):
         --------
         >>> from mesa_swarm import SwarmModel
         >>> SwarmModel(map="openspace_fire", rng=1).parts["fires"].columns()["temperature"].array.shape
-        (4,)
+        (7,)
         """
         return self._parts
 
