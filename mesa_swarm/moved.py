@@ -6,7 +6,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 ROOT = "mesa_swarm."
-# New module: the modules of version 0.1.0 that are in it now.
+# New module: the modules of earlier versions that are in it now.
 MOVED = {
     "analysis.chain_history": "analysis.chain_events analysis.meetings",
     "analysis.pathology": "analysis.pathology_finders analysis.pathology_track",
@@ -23,6 +23,7 @@ MOVED = {
     "experiments.figures": "experiments.comparison_figures",
     "experiments.learning_figures": "experiments.fire_figures experiments.reward_figures",
     "experiments.tables": "experiments.findings",
+    "fire.part": "fire.model",
     "learning.fire_learning": "learning.skills",
     "learning.learner": "learning.keeping learning.memory",
     "learning.networks": "learning.network_policy",
@@ -30,6 +31,15 @@ MOVED = {
     "learning.q_learning": "learning.q_policy",
     "learning.reflex_policy": "learning.mirror",
     "learning.wire_learning": "learning.wire_fitting learning.wire_policy",
+    "model.bodies": "body_world",
+    "model.engine_model": "world_model",
+    "model.events": "events",
+    "model.imperfections": "imperfect_model",
+    "model.mesa_model": "mesa_model",
+    "model.observers": "observers",
+    "model.processes": "open_model",
+    "model.state": "state",
+    "model.state_hash": "state_hash",
     "recording.changes": "recording.interventions recording.marks",
     "recording.frames": "recording.events",
     "robots.design": "robots.table",
@@ -46,12 +56,21 @@ HOMES = {ROOT + old: ROOT + new for new, olds in MOVED.items() for old in olds.s
 # Single names that moved or have another name now.
 NAMES = {
     "mesa_swarm.analysis.Event": "mesa_swarm.analysis.ChainEvent",
+    "mesa_swarm.body_world.BodyWorld": "mesa_swarm.model.engine_model.EngineModel",
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
-    "mesa_swarm.recording.marks.Mark": "mesa_swarm.recording.changes.ChangeDetector",
+    "mesa_swarm.fire.model.FireModel": "mesa_swarm.swarm_model.SwarmModel",
+    "mesa_swarm.imperfect_model.COMMON": "mesa_swarm.model.common.COMMON",
+    "mesa_swarm.imperfect_model.ImperfectModel": "mesa_swarm.model.engine_model.EngineModel",
+    "mesa_swarm.model.ENGINES": "mesa_swarm.model.engine_model.ENGINES",
+    "mesa_swarm.model.EngineModel": "mesa_swarm.model.engine_model.EngineModel",
+    "mesa_swarm.model.REPORTERS": "mesa_swarm.model.engine_model.REPORTERS",
     "mesa_swarm.model.SwarmModel": "mesa_swarm.swarm_model.SwarmModel",
+    "mesa_swarm.open_model.OpenModel": "mesa_swarm.model.engine_model.EngineModel",
+    "mesa_swarm.recording.marks.Mark": "mesa_swarm.recording.changes.ChangeDetector",
     "mesa_swarm.teaching.Wish": "mesa_swarm.teaching.checks.Criterion",
     "mesa_swarm.teaching.checks.Wish": "mesa_swarm.teaching.checks.Criterion",
     "mesa_swarm.teaching.wish.Wish": "mesa_swarm.teaching.checks.Criterion",
+    "mesa_swarm.world_model.World": "mesa_swarm.model.engine_model.EngineModel",
 }
 
 

@@ -4,19 +4,26 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from mesa_swarm import AGENT9, Lamp, Radio, SwarmModel
+from mesa_swarm.control import Explore, Subsumption
+from mesa_swarm.model.parts import METHODS
+
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "mesa_swarm"
 PAGE = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
-LONGEST_PAGE = 250
+LONGEST_PAGE = 200
 ROW = re.compile(r"^\| (\d+) \| ((?:`[\w/.]+` ?)+) \|", re.MULTILINE)
 # Where | file | name | of the table of questions.
 QUESTION = re.compile(r"^\| ([^|]+\?) \| `([^`]+)`[^|]*\| `([^`]+)` \|", re.MULTILINE)
 QUESTIONS = QUESTION.findall(PAGE)
+# Phase | part | stage of the table of the plan.
+STAGE = re.compile(r"^\| (\w+) \| (\w+) \| ([^|]+) \| [^|]+ \| [^|]+ \|$", re.MULTILINE)
 
 # Other packages that a room may import, besides the standard library, where that is less than all declared ones.
 OUTSIDE = {
@@ -169,6 +176,24 @@ def test_a_class_name_is_used_once_in_the_package():
 @pytest.mark.parametrize("path", sorted((ROOT / "models").glob("*.py")), ids=lambda p: p.name)
 def test_a_model_file_is_short_enough_to_be_read_at_one_go(path):
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 150
+
+
+def test_the_page_draws_the_plan_of_a_model_with_everything():
+    model = SwarmModel(map="openspace_fire", rng=1, communication=Radio(range=100))
+    model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 2)
+    model.control = Subsumption(Explore())
+    model.watch()
+    drawn = [line for line in STAGE.findall(PAGE) if line[0] != "phase"]
+    assert drawn == [(stage.phase.name.lower(), part, stage.name) for part, stage in model.plan.stages]
+    assert all(f"`{part}`" in PAGE for part in model.parts)
+
+
+def test_the_page_names_all_members_of_a_part():
+    table = PAGE.partition("| member | answers |")[2].partition("\n\n")[0]
+    members = {
+        name for row in re.findall(r"^\| (`[^|]+) \|", table, re.MULTILINE) for name in re.findall(r"`(\w+)", row)
+    }
+    assert members == {"name", *METHODS}
 
 
 def test_the_page_is_short_and_answers_twenty_questions():

@@ -1,4 +1,4 @@
-"""Addresses of version 0.1.0: each gives the same object as the new one, and warns once."""
+"""Addresses of earlier versions: each gives the same object as the new one, and warns once."""
 
 import importlib
 import subprocess
@@ -13,8 +13,9 @@ from mesa_swarm.gallery import shipped_class
 from mesa_swarm.moved import HOMES, NAMES, MovedFinder
 from mesa_swarm.robots.drive import alike
 
-# What README, docs and notebooks of version 0.1.0 import, and other public names, from where they were then.
+# What README, docs and notebooks of earlier versions import, and other public names, from where they were then.
 ADDRESSES = {
+    "body_world": "BodyWorld",
     "control.boids": "Align Cohere Cruise Separate",
     "control.match_velocity": "MatchVelocity",
     "control.subsumption": "Subsumption",
@@ -28,19 +29,28 @@ ADDRESSES = {
     "experiments.reward_figures": "reward_figure",
     "experiments.run_pictures": "ethogram stages trace",
     "exports": "export",
+    "events": "EventLog",
+    "fire.model": "FireModel",
+    "imperfect_model": "COMMON ImperfectModel SLIP_MAGNITUDE",
     "learning.network_policy": "NetworkPolicy",
     "learning.q_policy": "QPolicy",
     "learning.wire_fitting": "wire_value",
     "learning.wire_policy": "WirePolicy",
-    "model": "SwarmModel",
+    "mesa_model": "MesaModel",
+    "model": "ENGINES EngineModel REPORTERS SwarmModel",
+    "observers": "Observer",
+    "open_model": "OpenModel Process",
     "recording.events": "Event",
     "recording.marks": "Mark",
     "robots.steering": "approach",
+    "state": "State",
+    "state_hash": "written_state_hash",
     "teaching": "Wish",
     "teaching.checks": "Wish",
     "teaching.wish": "Wish",
     "world.load": "Load",
     "world.obstacle": "Obstacle",
+    "world_model": "World",
 }
 
 

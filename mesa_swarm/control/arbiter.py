@@ -73,7 +73,7 @@ class Arbiter:
     @property
     def parts(self) -> "tuple[Arbiter, ...]":
         """The arbiters; deprecated, see `arbiters`."""
-        warnings.warn("the parts of an arbiter are called arbiters now", DeprecationWarning, stacklevel=2)
+        warnings.warn("Team.parts is called arbiters now", DeprecationWarning, stacklevel=2)
         return self.arbiters
 
     @property

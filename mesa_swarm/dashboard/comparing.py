@@ -12,7 +12,7 @@ from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 from mesa_swarm.experiments.compare import Comparison, run_plan
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS
 from mesa_swarm.experiments.figures import comparison_figure, main_measure
-from mesa_swarm.experiments.plan import Plan, checked_plan
+from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
 from mesa_swarm.gallery import find_model
 from mesa_swarm.parameters import Choice, Parameter, Slider, parameters_of
@@ -56,7 +56,7 @@ def report_of(comparison: Comparison) -> Report:
 class ComparedRuns:
     """The runs of a comparison, to be done in the background."""
 
-    plan: Plan
+    plan: ComparisonPlan
 
     def __len__(self) -> int:
         return len(self.plan)
@@ -152,7 +152,7 @@ class Comparing:
             self.faults["worlds"] = reported(problem)
         self.pair.place(*models)
 
-    def plan(self) -> Plan:
+    def plan(self) -> ComparisonPlan:
         """Return the plan of the comparison over many seeds."""
         values = [self._meant(self.parameter, value) for value in self.values]
         return checked_plan(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mesa_swarm.experiments.ledger import Ledger, Outcome
-from mesa_swarm.experiments.plan import PairedOutcome, PairedRuns, Plan, checked_plan
+from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, do_runs, has_numbers, stored_in
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
@@ -135,7 +135,7 @@ def compare(
 
 
 def run_plan(
-    plan: Plan,
+    plan: ComparisonPlan,
     workers: int = 1,
     progress: bool = False,
     heard: Callable[[PairedOutcome], object] | None = None,
@@ -145,7 +145,7 @@ def run_plan(
 
     Parameters
     ----------
-    plan : Plan
+    plan : ComparisonPlan
     workers : int
         Processes, from `checked_jobs`.
     progress : bool

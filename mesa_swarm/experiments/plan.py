@@ -36,7 +36,7 @@ class PairedOutcome(Outcome):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan(Experiment):
+class ComparisonPlan(Experiment):
     """An experiment that compares values of one parameter over the same seeds."""
 
     parameter: str
@@ -77,7 +77,7 @@ class PairedRuns:
     They are by seed, then by value, whatever the order in which they were done.
     """
 
-    plan: Plan
+    plan: ComparisonPlan
     runs: tuple[PairedOutcome, ...]
     done_before: int = field(default=0, compare=False)
 
@@ -110,12 +110,12 @@ def checked_plan(
     steps: int | None = None,
     settings: Mapping[str, Any] | None = None,
     measures: Sequence[str] = (),
-) -> Plan:
+) -> ComparisonPlan:
     """Return the plan of a comparison, after building the model once with every value; see `compare`."""
     model_class = checked_class(model)
     settings = dict(settings or {})
     compared, chosen = _checked_values(model_class, parameter, values, settings)
-    plan = Plan(
+    plan = ComparisonPlan(
         model_class=model_class,
         settings=settings,
         points=[{compared: value} for value in chosen],

@@ -18,7 +18,7 @@ from mesa_swarm.experiments.compare import LEDGER
 from mesa_swarm.experiments.experiment import checked_settings
 from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger, Outcome
-from mesa_swarm.experiments.plan import Plan, checked_plan
+from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import counted, notes_on_rows, parts_of, sum_of_left_out
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
@@ -176,7 +176,7 @@ def _freed(model_class: type, settings: dict[str, Any] | None) -> dict[str, Any]
     return {name: value for name, value in (settings or {}).items() if name != varied}
 
 
-def _runs(plan: Plan, settings: dict[str, Any], imperfections: Imperfections | None) -> list[Run]:
+def _runs(plan: ComparisonPlan, settings: dict[str, Any], imperfections: Imperfections | None) -> list[Run]:
     """Return a run for each seed of a plan; keys are those of a sweep, with the imperfections of the robots."""
     keyed = {**checked_settings(plan.model_class, settings), "imperfections of robots": repr(imperfections)}
     make = partial(imperfect, plan.model_class, imperfections)

@@ -248,6 +248,7 @@ class Fire(Body):
     def remove(self) -> None:
         """Take the fire out of the world, between two steps."""
         row, model = self._alive(), self.model
+        model.parts["bodies"].leave(self)
         ArenaAgent.remove(self)
         self.fires.remove(row)
         self.row = -1

@@ -122,6 +122,7 @@ class FiresPart(Part):
         row = self.fires.add(point, radius, area, temperature)
         fire = Fire(self.model.space, self.model, self.fires, row)
         self.fires.agents.append(fire)
+        self.model.parts.add_rows("bodies", 1)
         bodies.scene_changed()
         return fire
 

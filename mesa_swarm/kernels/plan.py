@@ -22,18 +22,17 @@ class Plan(NamedTuple):
 
     Examples
     --------
-    >>> from mesa_swarm import SwarmModel
-    >>> print(SwarmModel(rng=1).plan)
-    phase     part       what                                    how
-    sense     bodies     bodies follow their agents              Python
-    sense     robots     robots read their sensors               compiled: sense_proximity
-    move      bodies     driven bodies begin their ways          compiled: place_items
-    move      robots     robots move, and contacts are resolved  compiled: travel_pieces
-    resolve   bodies     bodies rest, and are carried along      Python
-    process   fields     fields diffuse and evaporate            compiled: spread
-    process   processes  processes take place                    Python
-    collect   robots     collisions are counted                  Python
-    collect   fires      temperatures of fires are stored        Python
+    >>> from mesa_swarm.model.engine_model import EngineModel
+    >>> print(EngineModel(rng=1).plan)
+    phase    part       what                                    how
+    sense    bodies     bodies follow their agents              Python
+    sense    robots     robots read their sensors               compiled: sense_proximity
+    move     bodies     driven bodies begin their ways          compiled: place_items
+    move     robots     robots move, and contacts are resolved  compiled: travel_pieces
+    resolve  bodies     bodies rest, and are carried along      Python
+    process  fields     fields diffuse and evaporate            compiled: spread
+    process  processes  processes take place                    Python
+    collect  robots     collisions are counted                  Python
     besides: datacollector after each step
     """
 

@@ -48,7 +48,7 @@ CLEAR = 1.0 + 1e-6
 POSES, HEAT = "pose of driven bodies", "temperature of bodies"
 
 
-class Made:
+class SceneCache:
     """What a part has made of its state, and makes again when that has changed."""
 
     scene: Surroundings | None = None
@@ -83,7 +83,7 @@ class BodiesPart(Part):
         self.movers: Movers | None = None
         self.kinds: tuple[str, ...] = KINDS
         self.heat: Any = None
-        self.made = Made()
+        self.made = SceneCache()
 
     def stages(self) -> Iterator[Stage]:
         """Follow agents before robots sense; rest before robots move, and when all have moved."""
@@ -380,9 +380,16 @@ class BodiesPart(Part):
             self.space.attach(self.movers)
         return self.movers
 
+    def leave(self, body: Body) -> None:
+        """Drop the rows that parts have of a body which is about to leave the model."""
+        parts = self.model.parts
+        if parts.have_rows("bodies"):
+            parts.drop_rows("bodies", [self.all_bodies().index(body)])
+
     def _take(self, body: Body) -> None:
         self.know_kind(body.kind)
         self.listed.append(body)
+        self.model.parts.add_rows("bodies", 1)
         self.scene_changed()
 
     def know_kind(self, name: str) -> None:

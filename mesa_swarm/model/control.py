@@ -28,7 +28,7 @@ WRITTEN = ("command", "last_command", "layer", "task", "goal")
 
 
 def is_compiled(layer: Any) -> bool:
-    """Return whether a layer decides by compiled code: one of ours, or a rule that Numba compiles."""
+    """Return whether a layer decides by compiled code: one of the package, or a rule that Numba compiles."""
     if isinstance(layer, Behaviour):
         return not layer.rule.is_plain
     return type(layer).__module__.startswith(OURS)

@@ -81,7 +81,7 @@ class ShortWay:
         return self if model is None else self.function(model)
 
 
-class Rows:
+class RowsOfStep:
     """What is known of the rows that a model and its class collect, in the present step and the one before."""
 
     def __init__(self) -> None:
@@ -151,7 +151,7 @@ class EngineModel(MesaModel):
         self.space = Arena([[x_min, x_max], [y_min, y_max]], random=self.random, n_agents=0)
         self.swarm = Swarm()
         self.space.attach(self.swarm)
-        self._completed, self._rows = 0, Rows()
+        self._completed, self._rows = 0, RowsOfStep()
         self._stand(computing, turn_angle, communication)
         if effect is not None:
             self.imperfections = effect
@@ -204,7 +204,7 @@ class EngineModel(MesaModel):
         --------
         >>> from mesa_swarm import SwarmModel
         >>> SwarmModel(map="openspace_fire", rng=1).parts["fires"].columns()["temperature"].array.shape
-        (4,)
+        (7,)
         """
         return self._parts
 

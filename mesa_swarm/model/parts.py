@@ -133,7 +133,7 @@ class Parts(Mapping[str, Part]):
         return [part for name, part in self._by_name.items() if name not in self._standing]
 
     def bind(self) -> None:
-        """Let all added parts take what they need, after the model was copied or restored."""
+        """Let all parts take what they need, after the model was restored."""
         context = self.context()
         for part in self._by_name.values():
             part.bind(context)
@@ -150,6 +150,10 @@ class Parts(Mapping[str, Part]):
                 if column.rows == rows and count:
                     new = np.full((count, *column.array.shape[1:]), column.initial, column.array.dtype)
                     part.replace(name, np.concatenate([column.array, new]))
+
+    def have_rows(self, rows: str) -> bool:
+        """Return whether an added part has columns with such rows."""
+        return any(column.rows == rows for part in self.added() for column in part.columns().values())
 
     def drop_rows(self, rows: str, gone: Sequence[int]) -> None:
         """Drop rows of the columns of added parts."""

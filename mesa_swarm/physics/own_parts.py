@@ -16,7 +16,7 @@ from mesa_swarm.physics.radio import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.design import places_of
-from mesa_swarm.robots.parts import Kernel, RobotPart, kernel_of, own_function
+from mesa_swarm.robots.parts import DeviceFunction, RobotPart, device_function_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
 
@@ -121,7 +121,7 @@ class Call:
     """A part's function of arrays, and where the values come from that its parameters name."""
 
     def __init__(self, swarm: Swarm, part: RobotPart, function: str, rows: np.ndarray) -> None:
-        self.kernel: Kernel = kernel_of(own_function(part, function))
+        self.compiled: DeviceFunction = device_function_of(own_function(part, function))
         self._part, self._swarm, self._rows = part, swarm, rows
         self._asks = type(part).arguments is not RobotPart.arguments
         self._all = len(rows) == len(swarm)
@@ -133,9 +133,9 @@ class Call:
             given = {**self._arguments(model), **given}
         if self._sources is None:
             known = *given, *OF_SCENE, "rows"
-            self._swarm.check_takes(self._part, self.kernel.function, known)
-            self._sources = [self._source(name, given) for name in self.kernel.takes]
-        self.kernel(*[source(given, scene) for source in self._sources])
+            self._swarm.check_takes(self._part, self.compiled.function, known)
+            self._sources = [self._source(name, given) for name in self.compiled.takes]
+        self.compiled(*[source(given, scene) for source in self._sources])
 
     def _arguments(self, model: Any) -> Mapping[str, Any]:
         more = self._part.arguments(model)

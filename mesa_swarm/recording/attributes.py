@@ -88,7 +88,7 @@ def apart_of_agent(agent: Agent) -> frozenset[str]:
 
 @cache
 def of_handles(kind: type) -> frozenset[str]:
-    """Return the attributes that handles of robots and bodies have themselves: their classes of ours annotate them.
+    """Return the attributes that handles of robots and bodies have themselves: classes of the package annotate them.
 
     Examples
     --------

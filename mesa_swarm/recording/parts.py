@@ -489,6 +489,7 @@ def _make_obstacle(model: EngineModel, body: dict) -> None:
         kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[OBSTACLE])
         model.parts.bodies.listed.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
     model.parts.bodies.know_kind(model.parts.bodies.listed[-1].kind)
+    model.parts.add_rows("bodies", 1)
 
 
 def _made_driven(model: EngineModel, body: dict) -> Driven:
@@ -503,6 +504,7 @@ def _make_fire(model: EngineModel) -> None:
     row = model.fires.add(np.array(model.map.bounds[:2]), 1.0, 1.0, 1.0)
     model.fires.agents.append(Fire(model.space, model, model.fires, row))
     model.parts.fires.begin_burning()
+    model.parts.add_rows("bodies", 1)
 
 
 def _check_same(model: EngineModel, stored: dict, obstacles: dict) -> None:

@@ -152,7 +152,7 @@ def names_taken(function: Any, what: str = "") -> tuple[str, ...]:
     return tuple(parameter.name for parameter in parameters)
 
 
-class Kernel:
+class DeviceFunction:
     """A function of arrays, compiled when first used; one that cannot be is run as plain Python, with a warning."""
 
     def __init__(self, function: Any) -> None:
@@ -188,9 +188,9 @@ def _compiled(function: Any) -> Any:
 
 
 @cache
-def kernel_of(function: Any) -> Kernel:
-    """Return the kernel that is made of a function, always the same one, so that it is compiled once."""
-    return Kernel(function)
+def device_function_of(function: Any) -> DeviceFunction:
+    """Return what is made of a function, always the same object, so that it is compiled once."""
+    return DeviceFunction(function)
 
 
 def brief(problem: str) -> str:

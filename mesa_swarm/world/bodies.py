@@ -176,15 +176,15 @@ def _antiderivative(tangent: float) -> float:
 class Body(ArenaAgent):
     """Whatever has a shape and can be seen and bumped into, besides robots; or a mark on the ground.
 
-    `World.add_body` makes an `Obstacle`, which stands still, a `Load`, which robots push, or a `Driven` body. A `Fire`
-    is one too.
+    `SwarmModel.add_body` makes an `Obstacle`, which stands still, a `Load`, which robots push, or a `Driven` body. A
+    `Fire` is one too.
 
     Attributes
     ----------
     mode : str
         "fixed", "pushed" or "driven".
     temperature : float or None
-        Of a body that radiates heat, 0 to 1.
+        How hot it is, 0 to 1, if it radiates heat.
     blocked : bool
         Whether a driven body had to stop in the last step; False for all others.
     """
@@ -247,6 +247,7 @@ class Body(ArenaAgent):
         if self.space is None:
             raise RemovedRobotError("this obstacle has been removed already; take one from model.obstacles")
         model = self.model
+        model.parts["bodies"].leave(self)
         super().remove()
         model.parts["bodies"].changed()
 

@@ -7,6 +7,7 @@ import pytest
 
 from mesa_swarm import AGENT_FIRE, Radio
 from mesa_swarm.control import PASS, Avoid, Respond, Subsumption, behaviour
+from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FightFire
 from support.scenes import blind, circle, empty
@@ -79,7 +80,7 @@ def test_a_robot_that_is_too_hot_or_fights_does_not_respond():
         column = model.swarm.columns[name]
         before, column[index] = column[index], value
         layer = np.full(2, -1)
-        Respond(to="goal").decide(model.parts.control.made.senses, np.zeros((2, 2)), layer, 0)
+        Respond(to="goal").decide(Senses.of(model.swarm), np.zeros((2, 2)), layer, 0)
         assert layer[index] == -1
         column[index] = before
 

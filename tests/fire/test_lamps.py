@@ -24,12 +24,15 @@ class Lit(SwarmModel):
         super().__init__(map="openspace", engine=engine, rng=rng)
         self.still = self.add_body(disc((150, 100), 8), kind="lamp", mode="fixed", temperature=1.0)
         self.add_body(rectangle((60, 140), (140, 150)), kind="stove", mode="fixed", temperature=0.25)
-        self.add_body(polygon([(40, 60), (60, 60), (50, 80)]), kind="coal", mode="pushed", resistance=0.4, temperature=0.5)
+        self.add_body(
+            polygon([(40, 60), (60, 60), (50, 80)]), kind="coal", mode="pushed", resistance=0.4, temperature=0.5
+        )
         self.torch = self.add_body(disc((100, 60), 4), kind="torch", temperature=0.75)
         self.add_robots(FEELER, poses=[(100, 100, 0.0)])
 
     def step(self):
-        self.torch.position = self.torch.position + (1.0, 0.5)
+        x, y = self.torch.position
+        self.torch.position = (x + 1.0, y + 0.5)
         super().step()
 
 
@@ -82,16 +85,16 @@ def test_a_lamp_counts_in_the_hash_and_goes_on_in_every_way(tmp_path):
 @pytest.mark.parametrize("wrong", [-0.1, 1.5, math.nan, "hot", True])
 def test_another_temperature_is_refused_in_one_line(wrong):
     model = SwarmModel(rng=1)
-    with pytest.raises(InvalidValueError, match="^temperature is ") as caught:
+    with pytest.raises(InvalidValueError, match=r"^temperature is ") as caught:
         model.add_body(disc((100, 100), 5), temperature=wrong)
     assert "\n" not in str(caught.value)
     assert len(model.bodies) == 4
-    with pytest.raises(InvalidValueError, match="^temperature is "):
+    with pytest.raises(InvalidValueError, match=r"^temperature is "):
         model.bodies[0].temperature = wrong
 
 
 def test_a_mark_on_the_ground_does_not_radiate():
-    with pytest.raises(InvalidValueError, match="^temperature was given for a mark"):
+    with pytest.raises(InvalidValueError, match=r"^temperature was given for a mark"):
         SwarmModel(rng=1).add_body(disc((100, 100), 5, contact=False), mode="fixed", temperature=0.5)
 
 

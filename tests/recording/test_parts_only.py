@@ -9,7 +9,7 @@ import mesa_swarm.recording
 
 FILES = sorted(Path(mesa_swarm.recording.__file__).parent.glob("*.py"))
 # Objects of other rooms, by the names that they have there.
-OWNERS = "model|old|new|fresh|swarm|streams|history|movers|fires|space|log|part|parts|body|load"
+OWNERS = "model|old|new|fresh|swarm|streams|history|movers|fires|space|log|part|parts"
 PRIVATE = re.compile(rf"\b({OWNERS})\._[a-z]\w*")
 
 

@@ -11,6 +11,7 @@ from mesa_swarm import AGENT3, AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.fire import FireConstants
+from mesa_swarm.model.processes import ProcessesPart
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, record
@@ -208,14 +209,14 @@ def test_ctrl_c_while_a_chunk_is_written_neither_loses_nor_doubles_a_row(tmp_pat
 def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     model = small()
     recorder = model.record(tmp_path / "run.arrow")
-    process = model._process
+    advance = ProcessesPart.advance
 
-    def interrupted():
+    def interrupted(part):
         if model.steps == 8:
             raise KeyboardInterrupt
-        process()
+        advance(part)
 
-    monkeypatch.setattr(model, "_process", interrupted)
+    monkeypatch.setattr(ProcessesPart, "advance", interrupted)
     with pytest.raises(KeyboardInterrupt):
         model.run(20)
     assert recorder.closed

@@ -1,14 +1,14 @@
 """Comparisons of given results, without runs."""
 
 from mesa_swarm.experiments.compare import Comparison
-from mesa_swarm.experiments.plan import PairedOutcome, Plan
+from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome
 
 
 def plan_of(model_class, parameter, values, seeds, steps):
     """Return a plan that was not checked."""
     points = [{parameter: value} for value in values]
     how = {"seeds": seeds, "steps": steps, "parameter": parameter, "values": values}
-    return Plan(model_class=model_class, settings={}, points=points, **how)
+    return ComparisonPlan(model_class=model_class, settings={}, points=points, **how)
 
 
 def comparison_of(columns, model_class, parameter, steps=100):
