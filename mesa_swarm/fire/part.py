@@ -42,7 +42,9 @@ class FiresPart(Part):
 
     name = "fires"
 
-    def __init__(self, model: Any, constants: FireConstants, extinguish_range: float, history_every: int | Trigger):
+    def __init__(
+        self, model: Any, constants: FireConstants, extinguish_range: float, history_every: int | Trigger
+    ) -> None:
         self.model = model
         self.set_constants(constants)
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
