@@ -36,15 +36,16 @@ class Burning:
 
     def step(self, model: Any) -> None:
         """Let the fires of a model burn for one step."""
-        columns, fires, c = model.swarm.columns, model.fires.columns, model.fire_constants
-        scene = model.parts["bodies"].scene()
+        parts = model.parts
+        part, scene, columns = parts.fires, parts.bodies.scene(), model.swarm.columns
+        fires, c = part.fires.columns, part.constants
         went_out = burn(
             columns["position"],
             columns["radius"],
             scene.sources,
             fires["area"],
             (c.k1, c.k2, c.k3, c.k4, c.leave, c.join),
-            model.extinguish_range,
+            part.extinguish_range,
             model.steps,
             fires["temperature"],
             fires["out"],

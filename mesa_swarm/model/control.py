@@ -243,7 +243,7 @@ class ControlPart(Part):
 
     def decide(self) -> None:
         """Let every robot decide on what it knows."""
-        swarm, control, channel = self.swarm, self.arbiter, self.model.parts.radio.channel
+        swarm, control, channel = self.swarm, self.arbiter, self.model._parts.radio.channel
         columns, table = swarm.columns, swarm.table
         command, layer = columns["command"], columns["layer"]
         columns["task"].fill(-1)

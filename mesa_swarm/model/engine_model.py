@@ -912,7 +912,7 @@ class EngineModel(MesaModel):
             If the model has observers, and the method of the class was called beside the model's own ``model.step()``.
         """
         self._check_observed()
-        plan = self.parts.plan
+        plan = self._parts.plan
         for call in plan.calls:
             call()
         self._completed += 1

@@ -154,7 +154,8 @@ class RobotsPart(Part):
     def sense(self) -> None:
         """Read all sensors for the current poses; reading twice gives the same."""
         swarm, model, step = self.swarm, self.model, self.model._completed
-        scene, imperfect = model.parts.bodies.scene(), model.parts.imperfections.effect
+        parts = model._parts  # without the cost of the property
+        scene, imperfect = parts.bodies.scene(), parts.imperfections.effect
         state = (step, swarm.version, scene)
         if self.made.state != state or swarm.disturbed:
             self.engine.sense(swarm, scene, step, self._noise_draws(step))
@@ -180,7 +181,8 @@ class RobotsPart(Part):
         swarm = self.swarm
         if not len(swarm):
             return
-        scene, table, imperfect = self.model.parts.bodies.scene(), swarm.table, self.model.parts.imperfections.effect
+        parts, table = self.model._parts, swarm.table
+        scene, imperfect = parts.bodies.scene(), parts.imperfections.effect
         if swarm.disturbed:
             self.engine.settle(swarm, scene)
             swarm.disturbed = False

@@ -122,10 +122,10 @@ class Surroundings:
 
     def radiating_discs(self) -> tuple[np.ndarray, np.ndarray]:
         """Return x, y, radius (k, 3) and temperature (k,) of all discs that radiate heat, as they are now."""
-        discs = [body for body in self.lamps if body.shape.is_disc and not _is_carried(body)]
-        if not discs:
+        if not self.lamps:
             return self.sources, self.temperature
-        own = np.array([[*body.shape.position, body.shape.radius] for body in discs])
+        discs = [body for body in self.lamps if body.shape.is_disc and not _is_carried(body)]
+        own = np.array([[*body.shape.position, body.shape.radius] for body in discs]).reshape(-1, 3)
         heat = np.array([body.temperature for body in discs])
         return np.concatenate([self.sources, own]), np.concatenate([self.temperature, heat])
 
