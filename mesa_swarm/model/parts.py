@@ -114,6 +114,8 @@ class Parts(Mapping[str, Part]):
             )
         if name in self._by_name:
             raise InvalidValueError(f"the model has a part {name} already; expected another name")
+        if any(column.startswith(f"{name}.") for column in self._model.swarm.columns):
+            raise InvalidValueError(f"columns of robots begin with {name}. already; expected another name of a part")
         part.bind(self.context())
         self._by_name = {**self._by_name, name: part}
         self.replan()
