@@ -3,11 +3,8 @@
 WHAT IS IT? Boards such as RFID tags stand at fixed places. A robot that has been at the source writes on boards that
 it passes where it came from; one that searches reads the boards that it passes, and turns to where they point.
 HOW IT WORKS. Source and boards are a part of the model's own: arrays, a random stream and stages of the step. For
-`trust` steps after a visit a robot explores and writes; later it reads, and goes straight on for as long. What is
-written fades, and a later message replaces an earlier one. Robots know directions by compass and odometry.
-HOW TO USE IT. `boards` in a row and a column, 0 for none; `moves`, steps for which the source stays.
-THINGS TO NOTICE. After the source has moved, boards point to where it was, until they are forgotten.
-THINGS TO TRY. No boards; boards that never forget. EXTENDING IT. Let robots that find nothing wipe a board.
+`trust` steps after a visit a robot explores and writes; later it reads, and goes straight on for as long.
+HOW TO USE IT. `boards` in a row and a column. THINGS TO NOTICE. After the source has moved, signs are wrong for a time.
 REFERENCE. Mamei, Zambonelli, ACM Transactions on Autonomous and Adaptive Systems 2(2) (2007) article 4.
 """
 
@@ -45,17 +42,16 @@ class Boards(Part):
 
     def columns(self) -> dict[str, Column]:
         """Return source and boards, and of each robot what it reads, its visits, when and where the last one was."""
-        own = {name: Column(getattr(self, name)) for name in ("source", "strength", "azimuth")}
-        robots = {name: Column(getattr(self, name), "robots") for name in ("read", "seen", "visits", "written")}
-        since = Column(self.since, "robots", initial=NEVER)
-        return {"places": Column(self.places, role="parameter"), "since": since, **own, **robots}
+        own = {"places": Column(self.places, role="parameter"), "since": Column(self.since, "robots", initial=NEVER)}
+        own |= {name: Column(getattr(self, name)) for name in ("source", "strength", "azimuth")}
+        return own | {name: Column(getattr(self, name), "robots") for name in ("read", "seen", "visits", "written")}
 
     def stages(self) -> Iterator[Stage]:
         """Let robots read before they decide and write after they have moved; move and fade every few steps."""
         yield Stage(Phase.EXCHANGE, self.let_read, "robots read boards")
         yield Stage(Phase.PROCESS, self.move, "the source moves", every=self.moves)
         yield Stage(Phase.PROCESS, self.let_write, "robots visit the source, and write on boards")
-        yield Stage(Phase.PROCESS, self.fade, "boards fade", every=FADES)
+        yield Stage(Phase.PROCESS, self.fade, "messages fade", every=FADES)
 
     def move(self) -> None:
         """Put the source at a random place."""
@@ -91,8 +87,7 @@ class Boards(Part):
     def shown(self) -> Shown:
         """Return a large disc for the source, and one of each board, as large as it is strong."""
         discs = np.vstack([np.column_stack([self.places, 3.0 + 12.0 * np.sqrt(self.strength)]), [*self.source, SOURCE]])
-        rows, text = {"knows the source": self.since <= self.trust}, f"{np.sum(self.strength > 0.1)} can be read"
-        return Shown("source and boards", discs, rows=rows, text=text)
+        return Shown("boards", discs, rows={"writes": self.since <= self.trust}, text=f"{self.visits.sum()} visits")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,8 +104,7 @@ class Sign(Sensor):
     @staticmethod
     def read(rows: np.ndarray, message: np.ndarray, heading: np.ndarray, out: np.ndarray) -> None:
         """Fill `out` (n, 2)."""
-        out[:, 0] = message[rows, 0]
-        out[:, 1] = (message[rows, 1] - heading + np.pi) % (2.0 * np.pi) - np.pi
+        out[:, 0], out[:, 1] = message[rows, 0], (message[rows, 1] - heading + np.pi) % (2.0 * np.pi) - np.pi
 
 
 @behaviour(memory={"left": 0})
@@ -138,15 +132,19 @@ class Signposts(SwarmModel):
         trust: Annotated[int, Slider(10, 500, 10, "steps for which robots write, and follow a sign")] = 200,
         rng: Seed = None,
     ) -> None:
-        super().__init__(map="openspace", rng=rng, model_reporters={"visits": lambda model: model.results()["visits"]})
-        low, high = np.reshape(self.map.bounds, (2, 2))
+        super().__init__(map="openspace", rng=rng, model_reporters={"visits": "visits"})
         shares = (np.indices((check_count("boards", boards, maximum=50),) * 2).reshape(2, -1).T + 0.5) / max(boards, 1)
-        places = low + shares * (high - low)
+        places = shares * (self.map.width, self.map.height) + self.map.bounds[:2]
         share, trust = check_number("evaporation", evaporation, minimum=0, maximum=1), check_count("trust", trust)
         self.add_part(Boards(places, share, check_count("moves", moves, minimum=1), trust)).move()
         self.add_robots(replace(AGENT9, sensors=(*AGENT9.sensors, Sign())), check_count("n_robots", n_robots))
         self.control = Subsumption(Avoid(distance=12), follow(trust=trust), Explore())
 
+    @property
+    def visits(self) -> float:
+        """How often robots have come to the source so far."""
+        return float(self.parts["boards"].columns()["visits"].array.sum())
+
     def results(self) -> dict[str, float]:
-        """Return the measure used by a comparison: how often robots have come to the source so far."""
-        return {"visits": float(self.parts["boards"].columns()["visits"].array.sum())}
+        """Return the measure used by a comparison."""
+        return {"visits": self.visits}
