@@ -198,7 +198,7 @@ class Part(Protocol):
         return ()
 
     def store(self) -> dict[str, Any]:
-        """Return what of its state arrays cannot say, as plain values, agents and designs by name.
+        """Return the state that is not in arrays, as plain values, agents and designs by name.
 
         By default the attributes that its constructor has set, without those that are columns.
         """
@@ -233,7 +233,7 @@ class Part(Protocol):
 
 
 class Itself:
-    """An object that is equal to itself only, whatever its class says of equality."""
+    """An object that is equal to itself only, however its class defines equality."""
 
     __slots__ = ("value",)
     __hash__ = object.__hash__

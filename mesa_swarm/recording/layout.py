@@ -9,7 +9,14 @@ import pyarrow as pa
 from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.looks import looks_of
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.recording.shown import Picture, columns_of_parts, discs_of, narrow_columns, pictures_of, robot_columns
+from mesa_swarm.recording.shown import (
+    PartPicture,
+    columns_of_parts,
+    discs_of,
+    narrow_columns,
+    pictures_of,
+    robot_columns,
+)
 from mesa_swarm.robots.parts import reserve
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
@@ -91,7 +98,7 @@ class Layout:
         self,
         found: Mapping[str, np.ndarray],
         shapes: dict[str, tuple],
-        pictures: Mapping[str, ScalarField | Picture],
+        pictures: Mapping[str, ScalarField | PartPicture],
         widths: Mapping[str, int],
     ) -> pa.Schema:
         fields = list(FIRST_COLUMNS.items())
@@ -109,7 +116,7 @@ class Layout:
             fields.append((PIXELS + name, pa.list_(pa.list_(pa.from_numpy_dtype(pixels.dtype), width))))
         return pa.schema(fields)
 
-    def pixels(self, field: ScalarField | Picture | None) -> np.ndarray:
+    def pixels(self, field: ScalarField | PartPicture | None) -> np.ndarray:
         """Return what is stored of the values of a field, no rows of one that was removed."""
         if field is None:
             return NO_PIXELS.astype(np.float64 if self.real is np.float64 else np.uint8)
@@ -239,7 +246,7 @@ class Chunk:
         rows = self.layout.of_parts.items()
         return {name: np.zeros((self.capacity, robots, *row.shape), row.dtype) for name, row in rows}
 
-    def _picture_rows(self, name: str, field: ScalarField | Picture | None) -> np.ndarray:
+    def _picture_rows(self, name: str, field: ScalarField | PartPicture | None) -> np.ndarray:
         """Return a buffer for the pictures of a field."""
         picture, width = self.layout.pixels(field), self.layout.schema.field(PIXELS + name).type.value_type.list_size
         if field is not None and picture.shape[1] != width:
@@ -321,9 +328,9 @@ class Chunk:
         return pa.ListArray.from_arrays(np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), struct)
 
 
-def _is_same(one: ScalarField | Picture | None, other: ScalarField | Picture | None) -> bool:
+def _is_same(one: ScalarField | PartPicture | None, other: ScalarField | PartPicture | None) -> bool:
     """Return whether rows of one field fit behind those of another: it is the same, or a part's of the same shape."""
-    if isinstance(one, Picture) and isinstance(other, Picture):
+    if isinstance(one, PartPicture) and isinstance(other, PartPicture):
         return one.values.shape == other.values.shape
     return one is other
 

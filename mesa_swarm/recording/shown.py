@@ -14,7 +14,7 @@ from mesa_swarm.world.fields import MOST_CELLS, MOST_PIXELS, ScalarField, levels
 MOST_VALUES = 8
 
 
-class Picture:
+class PartPicture:
     """Values of a part over the whole map, with what recordings and viewers ask of a field."""
 
     def __init__(self, values: np.ndarray) -> None:
@@ -69,13 +69,13 @@ def discs_of(model: EngineModel) -> np.ndarray:
     return np.concatenate([np.empty((0, 4)), *numbered])
 
 
-def pictures_of(model: EngineModel) -> Mapping[str, ScalarField | Picture]:
+def pictures_of(model: EngineModel) -> Mapping[str, ScalarField | PartPicture]:
     """Return the fields of a model by name, and after them the pictures that added parts show."""
-    found: dict[str, ScalarField | Picture] = dict(model.fields)
+    found: dict[str, ScalarField | PartPicture] = dict(model.fields)
     for shown in shown_of(model):
         if shown.values is not None:
             name = shown.name if shown.name not in found else f"{shown.name} of a part"
-            found[name] = Picture(shown.values)
+            found[name] = PartPicture(shown.values)
     return found
 
 
