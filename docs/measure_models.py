@@ -41,6 +41,7 @@ STEPS = {
     "puck_clustering": 1_000,
     "q_learning": 4_000,
     "shepherding": 1_000,
+    "signposts": 2_000,
     "task_allocation": 2_000,
 }
 # The last steps of a run, in which a robot that is displaced by less than its diameter counts as at rest.

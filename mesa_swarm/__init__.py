@@ -38,7 +38,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.sensitivity import sensitivity
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
-    from mesa_swarm.kernels.part import Part
+    from mesa_swarm.kernels.part import Column, Context, Part, Phase, Shown, Stage
     from mesa_swarm.looks import Chart, ColourMap, Looks
     from mesa_swarm.model.processes import Process
     from mesa_swarm.physics.neighbours import NeighbourSensor
@@ -86,7 +86,7 @@ _MODULES = {
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
     "looks": "Chart ColourMap Looks",
-    "kernels.part": "Part",
+    "kernels.part": "Column Context Part Phase Shown Stage",
     "model.processes": "Process",
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
@@ -123,6 +123,8 @@ __all__ = [
     "Carried",
     "Chart",
     "ColourMap",
+    "Column",
+    "Context",
     "DifferentialDrive",
     "DirectedSlip",
     "Emitter",
@@ -138,6 +140,7 @@ __all__ = [
     "NeighbourSensor",
     "OmniDrive",
     "Part",
+    "Phase",
     "Process",
     "ProximitySensor",
     "RadiationSensor",
@@ -149,6 +152,8 @@ __all__ = [
     "Scale",
     "Sensor",
     "Shape",
+    "Shown",
+    "Stage",
     "SwarmModel",
     "Wander",
     "all_round",

@@ -88,6 +88,7 @@ SHOTS = {
     "puck_clustering": Shot(start=600, steps=150, window=(0, 0, 120)),
     "q_learning": Shot(start=9000, steps=300, window=(380, 120, 400), settings={"n_robots": 40}, trail=60),
     "shepherding": Shot(start=115, steps=90, window=(590, 745, 290), larger=1.3, trail=60),
+    "signposts": Shot(start=900, steps=300, window=(200, 100, 420), trail=60),
     "task_allocation": Shot(
         start=600, steps=300, window=(200, 150, 320), settings={"n_robots": 120}, marked="act.work", trail=60
     ),

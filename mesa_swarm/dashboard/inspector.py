@@ -20,6 +20,7 @@ from mesa_swarm.errors import InvalidValueError, check_number
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.layout import is_table
+from mesa_swarm.recording.shown import columns_of_parts, shown_of
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, DesignTable, RobotDesign
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
@@ -219,7 +220,7 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
         "does": reason.does if reason else "",
         "layer": reason.layer if reason else "",
         "reason": reason.reason if reason else "",
-        "facts": facts_of(model, robot, moment),
+        "facts": [*facts_of(model, robot, moment), *(parts_of(model, robot) if present else ())],
         "worth": worth_of(model, robot) if present and decided else [],
         "pose": pose_of(robot.position, robot.heading) if present else pose_of(position, heading),
         "present": present,
@@ -354,6 +355,18 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     facts += body_of(model, robot)
     facts.append(("Collided", "yes" if columns["collided"] else "no"))
     return facts
+
+
+def parts_of(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
+    """Return what added parts have of a robot now: their columns, and the rows that they show."""
+    shown = {f"{one.name} {name}": values for one in shown_of(model) for name, values in one.rows.items()}
+    columns = {column_title(name): values for name, values in columns_of_parts(model).items()}
+    return [(capitalised(name), _in_words(np.asarray(v)[robot.row])) for name, v in {**columns, **shown}.items()]
+
+
+def _in_words(value: Any) -> str:
+    """Return a value of a robot in words: numbers, or a text as it is."""
+    return _numbers(value) if np.asarray(value).dtype.kind in "biuf" else str(value)
 
 
 def fire_name(index: int) -> str:

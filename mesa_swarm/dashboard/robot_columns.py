@@ -11,6 +11,7 @@ from mesa_swarm.dashboard.session import Session, custom_columns
 from mesa_swarm.looks import VALUE, ColourMap, looks_of
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.layout import is_table
+from mesa_swarm.recording.shown import robot_columns
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import COLUMNS, LASTING
 from mesa_swarm.viewing.scene import Scene
@@ -118,7 +119,7 @@ def values_of_session(session: Session, *, at_present: bool = False) -> RobotVal
     step = model.completed if at_present or shown is None else shown.step
     swarm, watched = model.swarm, model.watched
     stored = watched is not None and bool(len(watched)) and step in watched.steps
-    columns = dict(swarm.columns) if step == model.completed else {}
+    columns = dict(robot_columns(model)) if step == model.completed else {}
     if stored and watched is not None:  # what the inspector shows; a robot may have been moved by hand since
         columns = {**columns, **watched.at(step), **{n: columns[n] for n in ("position", "heading") if n in columns}}
     if not columns:

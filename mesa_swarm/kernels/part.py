@@ -118,9 +118,9 @@ class Shown(NamedTuple):
     values : ndarray, shape (rows, columns), optional
         A picture of the whole map, from 0 for nothing; its first row is at the bottom.
     colour : str
-        A colour by its hexadecimal code.
+        Of the discs, # and six hexadecimal digits, by default that of the first field. Values are drawn as fields are.
     rows : mapping of str to array, optional
-        Values of each robot, shape (n,), which the inspector names.
+        Values of each robot, shape (n,) or (n, k), which the inspector names besides columns of robots.
     text : str
         A line about the part as it is now.
     """
@@ -128,7 +128,7 @@ class Shown(NamedTuple):
     name: str
     discs: np.ndarray | None = None
     values: np.ndarray | None = None
-    colour: str = "#7a5fb0"
+    colour: str = ""
     rows: Mapping[str, np.ndarray] = {}
     text: str = ""
 
@@ -198,7 +198,7 @@ class Part(Protocol):
         return ()
 
     def store(self) -> dict[str, Any]:
-        """Return what of its state is not in arrays, as plain values, agents and designs by name.
+        """Return the state that is not in arrays, as plain values, agents and designs by name.
 
         By default the attributes that its constructor has set, without those that are columns.
         """

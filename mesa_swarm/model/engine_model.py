@@ -38,7 +38,7 @@ from mesa_swarm.model.mesa_model import (
     seed_sequence,
 )
 from mesa_swarm.model.observers import Observers
-from mesa_swarm.model.parts import Parts
+from mesa_swarm.model.parts import AnyPart, Parts
 from mesa_swarm.model.processes import Process, ProcessesPart
 from mesa_swarm.model.radio import RadioPart
 from mesa_swarm.model.robots import RobotsPart
@@ -236,7 +236,7 @@ class EngineModel(MesaModel):
             often = "each step" if self.collect_every == 1 else f"every {self.collect_every} steps"
             yield f"datacollector after {often}"
 
-    def add_part(self, part: Part) -> Part:
+    def add_part(self, part: AnyPart) -> AnyPart:
         """Add a part, whose stages belong to each step from now on, and return it; see `Part`.
 
         Raises

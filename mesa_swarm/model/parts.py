@@ -1,7 +1,7 @@
 """The parts of a model in their order, and the loops over them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mesa_swarm.model.state import StatePart
 
 MOST_STEPS = 10**15
+AnyPart = TypeVar("AnyPart", bound=Part)
 METHODS = ("bind", "columns", "stages", "store", "restore", "replace", "shown")
 
 
@@ -103,7 +104,7 @@ class Parts(Mapping[str, Part]):
         part.bind(self.context())
         self.replan()
 
-    def add(self, part: Part) -> Part:
+    def add(self, part: AnyPart) -> AnyPart:
         """Add a part of a user's; see `SwarmModel.add_part`."""
         name = getattr(part, "name", None)
         lacking = [method for method in METHODS if not callable(getattr(part, method, None))]
@@ -114,6 +115,8 @@ class Parts(Mapping[str, Part]):
             )
         if name in self._by_name:
             raise InvalidValueError(f"the model has a part {name} already; expected another name")
+        if any(column.startswith(f"{name}.") for column in self._model.swarm.columns):
+            raise InvalidValueError(f"columns of robots begin with {name}. already; expected another name of a part")
         part.bind(self.context())
         self._by_name = {**self._by_name, name: part}
         self.replan()

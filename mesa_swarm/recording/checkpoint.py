@@ -122,6 +122,10 @@ def _paired_parts(mine: dict, others: dict) -> Iterator[tuple[str, str, Any, Any
         if name == "collected":
             series, known = ({tuple(path): values for path, _, values in facts[name]} for facts in (mine, others))
             yield from ((name, f"{name} {' '.join(p)}", series[p], known[p]) for p in series if p in known)
+        elif name == "added":
+            made, known = ({part: values for part, *values in parts or ()} for parts in (content, same))
+            both = sorted({*made, *known})
+            yield from ((name, f"{part} as it is made", made.get(part), known.get(part)) for part in both)
         elif name == "parts":
             yield from _paired_of_parts(content or {}, same or {})
         elif isinstance(content, dict) and isinstance(same, dict):

@@ -13,6 +13,7 @@ from mesa_swarm.errors import UnknownNameError, unknown_name
 from mesa_swarm.looks import looks_of
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
+from mesa_swarm.recording.shown import discs_of, pictures_of, robot_columns
 from mesa_swarm.world.fields import levels_of, values_of
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD
 
@@ -28,7 +29,7 @@ MERGE_ROBOTS = 3
 MOST_NAMED = 3
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
-PICTURED = ("position", "heading", "command", "hot", "fires", "loads", "fields")
+PICTURED = ("position", "heading", "command", "hot", "fires", "loads", "fields", "shown")
 TABLE_TYPES = {
     table: np.dtype([(field, field_type(field, np.float64)) for field in fields]) for table, fields in TABLES.items()
 }
@@ -69,17 +70,19 @@ class Frame:
 def frame_of(model: EngineModel, columns: Sequence[str] = PICTURED, *, perceived: bool = False) -> Frame:
     """Return the frame of a model as it is now; it does not change with the model.
 
-    Columns are those of the swarm, and "fires", "contacts", "loads", "fields". If readings are among them, the sensors
-    are read for the current poses. `perceived` adds a column of that name, shape (n, 2): where on the map each robot
-    perceives the centroid of the robots that it sees, nan where it sees none.
+    Columns are those of the swarm and of added parts, and "fires", "contacts", "loads", "fields", "shown". If readings
+    are among them, the sensors are read for the current poses. `perceived` adds a column of that name, shape (n, 2):
+    where on the map each robot perceives the centroid of the robots that it sees, nan where it sees none.
     """
     if perceived or not READINGS.isdisjoint(columns):
         model.sense()
-    found = model.swarm.columns
+    found = robot_columns(model)
     shown: dict[str, np.ndarray] = {}
     for name in columns:
         if name == "fields":
             shown |= _live_fields(model)
+        elif name == "shown":
+            shown |= {name: _live_discs(model)} if model.parts.added() else {}
         elif name in LIVE_TABLES:
             shown[name] = LIVE_TABLES[name](model)
         elif name in found:
@@ -122,12 +125,20 @@ def _live_loads(model: EngineModel) -> np.ndarray:
 
 def _live_fields(model: EngineModel) -> dict[str, np.ndarray]:
     """Return the table of fields and their pictures, nothing without fields."""
-    fields = model.fields
+    fields = pictures_of(model)
     if not fields:
         return {}
     rows = [(place, field.peak, field.total) for place, field in enumerate(fields.values())]
     pictures = {PIXELS + name: field.levels() for name, field in fields.items()}
     return {"fields": np.array(rows, TABLE_TYPES["fields"]), **pictures}
+
+
+def _live_discs(model: EngineModel) -> np.ndarray:
+    table = discs_of(model)
+    rows = np.empty(len(table), TABLE_TYPES["shown"])
+    for place, field in enumerate(TABLES["shown"]):
+        rows[field] = table[:, place]
+    return rows
 
 
 def field_names(columns: Iterable[str]) -> tuple[str, ...]:

@@ -9,6 +9,14 @@ import pyarrow as pa
 from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.looks import looks_of
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.recording.shown import (
+    PartPicture,
+    columns_of_parts,
+    discs_of,
+    narrow_columns,
+    pictures_of,
+    robot_columns,
+)
 from mesa_swarm.robots.parts import reserve
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
@@ -28,13 +36,15 @@ TABLES = {
     "loads": ("load", "x", "y", "heading"),
     "fields": ("field", "peak", "total"),
     "events": ("step", "name", "unique_id", "value"),
+    "shown": ("part", "x", "y", "radius"),
 }
-WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load", "field", "unique_id"})
+WHOLE = frozenset({"fire", "robots", "robot", "kind", "other", "load", "field", "unique_id", "part"})
 # Fields of events, which are stored exactly.
 EXACT: dict[str, Any] = {"step": np.int64, "name": f"U{LONGEST_NAME}", "value": np.float64}
 # Begins the names of the columns that hold the pixels of a field: rows (columns,) from the bottom up.
 PIXELS = "fields."
 NO_PIXELS = np.empty((0, 1))
+NO_DISCS = np.empty((0, 4))
 NO_WIDTHS: Mapping[str, int] = {}
 # The first fields of a row.
 FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
@@ -43,6 +53,8 @@ reserve((*TABLES, *FIRST_COLUMNS))
 
 class Layout:
     """Which columns are recorded of a model, and whether real numbers are float64 (`exact`) or float32.
+
+    Columns of robots that an added part has are named as in "boards.last_read"; "shown" is the discs of such parts.
 
     With "fields" all fields are recorded that the model has now, or those named as "fields.trail": their
     values if `exact`, else pictures (`levels_of`); of one that the model no longer has, pictures without rows.
@@ -53,15 +65,18 @@ class Layout:
         self, model: EngineModel, columns: Sequence[str], exact: bool, widths: Mapping[str, int] = NO_WIDTHS
     ) -> None:
         self.real = np.float64 if exact else np.float32
-        pixels = {PIXELS + name: name for name in (*model.fields, *widths)}
-        names = _checked_names(columns, (*model.swarm.columns, *TABLES, *pixels))
+        pictures, found = pictures_of(model), robot_columns(model)
+        pixels = {PIXELS + name: name for name in (*pictures, *widths)}
+        names = _checked_names(columns, (*found, *TABLES, *pixels))
         chosen = tuple(pixels[name] for name in names if name in pixels)
-        self.fields = chosen or (tuple(model.fields) if "fields" in names else ())
-        shapes = {name: model.swarm.columns[name].shape[1:] for name in names if not is_table(name)}
+        self.fields = chosen or (tuple(pictures) if "fields" in names else ())
+        shapes = {name: found[name].shape[1:] for name in names if not is_table(name)}
         self.columns = tuple(name for name in shapes if 0 not in shapes[name])
+        own = columns_of_parts(model)
+        self.of_parts = {name: self._row_of(own[name]) for name in self.columns if name in own}
         self.tables = tuple(name for name in names if name in TABLES and (name != "fields" or self.fields))
         self.has_readings = not READINGS.union(model.swarm.table.readings).isdisjoint(self.columns)
-        self.schema = self._schema(model, shapes, widths)
+        self.schema = self._schema(found, shapes, pictures, widths)
 
     def prepare(self, model: EngineModel) -> None:
         """Update sensor readings for the current poses, if they are recorded; the next step reuses them."""
@@ -74,22 +89,34 @@ class Layout:
             return np.dtype(self.real)
         return np.dtype(np.int32) if dtype == np.int64 else dtype
 
-    def _schema(self, model: EngineModel, shapes: dict[str, tuple], widths: Mapping[str, int]) -> pa.Schema:
+    def _row_of(self, column: np.ndarray) -> np.ndarray:
+        """Return a robot's row of a part's column in its stored type: NaN or 0, as it is once the part was removed."""
+        kind = np.dtype(self.real) if column.dtype.kind == "f" else column.dtype
+        return np.full(column.shape[1:], np.nan if kind.kind == "f" else 0, kind)
+
+    def _schema(
+        self,
+        found: Mapping[str, np.ndarray],
+        shapes: dict[str, tuple],
+        pictures: Mapping[str, ScalarField | PartPicture],
+        widths: Mapping[str, int],
+    ) -> pa.Schema:
         fields = list(FIRST_COLUMNS.items())
         for name in self.columns:
-            value = _arrow_type(name, self.stored_type(model.swarm.columns[name].dtype))
+            own = self.of_parts.get(name)
+            value = _arrow_type(name, self.stored_type(found[name].dtype) if own is None else own.dtype)
             for width in reversed(shapes[name]):
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
         real = pa.from_numpy_dtype(self.real)
         fields += [(name, pa.list_(table_type(name, real))) for name in self.tables]
         for name in self.fields:
-            pixels = self.pixels(model.fields.get(name))
+            pixels = self.pixels(pictures.get(name))
             width = widths.get(name, pixels.shape[1])
             fields.append((PIXELS + name, pa.list_(pa.list_(pa.from_numpy_dtype(pixels.dtype), width))))
         return pa.schema(fields)
 
-    def pixels(self, field: ScalarField | None) -> np.ndarray:
+    def pixels(self, field: ScalarField | PartPicture | None) -> np.ndarray:
         """Return what is stored of the values of a field, no rows of one that was removed."""
         if field is None:
             return NO_PIXELS.astype(np.float64 if self.real is np.float64 else np.uint8)
@@ -97,11 +124,12 @@ class Layout:
 
 
 def default_columns(model: EngineModel) -> tuple[str, ...]:
-    """Return the columns that are recorded of a model if none are named: `DEFAULT`, and those that its looks name."""
+    """Return the columns that are recorded if none are named: `DEFAULT`, and those of the model's looks and parts."""
     looks = looks_of(model)
     sources = () if looks is None else (getattr(looks.column, "source", None), looks.label)
     named = [name for name in sources if isinstance(name, str) and name in model.swarm.columns]
-    return tuple(dict.fromkeys((*DEFAULT, *named)))
+    own = (*narrow_columns(model), "shown") if model.parts.added() else ()
+    return tuple(dict.fromkeys((*DEFAULT, *named, *own)))
 
 
 def is_table(column: str) -> bool:
@@ -131,12 +159,17 @@ class Chunk:
         self._places = model.fires.discs.astype(layout.real)
         self._bodies = model.displaced if "loads" in layout.tables else []
         self._load_poses = np.zeros((capacity, len(self._bodies), 3), layout.real)
-        self._fields = [model.fields.get(name) for name in layout.fields]
+        pictures = pictures_of(model)
+        self._fields = [pictures.get(name) for name in layout.fields]
         self._pixels = [self._picture_rows(*pair) for pair in zip(layout.fields, self._fields, strict=True)]
         self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
         self._log = model.events
         self._noted = [0] * (capacity + 1)  # how many events there were before each row, and after the last
-        self._robot_rows = self._buffers(model.swarm.columns, layout.columns)
+        standing = [name for name in layout.columns if name not in layout.of_parts]
+        self._robot_rows = self._buffers(model.swarm.columns, standing)
+        self._part_rows = self._buffers_of_parts(len(self._robots))
+        self._shown = [NO_DISCS] * capacity
+        self._shown_now = discs_of(model) if "shown" in layout.tables else NO_DISCS
         self._contact_rows = self._buffers(model.swarm.columns, CONTACT if "contacts" in layout.tables else ())
         fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
         self._fire_rows = self._buffers(model.fires.columns, fires)
@@ -146,15 +179,17 @@ class Chunk:
     @property
     def row_bytes(self) -> int:
         """Bytes of a row in memory."""
-        buffers = [*(rows for _, rows in self._pairs), *self._pixels]
-        return sum(rows.nbytes for rows in buffers) // self.capacity + 1
+        buffers = [*(rows for _, rows in self._pairs), *self._pixels, *self._part_rows.values()]
+        return sum(rows.nbytes for rows in buffers) // self.capacity + self._shown_now.nbytes + 1
 
     def has_fields_of(self, model: EngineModel) -> bool:
         """Return whether the model still has the fields that rows of this chunk show, and no other of their names."""
-        known = model.parts.fields.live or {}
-        return all(known.get(name) is field for name, field in zip(self.layout.fields, self._fields, strict=True))
+        if not self._fields:
+            return True
+        known = pictures_of(model)
+        return all(_is_same(known.get(n), field) for n, field in zip(self.layout.fields, self._fields, strict=True))
 
-    def put(self, row: int, step: int, state_hash: str | None, noted: int) -> None:
+    def put(self, model: EngineModel, row: int, state_hash: str | None, noted: int) -> None:
         """Store the present state of the model as a row; `noted` events are in rows before the first one."""
         if not row:
             self._noted[0] = noted
@@ -163,21 +198,36 @@ class Chunk:
             rows[row] = source
         for place, load in enumerate(self._bodies):
             self._load_poses[row, place] = load.pose
-        for place, field in enumerate(self._fields):
+        pictures = pictures_of(model) if self._fields else {}
+        for place, name in enumerate(self.layout.fields):
+            field = pictures.get(name)
             if field is None:
                 continue
             self._pixels[place][row] = self.layout.pixels(field)
             self._sums[row, place] = field.peak, field.total
-        self.steps[row] = step
+        self._put_parts(model, row)
+        self.steps[row] = model.completed
         self.hashes[row] = state_hash
+
+    def _put_parts(self, model: EngineModel, row: int) -> None:
+        """Store columns and discs of added parts, which may have other arrays in every step."""
+        own = columns_of_parts(model) if self._part_rows else {}
+        for name, rows in self._part_rows.items():
+            values = own.get(name, self.layout.of_parts[name])
+            if name in own and values.shape != rows.shape[1:]:
+                raise RecordingError(f"{name} has values of shape {values.shape}; expected {rows.shape[1:]} as before")
+            rows[row] = values
+        if "shown" in self.layout.tables:
+            self._shown[row] = discs_of(model)
 
     def batch(self, rows: int) -> pa.RecordBatch:
         """Return the first rows as an Arrow batch."""
         arrays = [pa.array(self.steps[:rows]), pa.array(self.hashes[:rows], pa.string())]
         arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
-        arrays += [_listed(values[:rows]) for _, values in self._robot_rows.values()]
+        values = {**{name: values for name, (_, values) in self._robot_rows.items()}, **self._part_rows}
+        arrays += [_listed(values[name][:rows]) for name in self.layout.columns]
         makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
-        makers |= {"fields": self._field_table, "events": self._event_table}
+        makers |= {"fields": self._field_table, "events": self._event_table, "shown": self._shown_table}
         arrays += [makers[name](rows) for name in self.layout.tables]
         arrays += [_listed(pixels[:rows]) for pixels in self._pixels]
         return pa.record_batch(arrays, schema=self.layout.schema)
@@ -192,7 +242,11 @@ class Chunk:
             for name in names
         }
 
-    def _picture_rows(self, name: str, field: ScalarField | None) -> np.ndarray:
+    def _buffers_of_parts(self, robots: int) -> dict[str, np.ndarray]:
+        rows = self.layout.of_parts.items()
+        return {name: np.zeros((self.capacity, robots, *row.shape), row.dtype) for name, row in rows}
+
+    def _picture_rows(self, name: str, field: ScalarField | PartPicture | None) -> np.ndarray:
         """Return a buffer for the pictures of a field."""
         picture, width = self.layout.pixels(field), self.layout.schema.field(PIXELS + name).type.value_type.list_size
         if field is not None and picture.shape[1] != width:
@@ -255,6 +309,11 @@ class Chunk:
         values = {"field": np.tile(np.arange(count, dtype=np.int32), rows), "peak": peak, "total": total}
         return self._table("fields", np.full(rows, count), values)
 
+    def _shown_table(self, rows: int) -> pa.Array:
+        discs = np.concatenate([NO_DISCS, *self._shown[:rows]])
+        values = dict(zip(TABLES["shown"], (discs[:, 0].astype(np.int32), *discs[:, 1:].T), strict=True))
+        return self._table("shown", np.array([len(table) for table in self._shown[:rows]]), values)
+
     def _event_table(self, rows: int) -> pa.Array:
         first, end = self._noted[0], self._noted[rows]
         columns = zip(*self._log.rows(first, end), strict=True) if end > first else ((),) * len(TABLES["events"])
@@ -267,6 +326,13 @@ class Chunk:
         arrays = [pa.array(values[field.name], field.type) for field in wanted]
         struct = pa.StructArray.from_arrays(arrays, fields=list(wanted))
         return pa.ListArray.from_arrays(np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), struct)
+
+
+def _is_same(one: ScalarField | PartPicture | None, other: ScalarField | PartPicture | None) -> bool:
+    """Return whether rows of one field fit behind those of another: it is the same, or a part's of the same shape."""
+    if isinstance(one, PartPicture) and isinstance(other, PartPicture):
+        return one.values.shape == other.values.shape
+    return one is other
 
 
 def population_of(model: EngineModel) -> tuple:

@@ -473,6 +473,7 @@ def _make_robots(model: EngineModel, design: RobotDesign, number: int) -> None:
     corner = np.tile(model.map.bounds[:2], (number, 1))
     model.swarm.add(design, corner, np.zeros(number), np.ones(number))
     add_handles(model.space, model, model.swarm)
+    model.parts.add_rows("robots", number)
 
 
 def _make_obstacle(model: EngineModel, body: dict) -> None:

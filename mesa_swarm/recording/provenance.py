@@ -18,6 +18,7 @@ from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.recording.parts import is_class, part_from_json, part_to_json
 from mesa_swarm.recording.schema import checked_provenance, read_json
+from mesa_swarm.recording.shown import with_discs
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
@@ -51,7 +52,7 @@ def scenery_of(model: EngineModel) -> dict:
         their `kind` if it is not load; ``kinds``, the names of all kinds if there are own ones; ``layers``, names in
         the order of the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below
         which it has cooled; ``looks``, from `Looks.as_json`, if the model declares any; ``scale``, map units of a metre
-        and seconds of a step, if the model has one.
+        and seconds of a step, if the model has one; ``parts``, name and colour of each added part that shows discs.
     """
     layers, looks = () if model.control is None else model.control.names, looks_of(model)
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
@@ -70,7 +71,13 @@ def scenery_of(model: EngineModel) -> dict:
         "join": model.fire_constants.join,
         **({"looks": looks.as_json()} if looks is not None and looks.as_json() else {}),
         **({"scale": [model.scale.units_per_metre, model.scale.seconds_per_step]} if model.scale else {}),
+        **({"parts": drawn} if (drawn := drawn_parts(model)) else {}),
     }
+
+
+def drawn_parts(model: EngineModel) -> list[list[str]]:
+    """Return the name and the colour of each added part that shows discs."""
+    return [[shown.name, shown.colour] for shown in with_discs(model)]
 
 
 def _own_kind(body: Body, usual: int) -> dict:

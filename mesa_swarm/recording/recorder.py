@@ -32,7 +32,14 @@ from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
 from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.recording.parts import control_to_json, own_code, summary
-from mesa_swarm.recording.provenance import as_metadata, from_metadata, provenance_of, scenery_of, shows
+from mesa_swarm.recording.provenance import (
+    as_metadata,
+    drawn_parts,
+    from_metadata,
+    provenance_of,
+    scenery_of,
+    shows,
+)
 from mesa_swarm.recording.schema import (
     MOST_EVERY,
     check_columns,
@@ -94,7 +101,7 @@ class RowBuffer:
         if step // HASH_EVERY != self._hashed:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
         row = self.rows - self.writer.sealed.rows
-        chunk.put(row, step, state_hash, self._noted)
+        chunk.put(model, row, state_hash, self._noted)
         self.rows, self._newest, self._noted = self.rows + 1, step, len(model.events)
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
@@ -192,7 +199,7 @@ class RowBuffer:
 
 def _seen(model: EngineModel) -> tuple:
     """Return what changes whenever the scenery may change."""
-    return population_of(model), model.fire_constants
+    return population_of(model), model.fire_constants, drawn_parts(model)
 
 
 def _is_readable(batch: pa.RecordBatch) -> bool:
@@ -523,9 +530,10 @@ def record(
     every : int
         Steps from one row to the next, 1 to 1,000,000: its multiples are recorded. Or a `Trigger`.
     columns : sequence of str, optional
-        Of the swarm, and "fires", "contacts", "loads", "fields", "events"; by default those needed to view the run,
-        also those that the model's looks name. Columns of sensors that no robot has are omitted. Of fields pictures are
-        stored, see `Recording.fields`.
+        Of the swarm, and "fires", "contacts", "loads", "fields", "events"; of added parts columns with a row a robot,
+        as "part.column", and "shown", their discs. By default those needed to view the run, also those that the
+        model's looks name, and of parts those of a few numbers a robot. Columns of sensors that no robot has are
+        omitted. Of fields pictures are stored, see `Recording.fields`.
     exact : bool
         Whether real numbers are stored as float64. By default they are float32, which is 3e-5 map units at 800, and
         files are half as large; state hashes are always of all bits.

@@ -325,7 +325,7 @@ class Recording:
         Parameters
         ----------
         table : str
-            "robots", "fires", "contacts", "loads", "fields" or "events".
+            "robots", "fires", "contacts", "loads", "fields", "events" or "shown", the discs of added parts.
 
         Raises
         ------

@@ -335,6 +335,12 @@ def _colour(value: Any, where: str) -> None:
         raise _unexpected(where, value)
 
 
+def _nothing(value: Any, where: str) -> None:
+    """Refuse what is not an empty text."""
+    if value != "":
+        raise _unexpected(where, value)
+
+
 def _check_depth(value: Any) -> None:
     """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
@@ -395,6 +401,7 @@ SCENERY = {
     "join_": NUMBER,
     "looks_": LOOKS,
     "scale_": (_number(1e-9, 1e9), _number(1e-9, 1e9)),
+    "parts_": _each(list, (str, [_colour, _nothing]), most=WIDEST),
 }
 POPULATION = ((ID, ID),) * 3
 CONTENTS = {

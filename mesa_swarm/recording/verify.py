@@ -93,7 +93,7 @@ class Rerun:
             self._layout.prepare(self.model)
         state_hash = hash_in_format(self.model, self._format) if frame.state_hash is not None else None
         chunk = Chunk(self._layout, self.model, 1)
-        chunk.put(0, self.model.completed, state_hash, self.recording.events_before(frame.step))
+        chunk.put(self.model, 0, state_hash, self.recording.events_before(frame.step))
         return Rows(chunk.batch(1))[0]
 
     def check_change(self, step: int) -> None:

@@ -27,7 +27,7 @@ from mesa_swarm.viewing.palette import (
     value_colours,
     value_steps,
 )
-from mesa_swarm.viewing.pictures import USUAL, peaks_of, scaled, step_text
+from mesa_swarm.viewing.pictures import PART_OPACITY, USUAL, peaks_of, scaled, step_text
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import looks_in
 from mesa_swarm.world.fields import shrunk
@@ -164,6 +164,7 @@ class Animation:
             f'<clipPath id="world">{frame}/></clipPath><g clip-path="url(#world)"><g transform="{turned}">',
             *self._fields(),
             *self._standing(),
+            *self._discs(),
             *self._loads(small=False),
             *self._fires(),
             *self._robots(),
@@ -223,6 +224,20 @@ class Animation:
                 seen = ["visible" if one == picture else "hidden" for one in shown]
                 when = self._clock.jumping("visibility", seen)
                 yield f'<image class="field" {place_of} href="data:image/png;base64,{picture}">{when}</image>'
+
+    def _discs(self) -> Iterator[str]:
+        """Yield the discs of parts, each place of the table as a circle that is there where a step has it."""
+        scene = self._drawn.scene
+        tables = [scene.discs(frame) if scene.parts else np.empty((0, 4)) for frame in self._frames]
+        for place in range(max(map(len, tables))):
+            there = [len(table) > place for table in tables]
+            rows = [table[place] if is_there else np.zeros(4) for table, is_there in zip(tables, there, strict=True)]
+            values = {"visibility": ["visible" if is_there else "hidden" for is_there in there]}
+            values["fill"] = [scene.parts[int(row[0])][1] for row in rows]
+            values |= {name: [self._numbers(row[k]) for row in rows] for k, name in ((1, "cx"), (2, "cy"), (3, "r"))}
+            look = " ".join(f'{name}="{states[0]}"' for name, states in values.items())
+            changes = "".join(self._clock.jumping(name, states) for name, states in values.items())
+            yield f'<circle class="part" fill-opacity="{PART_OPACITY}" {look}>{changes}</circle>'
 
     def _outline(self, shape: Shape) -> str:
         if shape.is_disc:

@@ -33,6 +33,7 @@
      columns     [{ name, table, width, type }] of a packed frame, in its order
      looks       { kinds: by theme colours by kind, column: { label, low, high, and by theme its colours } }, if any
      fields      names of the scalar fields, if there are any
+     parts       [name, colour] of each part of the model's own that shows discs, if there are any
      legend      [{ form, name, and by theme its colours }] of fields, and of bodies where there are kinds of the model's own
 
    frame: step, counts { robots, sensors, fires, loads, contacts }, and typed arrays, row after row:
@@ -52,6 +53,7 @@
                  one step follows the other.
      fields      [{ rows, columns, peak, levels }] of each field, from the bottom up: Uint8, 255 is its largest value so far,
                  the peak; no rows where the model did not have it
+     shown       Float32, of each disc of a part: its index in world.parts, x, y, radius
    Columns other than ids and pose may be missing. */
 
 export const TOGGLES = [
@@ -114,6 +116,8 @@ const TURNS = 1.5;
 /** Steps that a trail shows; trails.py has the same number. */
 export const TRAIL_STEPS = 100;
 const NARROWEST = 4;
+// Of discs of parts; pictures.py has the same number.
+const PART_OPACITY = 0.6;
 // A cooler robot has no glow, as a share of what is too hot.
 const LEAST_HEAT = 0.02;
 // More robots in sight than this have no texts.
@@ -138,6 +142,7 @@ export function unpacked(world, bytes) {
     at += frame[name].byteLength;
   }
   if (world.fields) frame.fields = world.fields.map(picture);
+  if (world.parts) frame.shown = discs();
   return frame;
 
   function picture() {
@@ -146,6 +151,11 @@ export function unpacked(world, bytes) {
     const levels = new Uint8Array(buffer, at + 12, rows * columns);
     at += 12 + levels.length;
     return { rows, columns, peak, levels };
+  }
+
+  function discs() {
+    at += -at & 3;
+    return new Float32Array(buffer, at + 4, 4 * new Int32Array(buffer, at, 1)[0]);
   }
 }
 
@@ -466,6 +476,7 @@ export class Stage {
     this.#plain = !detailed;
     this.#toMap(context);
     if (frame.fields) this.#drawFields(frame.fields);
+    if (frame.shown) this.#drawDiscs(frame.shown);
     this.#drawFires(frame);
     this.#drawLoads(frame, false);
     if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
@@ -674,6 +685,22 @@ export class Stage {
 
   #design(frame, row) {
     return this.#designs[frame.design ? frame.design[row] : 0] ?? this.#designs[0];
+  }
+
+  /** Draw what parts of the model's own show. */
+  #drawDiscs(discs) {
+    const context = this.#context;
+    context.lineWidth = this.#pixel;
+    for (let i = 0; i < discs.length; i += 4) {
+      const [part, x, y, r] = discs.subarray(i, i + 4);
+      context.beginPath();
+      context.arc(x, y, r, 0, TAU);
+      context.fillStyle = context.strokeStyle = this.#world.parts[part][1];
+      context.globalAlpha = PART_OPACITY;
+      context.fill();
+      context.globalAlpha = 1;
+      context.stroke();
+    }
   }
 
   #drawFires({ fires, counts }) {

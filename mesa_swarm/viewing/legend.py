@@ -91,6 +91,11 @@ def field_entry(name: str, place: int) -> LegendEntry:
     return LegendEntry(form="field", label=name, light=light, dark=dark)
 
 
+def part_entry(name: str, colour: str) -> LegendEntry:
+    """Return the entry of the discs that a part of the model's own shows."""
+    return LegendEntry(form="body", label=name, light=(colour,), dark=(colour,))
+
+
 def scalar_bar(place: int, palette: Palette) -> tuple[str, ...]:
     """Return the colours in which values of a field are seen on the ground, evenly from 0 to the largest.
 

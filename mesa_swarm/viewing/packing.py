@@ -15,7 +15,8 @@ A chunk is a zlib stream of segments, within which nothing is added or removed. 
 
 Pictures of scalar fields are shrunk to at most 20,000 pixels in chunks. If the scene has fields, rows and columns of
 the picture of each follow the first numbers of a segment (int32), the largest value so far of each in each row follows
-the fires (float32), and their pixels are its last tracks.
+the fires (float32), and their pixels are its last tracks. If it has parts with discs, the number of discs in each row
+follows the contacts (int32), and the place of its part, x, y and radius of each the largest values of fields (float32).
 """
 
 import zlib
@@ -41,7 +42,7 @@ GOES_ON, STAYS = 2, 1
 # What frames of a model are packed from.
 PACKED_FROM = (
     *("position", "heading", "distance", "kind", "command", "temperature", "heard_from", "layer", "hot"),
-    *("fires", "loads", "contacts", "fields"),
+    *("fires", "loads", "contacts", "fields", "shown"),
 )
 # Pixels of a field in each row of a chunk.
 MOST_PIXELS = 20_000
@@ -57,7 +58,8 @@ def packed_frame(frame: Frame, scene: Scene) -> bytes:
     Six little-endian int32: step, and how many robots, sensors, fires, loads and contacts; then the columns of the
     scene, each row after row in its type. A frame of a model needs the columns `PACKED_FROM`. If the scene has fields,
     of each follow zeros up to a multiple of four bytes, int32 rows and columns, float32 its largest value so far, and a
-    byte a pixel, from below.
+    byte a pixel, from below. If the scene has parts with discs, after such zeros follow int32 their number, and float32
+    the place of the part, x, y and radius of each.
     """
     columns = drawn_columns(frame, scene)
     tables = [len(columns[name]) for name in ("fires", "loads", "contacts")]
@@ -67,6 +69,9 @@ def packed_frame(frame: Frame, scene: Scene) -> bytes:
         picture, peaks = columns[PIXELS + name], np.array([peak], "<f4")
         packed += bytes(-len(packed) % 4) + np.array(picture.shape, "<i4").tobytes() + peaks.tobytes()
         packed += picture.tobytes()
+    if scene.parts:
+        discs = columns["shown"]
+        packed += bytes(-len(packed) % 4) + np.array([len(discs)], "<i4").tobytes() + discs.tobytes()
     return packed
 
 
@@ -98,6 +103,8 @@ def drawn_columns(frame: Frame, scene: Scene) -> Columns:
     pictures = {PIXELS + name: field_levels(frame, name) for name in scene.fields}
     if scene.fields:
         pictures["peaks"] = np.array(field_peaks(frame, scene.fields), "<f4")
+    if scene.parts:
+        pictures["shown"] = scene.discs(frame).astype("<f4")
     return {name: _typed(values, COLUMNS[name][2]) for name, values in drawn.items()} | pictures
 
 
@@ -195,9 +202,12 @@ def _segment(segment: Sequence[tuple[int, Columns]], world: dict) -> bytes:
     pictures = [PIXELS + name for name in world.get("fields", ())]
     counts += [length for name in pictures for length in first[name].shape]
     whole = [[len(rows), *counts], steps, first["ids"].ravel(), first["loads"][:, 0], contacts[:, 0]]
+    discs = [columns["shown"] for columns in rows if world.get("parts")]
+    whole.append([len(table) for table in discs])
     parts = [np.asarray(values).astype("<i4").tobytes() for values in whole]
     parts.append(first["fires"][:, :3].astype("<f4").tobytes())
     parts += [columns["peaks"].tobytes() for columns in rows if pictures]
+    parts += [table.astype("<f4").tobytes() for table in discs]
     parts += [_coded(track, order) for track, order in _tracks(rows, contacts[:, 1], world)]
     parts += [_coded(np.stack([columns[name] for columns in rows]), STAYS) for name in pictures]
     length = sum(map(len, parts))

@@ -61,6 +61,8 @@ Shown = EngineModel | FinalState | tuple[Frame, Scene]
 # Points of a trail, from which on some are left out: films draw them in every frame.
 MOST_POINTS = 60
 DOTS_PER_INCH = 200
+# Of discs of parts; canvas.js has the same number.
+PART_OPACITY = 0.6
 # Around labels of robots, which may stand on fields and on other robots.
 HALO = [withStroke(linewidth=1.6, foreground=LIGHT.ground)]
 
@@ -232,8 +234,9 @@ def _draw_ruler(axes: Axes, scale: Scale, bounds: Bounds) -> None:
 
 
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
-    """Draw fields, loads, fires and robots."""
+    """Draw fields, discs of parts, loads, fires and robots."""
     _draw_fields(axes, frame, scene)
+    _draw_discs(axes, frame, scene)
     _draw_loads(axes, frame, scene)
     _draw_fires(axes, frame)
     if sectors:
@@ -268,6 +271,14 @@ def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:
         axes.add_image(image)
 
 
+def _draw_discs(axes: Axes, frame: Frame, scene: Scene) -> None:
+    """Draw what parts of the model's own show, on the ground and what stands on it."""
+    discs = scene.discs(frame)
+    if len(discs):
+        colours = [scene.parts[place][1] for place in discs[:, 0].astype(int).tolist()]
+        _discs(axes, discs[:, 1:3], discs[:, 3], to_rgba_array(colours, PART_OPACITY), colours, 2.5, label="parts")
+
+
 def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colours: Sequence[str], height: int, label: str) -> None:
     if shapes:
         paths = [_outline(shape) for shape in shapes]
@@ -297,7 +308,7 @@ def _draw_fires(axes: Axes, frame: Frame) -> None:
 
 
 def _discs(
-    axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLike, edge: ArrayLike, height: int, **more: Any
+    axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLike, edge: ArrayLike, height: float, **more: Any
 ) -> None:
     """Draw discs to scale; the collection's sizes are in the units of the axes."""
     sizes = 2 * np.asarray(radii)

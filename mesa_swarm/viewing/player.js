@@ -58,8 +58,10 @@ class Segment {
     this.ids = source.ints(robots);
     this.indices = source.ints(loads);
     this.met = source.ints(contacts);
+    this.shown = this.#ends(source.ints(world.parts ? rows : 0));
     this.discs = source.floats(3 * fires);
     this.peaks = source.floats(rows * this.pictures.length);
+    this.parts = source.floats(4 * this.shown[this.shown.length - 1]);
     this.tracks = this.#tracks(source);
     this.contacts = this.#ends(source.track(rows, 1, 2, 1));
     this.azimuths = source.track(contacts, 1, 1, 1);
@@ -92,6 +94,7 @@ class Segment {
       loads: this.#loadsAt(row),
       contacts,
       fields: this.fields.length ? this.#fieldsAt(row) : undefined,
+      shown: this.world.parts ? this.parts.subarray(4 * this.shown[row], 4 * this.shown[row + 1]) : undefined,
     };
   }
 

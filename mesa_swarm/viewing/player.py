@@ -11,7 +11,9 @@ from typing import Protocol
 
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.recording.provenance import drawn_parts
 from mesa_swarm.recording.recorder import Recorder
+from mesa_swarm.recording.shown import pictures_of, shown_of
 from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop
@@ -439,7 +441,7 @@ class Player(Played):
         standing = model.obstacle_list
         last = standing[-1].unique_id if standing else 0  # ids only grow: with the number they identify every change
         key = id(model), model.swarm.version, len(standing), last, id(model.control), model.fire_constants.leave
-        key = *key, *model.fields
+        key = *key, *pictures_of(model), *map(tuple, drawn_parts(model))
         if self._scene is None or key != self._scene_key:
             self._scene, self._scene_key = scene_of(model), key
             world = self._scene.world()
@@ -455,14 +457,16 @@ class Player(Played):
 
 def readings_of(model: EngineModel) -> tuple[tuple[str, str], ...]:
     """Return the numbers that are shown above the picture, each with its name."""
+    texts = tuple((shown.name, shown.text) for shown in shown_of(model) if shown.text)
     fires, collisions = model.fires, f"{model.collisions:,} now, {model.total_collisions:,} in all"
     if not len(fires):
-        return ("Robots", f"{len(model.swarm):,}"), ("Collisions", collisions)
+        return ("Robots", f"{len(model.swarm):,}"), ("Collisions", collisions), *texts
     burning, fighting = int((~fires.out).sum()), int((model.swarm.fire >= 0).sum())
     return (
         ("Fires burning", f"{burning} of {len(fires)}"),
         ("Robots at fires", f"{fighting} of {len(model.swarm):,}"),
         ("Collisions", collisions),
+        *texts,
     )
 
 

@@ -129,7 +129,7 @@ def _first_state(recording: Recording) -> EngineModel | None:
 def _first_frame(recording: Recording, model: EngineModel) -> Frame:
     """Return what the first row would be, had the state before the first step been recorded."""
     chunk = Chunk(Layout(model, recording.columns, recording.provenance["exact"]), model, 1)
-    chunk.put(0, model.completed, None, len(model.events))
+    chunk.put(model, 0, None, len(model.events))
     frame = Rows(chunk.batch(1))[0]
     return replace(frame, columns={"hot": np.zeros(len(frame.robots), bool), **frame.columns})
 

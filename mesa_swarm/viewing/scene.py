@@ -12,14 +12,15 @@ import numpy as np
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.looks import LABEL, LABEL_BYTES, VALUE, label_text
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.recording.frames import Frame, field_levels, field_names, field_peaks
+from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_names, field_peaks
 from mesa_swarm.recording.provenance import map_of, scenery_of
 from mesa_swarm.recording.recording import Recording
+from mesa_swarm.recording.shown import pictures_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import ProximitySensor
-from mesa_swarm.viewing.legend import STANDARD, LegendEntry, body_entries, field_entry, value_entry
-from mesa_swarm.viewing.palette import PALETTES, value_colours
+from mesa_swarm.viewing.legend import STANDARD, LegendEntry, body_entries, field_entry, part_entry, value_entry
+from mesa_swarm.viewing.palette import LIGHT, PALETTES, value_colours
 from mesa_swarm.world.bodies import Form
 from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape, shape_from_json, shape_to_json
@@ -56,6 +57,8 @@ USUAL_LEAVE = 100.0
 THEMES = tuple(enumerate(PALETTES))
 # Commanded speed below which a robot stands, map units a step.
 STANDS = 1e-3
+# Of discs of parts that name no colour.
+USUAL_COLOUR = LIGHT.scalars[0][:7]
 UNKNOWN = RobotDesign(name="unknown", radius=5.0)
 
 
@@ -98,12 +101,13 @@ class Scene:
     def legend(self, frame: Frame) -> list[LegendEntry]:
         """Return the entries of a frame: kinds of bodies in it, fields with their ranges, values of robots."""
         bodies = body_entries(self.looks, self.obstacle_kinds(frame.step), self.load_kinds(frame))
-        return [*bodies, *self._fields_in(frame), *self._values_in_legend]
+        return [*bodies, *self._parts_in_legend, *self._fields_in(frame), *self._values_in_legend]
 
     def own_legend(self, frame: Frame) -> list[LegendEntry]:
         """Return the entries of what the model has of its own; the usual colours of bodies explain themselves."""
         return [
             *self._own_bodies(self.changes[self._place(frame.step)][1]),
+            *self._parts_in_legend,
             *self._fields_in(frame),
             *self._values_in_legend,
         ]
@@ -119,6 +123,10 @@ class Scene:
         return [field_entry(name, place) for place, name in enumerate(self.fields)]
 
     @property
+    def _parts_in_legend(self) -> list[LegendEntry]:
+        return [part_entry(name, colour) for name, colour in self.parts]
+
+    @property
     def _values_in_legend(self) -> list[LegendEntry]:
         return [value_entry(self.looks)] if "value" in self.columns else []
 
@@ -131,6 +139,21 @@ class Scene:
     def _bodies_in(self, scenery: dict) -> list[LegendEntry]:
         """Return the entries of all bodies."""
         return body_entries(self.looks, map(_kind_of, scenery["shapes"]), self.kind_of_load.values())
+
+    @cached_property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Name and colour of each part that shows discs at any step."""
+        listed = (part for _, scenery in self.changes for part in scenery.get("parts", ()))
+        return tuple(dict.fromkeys((name, colour or USUAL_COLOUR) for name, colour in listed))
+
+    def discs(self, frame: Frame) -> np.ndarray:
+        """Return the discs of parts in a frame, shape (k, 4): the place among `parts`, x, y and radius."""
+        rows, known = frame.columns.get("shown", NO_ROWS["shown"]), self.changes[self._place(frame.step)][1]
+        places = np.array(
+            [self.parts.index((name, colour or USUAL_COLOUR)) for name, colour in known.get("parts", ())], int
+        )
+        rows = rows[(rows["part"] >= 0) & (rows["part"] < len(places))]
+        return np.column_stack([places[rows["part"]], *(rows[name].astype(float) for name in ("x", "y", "radius"))])
 
     def build(self) -> None:
         """Build all shapes and designs now; an error if one of them is described wrongly."""
@@ -262,7 +285,11 @@ class Scene:
                 for name in self.columns
             ],
             **({"fields": list(self.fields)} if self.fields else {}),
-            "legend": [entry.as_json() for entry in (*self._bodies_in(scenery), *self._fields_in_legend)],
+            **({"parts": list(map(list, self.parts))} if self.parts else {}),
+            "legend": [
+                entry.as_json()
+                for entry in (*self._bodies_in(scenery), *self._parts_in_legend, *self._fields_in_legend)
+            ],
         }
 
 
@@ -289,7 +316,7 @@ def scene_of(model: EngineModel) -> Scene:
         bounds=model.map.bounds,
         changes=((model.completed, scenery),),
         columns=columns,
-        fields=tuple(model.fields),
+        fields=tuple(pictures_of(model)),
     )
 
 

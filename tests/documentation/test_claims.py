@@ -145,6 +145,8 @@ CLAIMS = [
     Less("ant_trails", "Trail that vanishes", "Equal branches", "share of the branch used more"),
     Claim("ant_trails", "Trail counts for little", "share of the upper branch", low=0.4, high=0.6),
     Claim("ant_trails", "Trail that vanishes", "share of the upper branch", low=0.4, high=0.6),
+    Less("signposts", "No boards", DEFAULTS, "visits"),
+    Less("signposts", DEFAULTS, "A source that stays", "visits"),
     Claim("task_allocation", DEFAULTS, "share at work, second half", low=0.32, high=0.345),
     Claim("task_allocation", "Only majors", "share at work, second half", low=0.32, high=0.345),
     Claim("task_allocation", "A high demand", "majors at work, second half", low=0.7),

@@ -45,8 +45,8 @@ def batch_of_two(model_class, **more):
 
 @pytest.mark.parametrize("name", NAMES)
 class TestEveryModel:
-    def test_is_a_file_of_fewer_than_120_lines_or_150_if_it_reproduces_a_paper(self, name):
-        most = 150 if name in items() else 119
+    def test_is_a_file_of_fewer_than_120_lines_or_150_if_it_reproduces_a_paper_or_has_a_part_of_its_own(self, name):
+        most = 150 if name in {*items(), "signposts"} else 119
         assert len(Path(inspect.getfile(find_model(name))).read_text().splitlines()) <= most
 
     def test_runs_and_has_results_in_numbers(self, name):

@@ -12,7 +12,7 @@ from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording, sealed_stream, verify
-from mesa_swarm.recording.attributes import refuse_attributes
+from mesa_swarm.model.state import refuse_attributes
 from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes, to_bytes
 from mesa_swarm.recording.resume import resumed, shipped_class_of
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
@@ -180,7 +180,7 @@ class Fields(Kept):
 @pytest.mark.parametrize("name", ["value", "slot", "once", "own", "default"])
 def test_values_slots_fields_and_what_is_computed_once_stay_attributes(name):
     refuse_attributes(Fields(), [name])
-    with pytest.raises(RecordingError, match="attribute method is not part of a state"):
+    with pytest.raises(InvalidValueError, match="attribute method is not part of a state"):
         refuse_attributes(Fields(), [name, "method"])
 
 
