@@ -10,9 +10,9 @@ import pytest
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.errors import InvalidValueError, RecordingError
+from mesa_swarm.model.state import refuse_attributes
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording, sealed_stream, verify
-from mesa_swarm.model.state import refuse_attributes
 from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes, to_bytes
 from mesa_swarm.recording.resume import resumed, shipped_class_of
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
