@@ -476,7 +476,7 @@ export class Stage {
     this.#plain = !detailed;
     this.#toMap(context);
     if (frame.fields) this.#drawFields(frame.fields);
-    if (frame.shown) this.#drawDiscs(frame.shown);
+    if (frame.shown) this.#drawShown(frame.shown);
     this.#drawFires(frame);
     this.#drawLoads(frame, false);
     if (on.labels && frame.counts.fires) this.#drawNumbers(frame);
@@ -688,7 +688,7 @@ export class Stage {
   }
 
   /** Draw what parts of the model's own show. */
-  #drawDiscs(discs) {
+  #drawShown(discs) {
     const context = this.#context;
     context.lineWidth = this.#pixel;
     for (let i = 0; i < discs.length; i += 4) {

@@ -4,15 +4,19 @@ import base64
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, ColourMap, Field, Looks, Recording, SwarmModel, disc
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, rgb
+from mesa_swarm.viewing.pictures import PART_OPACITY
 from mesa_swarm.viewing.replay_page import replay_page
 from mesa_swarm.viewing.scene import scene_of
+from support.own_parts import Whole
 from support.visits import HOST, Visit, answers, blank_page, free_port
 from support.waiting import wait_until
 
@@ -198,3 +202,37 @@ def test_the_page_switches_fields_and_names_them_with_kinds_of_bodies(own_page):
     assert own_page.page.evaluate(AT_FIELD) == rgb(LIGHT.ground).tolist()
     own_page.page.get_by_label("Field trail").check()
     assert own_page.page.evaluate(AT_FIELD) == pytest.approx(shown, abs=2)
+
+
+def test_a_browser_draws_the_discs_of_a_part_and_names_them(chromium):
+    model = Whole(rng=1).run(2)
+    model.parts["boards"].strength[:] = [8.0, 4.0]
+    scene = scene_of(model)
+    frame = base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
+    page = blank_page(chromium, viewport={"width": 900, "height": 700})
+    facts = {"script": SCRIPT, "world": scene.world(), "frame": frame, "theme": "light"}
+    off = ["fields.boards", "fields.trail"]
+    drawn = page.evaluate(DRAW, {**facts, "off": off, "places": [[200, 200], [500, 405], [500, 430]]})
+    page.close()
+    mixed = PART_OPACITY * rgb("#aa3311") + (1 - PART_OPACITY) * rgb(LIGHT.ground)
+    assert np.abs(np.array(drawn["pixels"][:2]) - mixed).max() < 3
+    assert np.abs(np.array(drawn["pixels"][2]) - rgb(LIGHT.ground)).max() < 3
+    assert ["body", "boards"] in [[form, name.strip()] for form, name in drawn["legend"]]
+
+
+def test_a_replay_has_the_discs_of_every_row(chromium, tmp_path):
+    model = Whole(rng=1)
+    with model.record(tmp_path / "run.arrow", exact=True):
+        model.run(12)
+        model.remove_part("boards")
+        model.run(3)
+    export(tmp_path / "run.arrow", tmp_path / "run.html")
+    page = blank_page(chromium, viewport={"width": 900, "height": 700})
+    page.goto((tmp_path / "run.html").as_uri())
+    page.wait_for_selector("html[data-ready]")
+    shown = [page.evaluate(f"[...mesaSwarmReplay.film.at({row}).shown]") for row in (4, 14)]
+    page.close()
+    rows = Recording(tmp_path / "run.arrow")[4]["shown"]
+    expected = np.column_stack([rows[name] for name in ("part", "x", "y", "radius")])
+    np.testing.assert_allclose(np.reshape(shown[0], (-1, 4)), expected, rtol=1e-6)
+    assert shown[1] == []
