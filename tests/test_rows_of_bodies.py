@@ -1,8 +1,11 @@
 """Columns of a part with a row for each body: the model adds and removes the rows."""
 
 import numpy as np
+import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.errors import RecordingError
+from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from support.rows_of_bodies import Weathered
 
 
@@ -46,6 +49,14 @@ def test_the_hash_sees_each_row():
     assert model.state_hash() == other.state_hash()
     other.parts["weather"].age[1] += 1e-9
     assert model.state_hash() != other.state_hash()
+
+
+@pytest.mark.parametrize("name", ["stages", "__class__", "columns"])
+def test_a_stored_state_hides_nothing_of_what_the_class_of_a_part_does(name):
+    checkpoint = checkpoint_of(Weathered(rng=1).run(2))
+    checkpoint.facts["parts"]["weather"].setdefault("stored", {})[name] = {"plain": 1}
+    with pytest.raises(RecordingError, match=f"attribute {name} is not part of a state"):
+        restore(Weathered(rng=1), checkpoint)
 
 
 def test_robots_have_nothing_to_do_with_it():

@@ -213,9 +213,10 @@ def _stored(content: dict) -> dict:
 
 def _restore_stored(part: Part, stored: dict, packed: ModelPacked) -> None:
     """Give a part values that are stored; objects that are the same stay the same."""
-    now = part.store()
-    values = {name: stored_from_json(now.get(name), name, content, packed) for name, content in stored.items()}
-    part.restore(values)
+    now, kind = part.store(), type(part)
+    if kind.restore is Part.restore:  # which sets attributes
+        refuse_attributes(part, stored)
+    part.restore({name: stored_from_json(now.get(name), name, content, packed) for name, content in stored.items()})
 
 
 def _checked_running(running: Any) -> Any:
