@@ -2,13 +2,14 @@
 
 import warnings
 
+import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Part, SwarmModel
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.gallery import find_model, gallery_names
-from mesa_swarm.kernels.part import Phase, Stage
+from mesa_swarm.kernels.part import Column, Phase, Stage
 
 
 class Bell(Part):
@@ -69,6 +70,39 @@ def test_a_part_that_was_removed_is_called_no_more_and_its_name_is_free():
     again = model.add_part(Bell())
     model.run(3)
     assert (len(bell.rung), len(again.rung)) == (2, 3)
+
+
+class Lined(Part):
+    """A part with one column as it is given."""
+
+    name = "lined"
+
+    def __init__(self, column):
+        self.column = column
+
+    def columns(self):
+        return {"value": self.column}
+
+
+COLUMNS = {
+    "two rows": (Column(np.zeros(2), "robots"), "has shape (2,); expected 3 rows"),
+    "no rows": (Column(np.array(0.0), "bodies"), "has shape (); expected 4 rows"),
+    "a list": (Column([0, 0, 0], "robots"), "expected Column(array, rows, role)"),
+    "an array": (np.zeros(3), "expected Column(array, rows, role)"),
+    "another role": (Column(np.zeros(3), "robots", "memory"), "unknown role of column value of part lined 'memory'"),
+    "other rows": (Column(np.zeros(3), "wheels"), "unknown rows of column value of part lined 'wheels'"),
+}
+
+
+@pytest.mark.parametrize(("column", "words"), COLUMNS.values(), ids=COLUMNS)
+def test_a_column_that_does_not_fit_the_model_is_refused_when_its_part_is_added(column, words):
+    model = world()
+    with pytest.raises(InvalidValueError) as caught:
+        model.add_part(Lined(column))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "lined" not in model.parts
+    assert model.parts.get("lined") is None
 
 
 class Nameless(Part):

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from enum import IntEnum
 from functools import cache
 from types import FunctionType
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class Phase(IntEnum):
 
 Rows = Literal["robots", "bodies"]
 Role = Literal["state", "parameter", "derived", "index"]
+ROLES: tuple[str, ...] = get_args(Role)
 # Roles of columns that belong to the fingerprint of a model.
 HASHED = ("state", "parameter")
 # Roles of columns that recordings store; what is derived is made anew from the others.

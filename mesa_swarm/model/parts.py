@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
-from mesa_swarm.kernels.part import Context, Part
+from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
+from mesa_swarm.kernels.part import ROLES, Column, Context, Part
 from mesa_swarm.kernels.plan import Plan
 
 if TYPE_CHECKING:
@@ -67,6 +67,10 @@ class Parts(Mapping[str, Part]):
     def __contains__(self, name: object) -> bool:
         return name in self._by_name
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return the part of a name, or the default."""
+        return self._by_name.get(name, default)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._by_name)
 
@@ -118,9 +122,26 @@ class Parts(Mapping[str, Part]):
         if any(column.startswith(f"{name}.") for column in self._model.swarm.columns):
             raise InvalidValueError(f"columns of robots begin with {name}. already; expected another name of a part")
         part.bind(self.context())
+        self._check_columns(part)
         self._by_name = {**self._by_name, name: part}
         self.replan()
         return part
+
+    def _check_columns(self, part: Part) -> None:
+        """Refuse columns that are no arrays, of an unknown role, or without a row for each robot or body."""
+        counts = {"robots": len(self._model.swarm), "bodies": len(self.bodies.all_bodies())}
+        for name, column in part.columns().items():
+            what = f"column {name} of part {part.name}"
+            if not isinstance(column, Column) or not isinstance(column.array, np.ndarray):
+                raise InvalidValueError(f"{what} is {shortened(column)}; expected Column(array, rows, role)")
+            check_choice(f"role of {what}", column.role, ROLES)
+            if column.rows is not None:
+                expected = counts[check_choice(f"rows of {what}", column.rows, counts)]
+                if column.array.shape[:1] != (expected,):
+                    raise InvalidValueError(
+                        f"{what} has shape {column.array.shape}; expected {expected} rows, one for each of the "
+                        f"model's {column.rows}: make it in bind(context), or add the part before them"
+                    )
 
     def remove(self, name: str) -> Part:
         """Take a part that was added out of the model, and return it; see `SwarmModel.remove_part`."""

@@ -376,7 +376,7 @@ def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel) ->
             for name, value in made_of(was).items():
                 object.__setattr__(part, name, carrier.carried(name, value, None))
             new.add_part(part)
-        _take_part(new.parts[was.name], was, dict(fresh.parts).get(was.name), carrier)
+        _take_part(new.parts[was.name], was, fresh.parts.get(was.name), carrier)
     carrier.finish()
 
 
