@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm import AGENT9, Part, SwarmModel
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.gallery import find_model, gallery_names
 from mesa_swarm.kernels.part import Column, Phase, Stage
 
@@ -97,7 +97,7 @@ COLUMNS = {
 @pytest.mark.parametrize(("column", "words"), COLUMNS.values(), ids=COLUMNS)
 def test_a_column_that_does_not_fit_the_model_is_refused_when_its_part_is_added(column, words):
     model = world()
-    with pytest.raises(InvalidValueError) as caught:
+    with pytest.raises(SwarmError) as caught:
         model.add_part(Lined(column))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
