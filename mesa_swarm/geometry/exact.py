@@ -23,6 +23,7 @@ def exact_sum(terms, count, parts):
 
     Examples
     --------
+    >>> import numpy as np
     >>> exact_sum(np.array([0.1] * 10), 10, np.empty(MOST_PARTS))
     1.0
     """
