@@ -135,8 +135,6 @@ class BodiesPart(Part):
     def parameters(self) -> dict[str, Any]:
         """Return the bounds of the map and what bodies are."""
         described: dict[str, Any] = {"map": self.map.bounds, "bodies": described_bodies(self.listed)}
-        if lamps := self.lamps():
-            described["lamps"] = [[described_bodies([body]), body.temperature] for body in lamps]
         if self.loads:
             described["loads"] = [self.loads.position, self.loads.heading, self.loads.resistance]
         if self.movers is not None and self.movers.agents:

@@ -111,6 +111,7 @@ def described_bodies(bodies: Sequence[Body]) -> list:
         shapely.get_num_interior_rings(geometries),
         shapely.get_coordinates(geometries),
         np.array([_radius_of(body) for body in bodies], float),
+        np.array([_heat_of(body) for body in bodies], float),
     ]
 
 
@@ -118,9 +119,14 @@ def _sorted(bodies: list[Body]) -> list[Body]:
     """Return bodies at rest in an order that follows from what they are."""
     outlines = shapely.to_wkb(np.array([body.shape.geometry for body in bodies], object))  # at once: 20 times faster
     ranks = [
-        (body.kind, body.contact, body.shape.radius, outline) for body, outline in zip(bodies, outlines, strict=True)
+        (body.kind, body.contact, body.shape.radius, outline, _heat_of(body))
+        for body, outline in zip(bodies, outlines, strict=True)
     ]
     return [bodies[place] for place in sorted(range(len(bodies)), key=ranks.__getitem__)]
+
+
+def _heat_of(body: Body) -> float:
+    return -1.0 if body.temperature is None else body.temperature
 
 
 def _radius_of(body: Body) -> float:

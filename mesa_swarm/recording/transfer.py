@@ -384,10 +384,17 @@ def _take_part(part: Part, was: Part, first: Part | None, carrier: "_Carrier") -
     now, before = part.store(), {} if first is None else first.store()
     changed = {n: v for n, v in was.store().items() if n not in before or _differ(v, before[n])}
     part.restore({name: carrier.carried(name, value, now.get(name)) for name, value in changed.items()})
-    columns = was.columns()
-    for name, column in part.columns().items():
-        if column.role != "parameter" and name in columns and columns[name].array.shape == column.array.shape:
-            column.array[...] = columns[name].array
+    columns = part.columns()
+    for name, (array, _, role, _) in was.columns().items():
+        if role == "parameter":
+            continue
+        shape = columns[name].array.shape if name in columns else None
+        if shape != array.shape:
+            raise InvalidValueError(
+                f"the change makes part {part.name} with column {name} of shape {shape} instead of {array.shape}; "
+                "change only parameters that leave it"
+            )
+        columns[name].array[...] = array
 
 
 class _Carrier:

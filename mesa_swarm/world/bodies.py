@@ -234,7 +234,12 @@ class Body(ArenaAgent):
 
     @temperature.setter
     def temperature(self, value: float | None) -> None:
-        self._temperature = checked_temperature(value)
+        checked = checked_temperature(value)
+        if self.space is None:
+            raise RemovedRobotError("this body has been removed; take one from model.bodies")
+        if checked is not None and not self.contact:
+            raise InvalidValueError("temperature was given for a mark on the ground, which does not radiate")
+        self._temperature = checked
         self.model.parts["bodies"].heat_changed()
 
     @property

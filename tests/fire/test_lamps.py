@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import RadiationSensor, RobotDesign, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 
 SIDES = (0, 90, 180, 270)
 FEELER = RobotDesign(
@@ -96,6 +96,29 @@ def test_another_temperature_is_refused_in_one_line(wrong):
 def test_a_mark_on_the_ground_does_not_radiate():
     with pytest.raises(InvalidValueError, match=r"^temperature was given for a mark"):
         SwarmModel(rng=1).add_body(disc((100, 100), 5, contact=False), mode="fixed", temperature=0.5)
+
+
+def test_neither_a_mark_nor_a_body_that_is_gone_is_heated_later():
+    model = SwarmModel(rng=1)
+    mark, gone = (model.add_obstacle(disc((100, 100), 5, contact=contact)) for contact in (False, True))
+    gone.remove()
+    with pytest.raises(InvalidValueError, match=r"^temperature was given for a mark"):
+        mark.temperature = 0.5
+    with pytest.raises(RemovedRobotError):
+        gone.temperature = 0.5
+
+
+def test_the_hash_of_lamps_at_rest_does_not_depend_on_their_order():
+    places = {0.5: (100, 100), 0.25: (200, 100)}
+
+    def lit(order, heat):
+        model = SwarmModel(rng=1)
+        for key in order:
+            model.add_body(disc(places[key], 5), mode="fixed", temperature=heat[key])
+        return model.state_hash()
+
+    same, other = {0.5: 0.5, 0.25: 0.25}, {0.5: 0.25, 0.25: 0.5}
+    assert lit((0.5, 0.25), same) == lit((0.25, 0.5), same) != lit((0.5, 0.25), other)
 
 
 def test_what_a_robot_carries_does_not_radiate():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.models.signposts import FADES, REACH, SOURCE, Signposts
 from mesa_swarm.recording import Recording
 
@@ -81,3 +82,10 @@ def test_it_is_recorded_drawn_and_resumed_like_any_model(tmp_path):
     assert len(recording.at(200)["shown"]) == 37
     assert Signposts.resume(tmp_path / "run.arrow", step=120).run(80).state_hash() == model.state_hash()
     assert Signposts.verify(tmp_path / "run.arrow").same
+
+
+def test_going_on_with_fewer_boards_is_refused_and_drops_nothing():
+    model = Signposts(n_robots=4, rng=1).run(5)
+    with pytest.raises(InvalidValueError, match=r"^the change makes part boards with column \w+ of shape"):
+        model.continued(boards=3)
+    assert model.continued(evaporation=0.01).run(2).completed == 7

@@ -34,6 +34,7 @@ OF_BEGINNING = {
     "q_learning": {"first_temperature"},
     "shepherding": {"n_sheep"},
     "task_allocation": {"major_share"},
+    "signposts": {"boards"},
 }
 EVERYWHERE = {"n_robots", "map"}
 
