@@ -12,8 +12,8 @@ from mesa_swarm.errors import InvalidValueError, PlacementError, check_choice, c
 from mesa_swarm.geometry.room import room_to_try
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.processes import Process
-from mesa_swarm.world.bodies import Body, placed
-from mesa_swarm.world.movers import Driven, Movers, occupied, swept
+from mesa_swarm.world.bodies import Body, BodyTable, placed
+from mesa_swarm.world.movers import Driven, occupied, swept
 from mesa_swarm.world.placement import QUARTER_SEGMENTS, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, rectangle
 
@@ -31,7 +31,7 @@ MOVING = "moving_obstacle"
 # A share of a step.
 NUDGE = 0.01
 # The table of the bodies of each process made by its constructor: which model they are of does not belong to its state.
-TABLES: "WeakKeyDictionary[Wander, ref[Movers]]" = WeakKeyDictionary()
+TABLES: "WeakKeyDictionary[Wander, ref[BodyTable]]" = WeakKeyDictionary()
 
 
 def scatter(
@@ -173,7 +173,7 @@ class Wander(Process):
         for body in listed:
             if not isinstance(body, Driven) or body.agent is not None:
                 raise InvalidValueError(f"bodies holds {shortened(body)}; expected driven ones without an agent")
-        tables = {id(body.movers): body.movers for body in listed}
+        tables = {id(body.table): body.table for body in listed}
         if len(tables) > 1:
             raise InvalidValueError("bodies of Wander are of several models; expected a process for each model")
         if tables:
@@ -184,7 +184,7 @@ class Wander(Process):
     def check_model(self, model: EngineModel) -> None:
         """Refuse a model of which its bodies are not: it may have others with the same unique_id."""
         table = TABLES.get(self)
-        if table is not None and table() is not model.movers:
+        if table is not None and table() is not model.parts.bodies.table:
             raise InvalidValueError("bodies of Wander are not of this model; expected some of its add_body")
 
     def step(self, model: EngineModel) -> None:

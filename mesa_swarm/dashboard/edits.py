@@ -200,7 +200,7 @@ def _move_obstacle(model: SwarmModel, obstacle: Body, x: float, y: float) -> Non
         outline, *holes = [[(px + dx, py + dy) for px, py in ring.coords[:-1]] for ring in rings]
         moved = polygon(outline, holes, contact=shape.contact)
     model.space.checked_point((x, y))
-    model.add_body(moved, kind=obstacle.kind, mode="fixed")
+    model.add_body(moved, kind=obstacle.kind, mode="fixed", temperature=obstacle.temperature)
     obstacle.remove()
 
 

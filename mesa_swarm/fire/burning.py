@@ -38,16 +38,18 @@ class Burning:
         """Let the fires of a model burn for one step."""
         parts = model.parts
         part, scene, columns = parts.fires, parts.bodies.scene(), model.swarm.columns
-        fires, c = part.fires.columns, part.constants
+        fires, bodies, c = part.fires.own, scene.bodies, part.constants
         went_out = burn(
             columns["position"],
             columns["radius"],
-            scene.sources,
+            scene.rows[len(scene.rows) - scene.apart :],
+            bodies.position,
+            bodies.radius,
             fires["area"],
             (c.k1, c.k2, c.k3, c.k4, c.leave, c.join),
             part.extinguish_range,
             model.steps,
-            fires["temperature"],
+            bodies.temperature,
             fires["out"],
             fires["out_step"],
             fires["robots"],
@@ -57,34 +59,40 @@ class Burning:
             columns["fire"],
         )
         if went_out:
-            scene.statics.mark_hot(~fires["out"])
+            scene.statics.show(bodies.seen[scene.rows])
 
 
 @compiled
 def burn(
-    position, radius, fires, area, constants, extinguish_range, step,
-    fire_temperature, out, out_step, fighters, temperature, heat, hot, fire,
+    position, radius, rows, place, reach, area, constants, extinguish_range, step,
+    heat_of, out, out_step, fighters, temperature, heat, hot, fire,
 ):  # fmt: skip
     """Assign robots to fires, then update every temperature once; return whether a fire went out.
 
-    `constants` are k1, k2, k3, k4, leave, join. A robot whose body is within `extinguish_range` of a fire's edge can
-    fight it and takes its heat. Written are, of fires, the temperature, which are out, since when, and the robots at
-    each; of robots the temperature, the heat taken in this step, which are too hot, and which fire each fights.
+    Fires have these `rows` in the table of bodies, of which `place`, `reach` and `heat_of` are position, radius and
+    temperature. `constants` are k1, k2, k3, k4, leave, join. A robot whose body is within `extinguish_range` of a
+    fire's edge can fight it and takes its heat. Written are, of fires, the temperature, which are out, since when, and
+    the robots at each; of robots the temperature, the heat taken in this step, which are too hot, and which fire each
+    fights.
     """
     fighters[:] = 0
     for i in range(position.shape[0]):
-        near = nearest_fire(position[i, 0], position[i, 1], radius[i], fires, out, extinguish_range)
-        warm_up(i, near, fire_temperature, area, constants, temperature, heat)
+        near = nearest_fire(position[i, 0], position[i, 1], radius[i], rows, place, reach, out, extinguish_range)
+        if near != NO_FIRE:
+            warm_up(i, heat_of[rows[near]], area[near], constants, temperature, heat)
+        else:
+            warm_up(i, 0.0, 0.0, constants, temperature, heat)
         fire[i] = near if near != NO_FIRE and not hot[i] else NO_FIRE
         if fire[i] != NO_FIRE:
             fighters[near] += 1
         hot[i] = is_hot(temperature[i], hot[i], constants)
     went_out = False
-    for f in range(fires.shape[0]):
+    for f in range(rows.shape[0]):
         if out[f]:
             continue
-        fire_temperature[f] = next_temperature(fire_temperature[f], area[f], fighters[f], constants)
-        if fire_temperature[f] <= 0.0:
+        row = rows[f]
+        heat_of[row] = next_temperature(heat_of[row], area[f], fighters[f], constants)
+        if heat_of[row] <= 0.0:
             out[f] = True
             out_step[f] = step
             fighters[f] = 0
@@ -103,20 +111,21 @@ def release_from_dead_fires(fire, out):
 
 
 @compiled
-def nearest_fire(x, y, radius, fires, out, extinguish_range):
+def nearest_fire(x, y, radius, rows, place, reach, out, extinguish_range):
     """Return the burning fire whose edge is nearest, if the body is within range of it, else NO_FIRE."""
     near, least = NO_FIRE, math.inf
-    for f in range(fires.shape[0]):
-        gap = math.hypot(x - fires[f, 0], y - fires[f, 1]) - fires[f, 2] - radius
+    for f in range(rows.shape[0]):
+        row = rows[f]
+        gap = math.hypot(x - place[row, 0], y - place[row, 1]) - reach[row] - radius
         if not out[f] and gap <= extinguish_range and gap < least:
             near, least = f, gap
     return near
 
 
 @compiled
-def warm_up(i, near, fire_temperature, area, constants, temperature, heat):
-    """Change the temperature of robot i: H <- max(H + k3 T A - k4, 0) (B.5)."""
-    heat[i] = constants[2] * fire_temperature[near] * area[near] if near != NO_FIRE else 0.0
+def warm_up(i, fire_temperature, area, constants, temperature, heat):
+    """Change the temperature of robot i: H <- max(H + k3 T A - k4, 0) (B.5); T is 0 where no fire is near."""
+    heat[i] = constants[2] * fire_temperature * area
     temperature[i] = max(temperature[i] + heat[i] - constants[3], 0.0)
 
 

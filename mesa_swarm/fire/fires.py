@@ -8,22 +8,17 @@ from numpy.typing import NDArray
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.arena import Arena, ArenaAgent, Model
-from mesa_swarm.world.bodies import Body
+from mesa_swarm.world.arena import Arena, Model
+from mesa_swarm.world.bodies import FIXED, Body, BodyTable
 from mesa_swarm.world.read_only import read_only
-from mesa_swarm.world.shapes import Coordinates, Shape, disc
+from mesa_swarm.world.shapes import Coordinates, Shape
 from mesa_swarm.world.statics import FIRE, KINDS
 
-COLUMNS: dict[str, tuple[tuple[int, ...], type]] = {
-    "position": ((2,), np.float64),
-    "radius": ((), np.float64),
-    "area": ((), np.float64),
-    "temperature": ((), np.float64),
-    "out": ((), np.bool_),
-    "out_step": ((), np.int64),
-    "robots": ((), np.int64),
-}
 NEVER = -1
+# What fires have besides what the table of bodies has of them.
+OWN = {"area": np.float64, "out": np.bool_, "out_step": np.int64, "robots": np.int64}
+OF_BODIES = ("position", "radius", "temperature")
+COLUMNS = ("position", "radius", "area", "temperature", "out", "out_step", "robots")
 # That a stored history may have had.
 MOST_FIRES = 10_000_000
 
@@ -44,6 +39,8 @@ class Fires:
         The step in which it went out, -1 while it burns.
     robots : int64 ndarray, shape (f,)
         How many fight it now.
+    rows : int64 ndarray, shape (f,)
+        Of the fires in the table of bodies, which has position, radius and temperature; these are copies.
     history : History
 
     Examples
@@ -52,19 +49,15 @@ class Fires:
     0
     """
 
-    position: NDArray[np.float64]
-    radius: NDArray[np.float64]
     area: NDArray[np.float64]
-    temperature: NDArray[np.float64]
     out: NDArray[np.bool]
     out_step: NDArray[np.int64]
     robots: NDArray[np.int64]
 
-    def __init__(self, history_every: int | Trigger = 1) -> None:
+    def __init__(self, history_every: int | Trigger = 1, table: BodyTable | None = None) -> None:
+        self.table = BodyTable() if table is None else table
         self.agents: list[Fire] = []
-        self.columns: dict[str, np.ndarray] = {
-            name: np.zeros((0, *shape), dtype) for name, (shape, dtype) in COLUMNS.items()
-        }
+        self.own: dict[str, np.ndarray] = {name: np.zeros(0, dtype) for name, dtype in OWN.items()}
         self.history = History(history_every)
         self._publish()
 
@@ -85,10 +78,26 @@ class Fires:
         """Iterate over the handles, also while fires are being removed."""
         return iter(list(self.agents))
 
+    def __getattr__(self, name: str) -> np.ndarray:
+        """Return a column of the table of bodies in the rows of fires."""
+        if name not in OF_BODIES:
+            raise AttributeError(f"Fires has no attribute {name}")
+        return read_only(getattr(self.table, name)[self.rows])
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Rows of the fires in the table of bodies."""
+        return np.array([fire.row for fire in self.agents], np.int64)
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """All columns by name."""
+        return {name: self.own[name] if name in OWN else getattr(self, name) for name in COLUMNS}
+
     @property
     def discs(self) -> np.ndarray:
         """x, y and radius, shape (f, 3)."""
-        return read_only(np.column_stack([self.columns["position"], self.columns["radius"]]))
+        return read_only(np.column_stack([self.position, self.radius]))
 
     def times_out(self, first: int | None = None) -> dict[str, int | None]:
         """Return the step at which each of the first fires, or of all, went out, or None, by a name for tables.
@@ -99,59 +108,54 @@ class Fires:
         >>> SwarmModel(map="openspace_fire", rng=1).fires.times_out(2)
         {'fire 1 out at': None, 'fire 2 (largest) out at': None}
         """
-        area, found = self.columns["area"], {}
-        for i, step in enumerate(self.columns["out_step"][:first].tolist()):
+        area, found = self.area, {}
+        for i, step in enumerate(self.out_step[:first].tolist()):
             largest = " (largest)" if (area[i] > np.delete(area, i)).all() else ""
             found[f"fire {i + 1}{largest} out at"] = step if step >= 0 else None
         return found
 
-    def add(self, position: Coordinates, radius: float, area: float, temperature: float) -> int:
-        """Append a fire and return its index."""
-        values = {
-            "position": position,
-            "radius": radius,
-            "area": area,
-            "temperature": temperature,
-            "out": temperature <= 0,
-            "out_step": 0 if temperature <= 0 else NEVER,
-            "robots": 0,
-        }
-        for name, (_, dtype) in COLUMNS.items():
-            self.columns[name] = np.concatenate([self.columns[name], np.array([values[name]], dtype)])
-        self._publish()
+    def add(self, fire: "Fire", area: float) -> None:
+        """Append a fire."""
+        is_out = not fire.temperature > 0
+        values = {"area": area, "out": is_out, "out_step": 0 if is_out else NEVER, "robots": 0}
+        self.own = {name: np.append(column, values[name]).astype(OWN[name]) for name, column in self.own.items()}
+        self.agents.append(fire)
         self.history.add_fire()
-        return len(self.columns["radius"]) - 1
+        self._publish()
 
     def remove(self, index: int) -> None:
         """Drop a fire; the handles of the others get their new indices."""
         del self.agents[index]
         self.history.remove_fire(index)
-        for row, fire in enumerate(self.agents):
-            fire.row = row
-        self.columns = {name: np.delete(column, index, axis=0) for name, column in self.columns.items()}
+        for place, fire in enumerate(self.agents):
+            fire.index = place
+        self.own = {name: np.delete(column, index) for name, column in self.own.items()}
         self._publish()
 
     def _publish(self) -> None:
-        for name, column in self.columns.items():
+        for name, column in self.own.items():
             view = column.view()
             view.flags.writeable = False
             setattr(self, name, view)
 
 
 class Fire(Body):
-    """One fire: a body that is a handle on a row of `Fires`. Created by `SwarmModel.add_fire`."""
+    """One fire: a disc that radiates and burns, see `Burning`. Created by `SwarmModel.add_fire`.
+
+    Its `index` is its place in `fires`.
+    """
 
     fires: Fires
-    row: int
+    index: int
     _made_by: ClassVar[str] = "model.add_fire((x, y), area=1.0)"
 
-    def __init__(self, space: Arena, model: Model, fires: Fires, row: int) -> None:
-        self.fires = fires
-        self.row = row
-        super().__init__(space, model, KINDS[FIRE])
+    def __init__(self, space: Arena, model: Model, fires: Fires, shape: Shape, area: float, temperature: float) -> None:
+        self.fires, self.index = fires, len(fires)
+        super().__init__(space, model, fires.table, shape, KINDS[FIRE], mode=FIXED, temperature=temperature)
+        fires.add(self, area)
 
     def __repr__(self) -> str:
-        if self.row < 0:
+        if self.space is None:
             return f"<Fire {self.unique_id}, removed>"
         x, y = (round(float(number), 2) for number in self.position)
         state = "out" if self.out else f"temperature {self.temperature:.3g}"
@@ -160,21 +164,21 @@ class Fire(Body):
     @property
     def position(self) -> NDArray[np.float64]:
         """Centre, shape (2,)."""
-        return read_only(self._read("position").copy())
+        return read_only(self.table.position[self._alive()].copy())
 
     @position.setter
     def position(self, value: Coordinates) -> None:
         raise InvalidValueError("fires do not move; remove this one and add another")
 
     @property
-    def shape(self) -> Shape:  # type: ignore[override]
+    def shape(self) -> Shape:
         """Its body, a disc."""
-        return disc(self.position, self.radius)
+        return self.table.shape_of(self._alive())
 
     @property
     def radius(self) -> float:
         """Radius of its body, map units."""
-        return float(self._read("radius"))
+        return float(self.table.radius[self._alive()])
 
     @property
     def area(self) -> float:
@@ -184,14 +188,14 @@ class Fire(Body):
     @property  # type: ignore[override]
     def temperature(self) -> float:
         """Its temperature in [0, 1]; 0 once it is out."""
-        return float(self._read("temperature"))
+        return float(self.table.temperature[self._alive()])
 
     @temperature.setter
     def temperature(self, value: float) -> None:
         checked = check_number("temperature", value, above=0, maximum=1)
         if self.out:
             raise InvalidValueError("this fire is out; use light(), or add another")
-        self.fires.columns["temperature"][self.row] = checked
+        self.table.temperature[self.row] = checked
         self.model.parts["bodies"].changed()  # sensors that were read already are read again
 
     @property
@@ -216,10 +220,10 @@ class Fire(Body):
         >>> fire.out, fire.temperature
         (True, 0.0)
         """
-        row, columns, step = self._alive(), self.fires.columns, self.model.steps
-        for name, value in (("temperature", 0.0), ("out", True), ("out_step", step), ("robots", 0)):
-            columns[name][row] = value
-        self.model.parts["fires"].release_robots(row)
+        self.table.temperature[self._alive()] = 0.0
+        for name, value in (("out", True), ("out_step", self.model.steps), ("robots", 0)):
+            self.fires.own[name][self.index] = value
+        self.model.parts["fires"].release_robots(self.index)
 
     def light(self, temperature: float = 1.0) -> None:
         """Light the fire again by hand, between two steps.
@@ -239,28 +243,27 @@ class Fire(Body):
         >>> fire.out, fire.temperature
         (False, 0.5)
         """
-        row, columns = self._alive(), self.fires.columns
-        temperature = check_number("temperature", temperature, above=0, maximum=1)
-        for name, value in (("temperature", temperature), ("out", False), ("out_step", NEVER)):
-            columns[name][row] = value
+        row = self._alive()
+        self.table.temperature[row] = check_number("temperature", temperature, above=0, maximum=1)
+        self.fires.own["out"][self.index], self.fires.own["out_step"][self.index] = False, NEVER
         self.model.parts["bodies"].changed()  # sensors that were read already are read again
 
     def remove(self) -> None:
         """Take the fire out of the world, between two steps."""
-        row, model = self._alive(), self.model
-        model.parts["bodies"].leave(self)
-        ArenaAgent.remove(self)
-        self.fires.remove(row)
-        self.row = -1
-        model.parts["fires"].release_robots(row)
+        self._alive()
+        index, self.index = self.index, -1
+        self.fires.remove(index)
+        super().remove()
+        self.model.parts["fires"].release_robots(index)
 
     def _alive(self) -> int:
-        if self.row < 0:
+        if self.space is None:
             raise RemovedRobotError("this fire has been removed; take one from model.fires")
         return self.row
 
     def _read(self, name: str) -> Any:
-        return self.fires.columns[name][self._alive()]
+        self._alive()
+        return self.fires.own[name][self.index]
 
 
 class History:

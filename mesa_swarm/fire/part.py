@@ -9,24 +9,17 @@ from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.fire.burning import Burning
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire, Fires
-from mesa_swarm.kernels.part import Column, Context, Itself, Part, Phase, Role, Stage
+from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
 from mesa_swarm.model.robots import check_stored
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA
-from mesa_swarm.world.shapes import disc
+from mesa_swarm.world.shapes import Shape, disc
 from mesa_swarm.world.statics import FIRE
 
 # The number under which recordings store this process.
 BURNING = 0
-# Columns that follow from parameters.
-OF_PARAMETERS = frozenset({"position", "radius", "area"})
 # The swarm's columns of the heat in robots.
 OF_ROBOTS = ("temperature", "heat", "hot", "fire")
-
-
-def role_of(name: str) -> Role:
-    """Return the role of a column of fires."""
-    return "parameter" if name in OF_PARAMETERS else "state"
 
 
 class FiresPart(Part):
@@ -48,18 +41,13 @@ class FiresPart(Part):
         self.model = model
         self.set_constants(constants)
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
-        self.fires = Fires(history_every)
-        model.space.attach(self.fires)
-
-    def bind(self, context: Context) -> None:
-        """Let sensors and robots find the fires among the bodies."""
-        context.parts["bodies"].heat = self.fires  # type: ignore[attr-defined]
+        self.fires = Fires(history_every, model.parts.bodies.table)
 
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of fires, and of the heat in robots."""
-        robots, fires = self.model.swarm.columns, self.fires.columns
+        robots, fires = self.model.swarm.columns, self.fires.own
         return {
-            **{name: Column(column, None, role_of(name)) for name, column in fires.items()},
+            **{name: Column(column, None, "parameter" if name == "area" else "state") for name, column in fires.items()},
             **{f"robots.{name}": Column(robots[name], "robots") for name in OF_ROBOTS},
         }
 
@@ -74,10 +62,9 @@ class FiresPart(Part):
 
     def mark(self) -> dict[str, Any]:
         """Return temperatures, which fires are out, and the constants, which may be set by hand."""
-        columns = self.fires.columns
         return {
-            "temperature of fires": columns["temperature"].tobytes(),
-            "out of fires": columns["out"].tobytes(),
+            "temperature of fires": self.fires.temperature.tobytes(),
+            "out of fires": self.fires.out.tobytes(),
             "fire_constants": Itself(self.constants),
             "extinguish_range": self.extinguish_range,
         }
@@ -118,14 +105,17 @@ class FiresPart(Part):
         area = (radius / RADIUS_OF_UNIT_AREA) ** 2 if area is None else area
         check_number("area", area, above=0, maximum=1e12)
         check_number("temperature", temperature, above=0, maximum=1)
-        bodies.check_clear_of_loads("fire", disc(point, radius))
+        shape = disc(point, radius)
+        bodies.check_clear_of_loads("fire", shape)
         if not self.fires.history.width:
             self.begin_burning()
-        row = self.fires.add(point, radius, area, temperature)
-        fire = Fire(self.model.space, self.model, self.fires, row)
-        self.fires.agents.append(fire)
+        return self.take(shape, area, temperature)
+
+    def take(self, shape: Shape, area: float, temperature: float) -> Fire:
+        """Add a fire whose values are checked."""
+        fire = Fire(self.model.space, self.model, self.fires, shape, area, temperature)
         self.model.parts.add_rows("bodies", 1)
-        bodies.scene_changed()
+        self.model.parts.bodies.scene_changed()
         return fire
 
     def begin_burning(self) -> None:

@@ -1,8 +1,7 @@
 """The part `bodies`: obstacles, loads, driven bodies and marks, and the scene that they make."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from operator import attrgetter
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import mesa
 import numpy as np
@@ -17,23 +16,29 @@ from mesa_swarm.errors import (
     unknown_name,
 )
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.kernels.part import Part, Phase, Stage
-from mesa_swarm.model.state_hash import described_bodies, described_movers
+from mesa_swarm.kernels.part import Column, Part, Phase, Stage
+from mesa_swarm.model.state_hash import described_bodies
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.bodies import (
+    CARRIED,
+    DRIVEN,
+    FIXED,
+    LARGEST_HEADING,
+    MODES,
+    PUSHED,
     Body,
+    BodyTable,
     Form,
     Load,
-    Loads,
     Obstacle,
     Pose,
     checked_resistance,
     checked_temperature,
     placed,
 )
-from mesa_swarm.world.movers import LARGEST_HEADING, Driven, Movers, occupied, poses_of_agents
+from mesa_swarm.world.movers import Driven, Movers, occupied, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
 
@@ -41,18 +46,29 @@ from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, RO
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
-MODES = ("driven", "fixed", "pushed")
+# How bodies may be added.
+ADDED = ("driven", "fixed", "pushed")
+# What of the columns of bodies changes from step to step; the others follow from what bodies are.
+CHANGING = (
+    *("position", "heading", "radius", "temperature", "resistance", "pushers", "moved"),
+    *("aim", "aim_heading", "blocked", "fresh"),
+)
 # A body is put down in one of these directions (rad), this share of its size from the robot's rim.
 PUT_DOWN = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60]).tolist()
 CLEAR = 1.0 + 1e-6
 POSES, HEAT = "pose of driven bodies", "temperature of bodies"
 
 
+AnyBody = TypeVar("AnyBody", bound=Body)
+
+
 class SceneCache:
     """What a part has made of its state, and makes again when that has changed."""
 
     scene: Surroundings | None = None
-    table: Any = None
+    table: Any = None  # of the robots' designs
+    moves: bool | None = None
+    followers = True
 
     def __reduce__(self) -> tuple:
         return type(self), ()
@@ -63,27 +79,24 @@ class BodiesPart(Part):
 
     Attributes
     ----------
-    listed : list of Body
-        Obstacles, loads, driven bodies and marks on the ground.
-    loads : Loads
-    movers : Movers or None
-        None until the first driven body.
-    kinds : tuple of str
-    heat : Fires or None
-        The table of the discs that radiate heat, which the part `fires` brings.
+    table : BodyTable
+        Obstacles, loads, driven bodies, fires and marks on the ground.
     """
 
     name = "bodies"
 
     def __init__(self, model: Any) -> None:
         self.model, self.map, self.space, self.swarm = model, model.map, model.space, model.swarm
-        self.listed: list[Body] = []
-        self.loads = Loads()
-        self.space.attach(self.loads)
-        self.movers: Movers | None = None
-        self.kinds: tuple[str, ...] = KINDS
-        self.heat: Any = None
+        self.table = BodyTable()
+        self.space.attach(self.table)
         self.made = SceneCache()
+
+    def columns(self) -> dict[str, Column]:
+        """Return what changes from step to step.
+
+        Bodies at rest have no order that a step depends on, which columns have: hashed are the `parameters`.
+        """
+        return {name: Column(getattr(self.table, name), None, "index") for name in CHANGING}
 
     def stages(self) -> Iterator[Stage]:
         """Follow agents before robots sense; rest before robots move, and when all have moved."""
@@ -91,87 +104,119 @@ class BodiesPart(Part):
         yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", compiled="place_items")
         yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along")
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The names of all kinds, which readings have as codes."""
+        return self.table.kinds
+
+    @property
+    def listed(self) -> list[Body]:
+        """All bodies but fires, which are numbered apart."""
+        return self.table.others
+
+    @property
+    def movers(self) -> Movers:
+        """The driven bodies."""
+        return Movers(self.table)
+
+    @property
+    def loads(self) -> list[Load]:
+        """The bodies that robots push."""
+        return [self.table.agents[row] for row in self.table.rows(PUSHED).tolist()]
+
     def follow(self) -> None:
-        """Ask for the poses of the agents that bodies follow."""
-        if self.movers is not None:
-            self.follow_agents(self.movers)
+        """Ask for the poses of the agents that bodies follow, and remove the bodies of agents that were removed."""
+        if not self.made.followers:
+            return
+        for body in [body for body in self.followers() if body.agent not in self.model.agents]:
+            body.remove()
+        followers = self.followers()
+        if followers:
+            self.move_bodies(followers, poses_of_agents(followers, self.space))
+
+    def followers(self) -> list[Driven]:
+        """Return the bodies that follow an agent."""
+        return [body for body in self.movers.agents if body.agent is not None]
 
     def begin_step(self) -> None:
-        """Forget which bodies are new, before anything of a step."""
-        if self.movers is not None:
-            self.movers.begin_step()
+        """Forget which bodies are new, before anything of a step: from now on all travel."""
+        self.table.fresh[:] = False
 
     def begin_move(self) -> None:
         """Forget what bodies did in the last step, and store where they are now; in a world without robots, move."""
-        if self.loads:
-            self.loads.rest()
-        moving = self.scene().moving if self.movers is not None else None
-        if moving is None:
+        if not self.moves:
             return
-        moving.begin()
-        if not len(self.swarm):
-            begin_way(self.scene())
-            moving.go_freely()
+        self.table.pushers[:], self.table.moved[:] = 0, False
+        moving = self.scene().moving
+        if moving is not None:
+            moving.begin()
+            if not len(self.swarm):
+                begin_way(self.scene())
+                moving.go_freely()
 
     def end_move(self) -> None:
-        """Forget all requests, and put carried bodies where their robots are."""
-        if self.movers is not None:
-            self.movers.rest()
-            if self.movers.carried.any():
-                self.movers.carry_along()
+        """Forget all requests, which are done or were blocked, and put carried bodies where their robots are."""
+        if self.moves:
+            self.table.aim[:], self.table.aim_heading[:] = self.table.position, self.table.heading
+            self.carry_along()
+
+    def carry_along(self) -> None:
+        """Put carried bodies where their robots are."""
+        table = self.table
+        for row in table.rows(CARRIED).tolist():
+            robot = table.agents[row].carrier
+            table.position[row], table.heading[row] = robot.position, robot.heading
+            table.aim[row], table.aim_heading[row] = table.position[row], table.heading[row]
+
+    @property
+    def moves(self) -> bool:
+        """Whether there are bodies that may move."""
+        if self.made.moves is None:
+            self.made.moves = bool((self.table.mode != FIXED).any())
+        return self.made.moves
 
     def mark(self) -> dict[str, Any]:
         """Return poses of loads and of driven bodies, which may be set by hand."""
-        table = self.loads
-        loads = tuple(map(np.ndarray.tobytes, (table.position, table.heading, table.resistance))) if table else ()
-        driven = () if self.movers is None else tuple(map(np.ndarray.tobytes, self.movers.poses))
-        heat = [body.temperature for body in self.listed]
-        return {"pose or resistance of loads": loads, POSES: driven, HEAT: heat, "kinds": len(self.kinds)}
+        table, pushed = self.table, self.table.rows(PUSHED)
+        of_loads = (table.position[pushed], table.heading[pushed], table.resistance[pushed]) if len(pushed) else ()
+        return {
+            "pose or resistance of loads": tuple(map(np.ndarray.tobytes, of_loads)),
+            POSES: tuple(map(np.ndarray.tobytes, self.movers.poses)),
+            HEAT: table.temperature[table.kind != FIRE].tobytes(),
+            "kinds": len(self.kinds),
+        }
 
     def store(self) -> dict[str, Any]:
         """Return nothing: bodies are agents, which are stored with all others."""
         return {}
 
     def parameters(self) -> dict[str, Any]:
-        """Return the bounds of the map and what bodies are."""
+        """Return the bounds of the map, what bodies are, and the state of those that move or burn."""
+        table, movers = self.table, self.movers
+        pushed, fires = table.rows(PUSHED), np.flatnonzero(table.kind == FIRE)
         described: dict[str, Any] = {"map": self.map.bounds, "bodies": described_bodies(self.listed)}
-        if self.loads:
-            described["loads"] = [self.loads.position, self.loads.heading, self.loads.resistance]
-        if self.movers is not None and self.movers.agents:
-            described["driven"] = [*self.movers.poses, described_movers(self.movers)]
+        if len(pushed):
+            described["loads"] = [table.position[pushed], table.heading[pushed], table.resistance[pushed]]
+        if len(movers):
+            carriers = [-1 if body.carrier is None else body.carrier.row for body in movers.agents]
+            described["driven"] = [*movers.poses, movers.fresh, movers.blocked, np.array(carriers, np.int64)]
+        if len(fires):
+            described["fires"] = [table.position[fires], table.radius[fires], table.temperature[fires]]
         return described
 
-    def fires(self) -> Sequence[Body]:
-        """Return the discs that radiate heat, which are in a table of their own."""
-        return () if self.heat is None else self.heat.agents
-
-    def heat_sources(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return centre and radius (k, 3) and temperature (k,) of these discs, in their order."""
-        return (
-            (np.empty((0, 3)), np.empty(0))
-            if self.heat is None
-            else (self.heat.discs, self.heat.columns["temperature"])
-        )
+    def fires(self) -> list[Body]:
+        """Return the fires."""
+        return [self.table.agents[row] for row in np.flatnonzero(self.table.kind == FIRE).tolist()]
 
     def heat_changed(self) -> None:
         """Let radiation sensors be read again: a body has another temperature."""
         self.made.scene = None
         self.swarm.disturbed = True
 
-    def lamps(self) -> list[Body]:
-        """Return the bodies that radiate, fires left out."""
-        return [body for body in self.listed if body.temperature is not None]
-
-    def all_bodies(self) -> list[Body]:
-        """Return all bodies by their unique_id, fires included."""
-        return sorted([*self.listed, *self.fires()], key=attrgetter("unique_id"))
-
     @property
     def displaced(self) -> list[Load | Driven]:
         """The bodies that may change their places, loads and driven bodies, in the order in which they were added."""
-        if self.movers is None:
-            return [*self.loads]
-        return [body for body in self.listed if isinstance(body, Load | Driven)]
+        return [self.table.agents[row] for row in np.flatnonzero(self.table.mode != FIXED).tolist()]
 
     def add_kind(self, name: str) -> int:
         """Declare a kind of bodies before there is any, and return its code in readings."""
@@ -191,13 +236,13 @@ class BodiesPart(Part):
         shape: Shape,
         *,
         kind: str | None = None,
-        mode: str = MODES[0],
+        mode: str = ADDED[0],
         agent: mesa.Agent | None = None,
         resistance: float | None = None,
         temperature: float | None = None,
     ) -> Body:
         """Add a body that robots see and bump into, and return its agent."""
-        mode = check_choice("mode", mode, MODES)
+        mode = check_choice("mode", mode, ADDED)
         _check_shape("body", shape)
         name = self.checked_kind(kind, KINDS[LOAD] if mode == "pushed" else KINDS[OBSTACLE])
         if mode != "pushed" and resistance is not None:
@@ -218,52 +263,50 @@ class BodiesPart(Part):
             body = self.add_pushed(shape, checked_resistance(cast(float, resistance)), name)
         else:
             body = self.add_driven(shape, name, agent)
-        if heat is not None:
+        if temperature is not None:
             body.temperature = heat
         return body
 
     def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
         """Ask for poses of driven bodies, all at once: the quick way for many."""
-        movers = self.movers
+        table = self.table
         chosen = list(bodies) if isinstance(bodies, Iterable) else [bodies]
-        if not all(isinstance(body, Driven) and body.movers is movers for body in chosen):
+        if not all(isinstance(body, Driven) and body.model is self.model for body in chosen):
             raise InvalidValueError("bodies holds others than driven bodies of this model; expected some of add_body")
-        table = np.empty((0, 3)) if not chosen else as_numbers(poses)
-        if table.shape != (len(chosen), 3):
-            raise InvalidValueError(f"poses has shape {table.shape}; expected {(len(chosen), 3)}: x, y, heading each")
+        aims = np.empty((0, 3)) if not chosen else as_numbers(poses)
+        if aims.shape != (len(chosen), 3):
+            raise InvalidValueError(f"poses has shape {aims.shape}; expected {(len(chosen), 3)}: x, y, heading each")
         low, high = self.space.dimensions.T
-        good = ((table[:, :2] >= low) & (table[:, :2] <= high)).all(axis=1) & (np.abs(table[:, 2]) <= LARGEST_HEADING)
+        good = ((aims[:, :2] >= low) & (aims[:, :2] <= high)).all(axis=1) & (np.abs(aims[:, 2]) <= LARGEST_HEADING)
         if not good.all():
-            wrong = table[int(np.argmin(good))].tolist()
+            wrong = aims[int(np.argmin(good))].tolist()
             raise InvalidValueError(
                 f"pose {wrong} is not on map {self.map.name}; expected x and y within {self.space.dimensions.tolist()} "
                 "and a finite heading"
             )
-        if movers is None or not chosen:
+        if not chosen:
             return
         rows = np.array([cast(Driven, body).alive() for body in chosen])
-        if movers.carried[rows].any():
+        if (table.mode[rows] == CARRIED).any():
             raise InvalidValueError("bodies holds one that a robot carries; release it first")
-        new = movers.fresh[rows]
+        new = table.fresh[rows]
         if new.any():
-            self._place_new(
-                [cast(Driven, body) for body, is_new in zip(chosen, new, strict=True) if is_new], table[new]
-            )
-        movers.aim[rows] = table[:, :2]
-        movers.aim_heading[rows] = wrapped_all(table[:, 2])
+            self._place_new(rows[new], aims[new])
+        table.aim[rows] = aims[:, :2]
+        table.aim_heading[rows] = wrapped_all(aims[:, 2])
 
     def attach(self, robot: Robot, body: Body) -> None:
         """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it."""
         if not isinstance(robot, Robot) or robot.model is not self.model:
             raise InvalidValueError(f"robot is {shortened(robot)}; expected one of model.robots")
         robot.alive()
-        if not isinstance(body, Driven) or body.movers is not self.movers or body.agent is not None:
+        if not isinstance(body, Driven) or body.model is not self.model or body.agent is not None:
             raise InvalidValueError(f"body is {shortened(body)}; expected a driven body of this model without an agent")
         row = body.alive()
         if body.carrier is not None or self.carried_by(robot) is not None:
             raise InvalidValueError(f"body {body.unique_id} or robot {robot.unique_id} is taken; release it first")
-        body.carrier, body.movers.carried[row] = robot, True
-        body.movers.carry_along()
+        body.carrier, self.table.mode[row] = robot, CARRIED
+        self.carry_along()
         self.made.scene = None
 
     def release(self, robot: Robot) -> bool:
@@ -283,10 +326,8 @@ class BodiesPart(Part):
 
     def carried_by(self, robot: Robot) -> Driven | None:
         """Return the body that a robot carries, or None."""
-        if self.movers is None or not self.movers.carried.any():
-            return None
-        rows = np.flatnonzero(self.movers.carried)
-        return next((self.movers.agents[row] for row in rows if self.movers.agents[row].carrier is robot), None)
+        carried = (self.table.agents[row] for row in self.table.rows(CARRIED).tolist())
+        return next((body for body in carried if body.carrier is robot), None)
 
     def _has_room_for(self, body: Driven, pose: Pose) -> bool:
         """Return whether a body in this pose is on the map and overlaps no solid body and no robot."""
@@ -297,26 +338,20 @@ class BodiesPart(Part):
         if (gaps < self.swarm.radius).any():
             return False
         x, y, _ = pose
-        bodies = (*self.listed, *self.fires())
-        near = (one for one in occupied(bodies) if _is_near(*one, x, y, body))
+        near = (each for each in occupied(self.table.agents) if _is_near(*each, x, y, body))
         return not any(body.form.meets(pose, geometry, radius) for geometry, radius in near)
 
-    def is_carried(self, body: Body) -> bool:
-        """Return whether a robot carries a body."""
-        return isinstance(body, Driven) and body.carrier is not None
-
     def _put_down(self, body: Driven, pose: Pose) -> None:
-        movers, row = body.movers, body.row
-        body.carrier, movers.carried[row] = None, False
-        for place, heading in ((movers.position, movers.heading), (movers.aim, movers.aim_heading)):
+        table, row = self.table, body.row
+        body.carrier, table.mode[row] = None, DRIVEN
+        for place, heading in ((table.position, table.heading), (table.aim, table.aim_heading)):
             *place[row], heading[row] = pose
         self.made.scene = None  # it overlaps no robot: none is disturbed
 
     def release_from_removed(self) -> None:
         """Free the bodies that removed robots carried: they stay where they were."""
-        carried = () if self.movers is None else np.flatnonzero(self.movers.carried).tolist()
-        for row in carried:
-            body = self.movers.agents[row]  # type: ignore[union-attr]
+        for row in self.table.rows(CARRIED).tolist():
+            body = self.table.agents[row]
             if body.carrier.row < 0:
                 self._put_down(body, body.pose)
                 self.swarm.disturbed = True
@@ -335,18 +370,15 @@ class BodiesPart(Part):
         """Add an obstacle or a mark of a kind."""
         self._check_fine_enough(shape)
         self.check_clear_of_loads("obstacle", shape)
-        obstacle = Obstacle(self.space, self.model, shape, kind)
-        self._take(obstacle)
-        return obstacle
+        return self.take(Obstacle, shape, kind, mode=FIXED)
 
     def add_pushed(self, shape: Shape, resistance: float, kind: str) -> Load:
         """Add a load of a kind."""
         if not shape.contact:
             raise InvalidValueError("load is a mark on the ground, which cannot be pushed; leave out contact=False")
-        self.check_room_for_load(Form.of(shape), (*shape.position.tolist(), 0.0))
-        load = Load(self.space, self.model, shape, self.loads, resistance, kind)
-        self._take(load)
-        return load
+        form = Form.of(shape)
+        self.check_room_for_load(form, (*shape.position.tolist(), 0.0))
+        return self.take(Load, shape, kind, form, mode=PUSHED, resistance=resistance)
 
     def add_driven(self, shape: Shape, kind: str, agent: mesa.Agent | None) -> Driven:
         """Add a driven body of a kind, which may follow an agent."""
@@ -361,8 +393,7 @@ class BodiesPart(Part):
         self._check_fine_enough(shape)
         self.checked_point(shape.position.tolist())
         self.check_clear_of_loads("body", shape)
-        body = Driven(self.space, self.model, shape, kind, self.made_movers(), agent)
-        self._take(body)
+        body = self.take(Driven, shape, kind, Form.of(shape), mode=DRIVEN, aim=shape.position, fresh=True, agent=agent)
         if agent is not None:
             try:
                 self.move_bodies([body], poses_of_agents([body], self.space))
@@ -371,45 +402,29 @@ class BodiesPart(Part):
                 raise
         return body
 
-    def made_movers(self) -> Movers:
-        """Return the table of driven bodies, made with the first of them."""
-        if self.movers is None:
-            self.movers = Movers()
-            self.space.attach(self.movers)
-        return self.movers
+    def take(self, body_class: type[AnyBody], shape: Shape, kind: str, form: Form | None = None, **values: Any) -> AnyBody:
+        """Add a body whose values are checked, and rows to the columns that parts have of bodies."""
+        self.know_kind(kind)
+        body = body_class(self.space, self.model, self.table, shape, kind, form, **values)
+        self.model.parts.add_rows("bodies", 1)
+        self.scene_changed()
+        return body
 
     def leave(self, body: Body) -> None:
         """Drop the rows that parts have of a body which is about to leave the model."""
-        parts = self.model.parts
-        if parts.have_rows("bodies"):
-            parts.drop_rows("bodies", [self.all_bodies().index(body)])
-
-    def _take(self, body: Body) -> None:
-        self.know_kind(body.kind)
-        self.listed.append(body)
-        self.model.parts.add_rows("bodies", 1)
-        self.scene_changed()
+        self.model.parts.drop_rows("bodies", [body.row])
 
     def know_kind(self, name: str) -> None:
         """Let a kind have a code, if it has none."""
         if name not in self.kinds:
-            self.kinds = (*self.kinds, name)
+            self.table.kinds = (*self.kinds, name)
 
-    def _place_new(self, bodies: list[Driven], poses: np.ndarray) -> None:
+    def _place_new(self, rows: np.ndarray, poses: np.ndarray) -> None:
         """Place bodies at once that were added after the last step."""
-        for body, pose in zip(bodies, poses.tolist(), strict=True):
-            self.check_clear_of_loads("body", body.form.shape_at(tuple(pose)))
-        movers, rows = cast(Movers, self.movers), [body.row for body in bodies]
-        movers.position[rows], movers.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
+        for row, pose in zip(rows.tolist(), poses.tolist(), strict=True):
+            self.check_clear_of_loads("body", cast(Form, self.table.forms[row]).shape_at(tuple(pose)))
+        self.table.position[rows], self.table.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
         self.scene_changed()
-
-    def follow_agents(self, movers: Movers) -> None:
-        """Ask for the poses of the agents that bodies follow, and remove the bodies of agents that were removed."""
-        gone = [body for body in movers.followers if body.agent not in self.model.agents]
-        for body in gone:
-            body.remove()
-        if movers.followers:
-            self.move_bodies(movers.followers, poses_of_agents(movers.followers, self.space))
 
     def checked_kind(self, kind: str | None, default: str) -> str:
         """Return the name of a kind that bodies may have."""
@@ -424,49 +439,39 @@ class BodiesPart(Part):
         return kind
 
     def changed(self) -> None:
-        """Update the lists after obstacles or other bodies were removed."""
-        for index in reversed(range(len(self.listed))):
-            if self.listed[index].space is None:
-                del self.listed[index]
+        """Update the table after bodies were removed, and what is made of it."""
+        for index, body in reversed([*enumerate(self.listed)]):
+            if body.space is None:
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self.kinds))):
                     self.swarm.forget_contact(kind, index)
-        for load in [load for load in self.loads if load.space is None]:
-            self.loads.drop(load)
+        for body in [body for body in self.table.agents if body.space is None]:
+            self.table.drop(body)
         self.scene_changed()
 
     def scene_changed(self) -> None:
         """Let the tables of bodies be made anew, and fields find their walls."""
-        self.made.scene = None
+        self.made = SceneCache()
         self.swarm.disturbed = True
         self.model.parts["fields"].walls_changed()
 
     def scene(self) -> Surroundings:
         """Return the world without its robots, as engines need it; made anew where bodies or designs have changed."""
-        table = self.swarm.table
-        if self.made.scene is None or self.made.table is not table or (self.loads and self.made.scene.is_worn):
-            shapes = [obstacle.shape for obstacle in self.listed]
-            sources, temperature = self.heat_sources()
-            sight = float(table.reach.max(initial=0.0))
-            touch = max((design.radius for design in table.designs), default=1.0)
-            # Where tables are only worn, all bodies are what they were.
-            room = self.made.scene.room if self.made.scene is not None and self.made.table is table else None
+        designs, scene = self.swarm.table, self.made.scene
+        if scene is None or self.made.table is not designs or scene.is_worn:
+            fires, order = self.table.kind == FIRE, np.arange(len(self.table))
             self.made.scene = Surroundings.of(
                 self.map.bounds,
-                shapes,
-                sources,
-                temperature,
-                sight=sight,
-                touch=touch,
-                loads=self.loads,
-                rows=[row for row, body in enumerate(self.listed) if isinstance(body, Load)],
-                room=room,
-                lamps=self.lamps(),
-                codes=[self.kinds.index(body.kind) for body in self.listed],
-                driven=[row for row, body in enumerate(self.listed) if isinstance(body, Driven)],
-                movers=self.movers,
+                self.table,
+                np.concatenate([order[~fires], order[fires]]),
+                sight=float(designs.reach.max(initial=0.0)),
+                touch=max((design.radius for design in designs.designs), default=1.0),
+                apart=int(fires.sum()),
+                # Where tables are only worn, all bodies are what they were.
+                room=None if scene is None or self.made.table is not designs else scene.room,
             )
-            self.made.table = table
-        return self.made.scene
+            self.made.table = designs
+            self.made.followers = bool(self.followers())
+        return cast(Surroundings, self.made.scene)
 
     def _check_fine_enough(self, shape: Shape) -> None:
         if len(self.swarm):
@@ -489,7 +494,7 @@ class BodiesPart(Part):
         """Refuse a load that is to be where it is not within the map or overlaps anything but robots and itself."""
         if not form.is_within(pose, self.map.bounds):
             raise InvalidValueError(f"load is not within map {self.map.name}, {list(self.map.bounds)}; move it inside")
-        solid = [body for body in self.listed if body.contact and body is not load and not self.is_carried(body)]
+        solid = [body for body in self.listed if body.contact and body is not load and body.mode != "carried"]
         others = [("an obstacle or load", body.shape) for body in solid]
         others += [(f"a {body.kind}", body.shape) for body in self.fires()]
         for name, other in others:

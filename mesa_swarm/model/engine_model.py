@@ -65,7 +65,7 @@ from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import Driven, Movers
 from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import SOURCE
+from mesa_swarm.world.statics import FIRE
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
 REPORTERS = {name: name for name in ("collisions", "total_collisions")}
@@ -363,7 +363,7 @@ class EngineModel(MesaModel):
     @property
     def bodies(self) -> Agents[Body]:
         """All bodies as Mesa agents, in the order in which they came: obstacles, loads, driven ones, fires, marks."""
-        return Agents(self.parts.bodies.all_bodies(), random=self.random)
+        return Agents(self.parts.bodies.table.agents, random=self.random)
 
     @property
     def obstacles(self) -> Agents[Obstacle]:
@@ -383,7 +383,7 @@ class EngineModel(MesaModel):
     @property
     def movers(self) -> Movers:
         """The poses of all driven bodies as arrays, to be read only; see `move_bodies`."""
-        return self.parts.bodies.movers or Movers()
+        return self.parts.bodies.movers
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -1004,7 +1004,7 @@ class EngineModel(MesaModel):
     @property
     def contacts(self) -> "Contacts":
         """The deepest contact of every robot that collided in the last step."""
-        return Contacts.of(self.swarm, self.obstacle_list, {SOURCE: self.parts.bodies.fires()})
+        return Contacts.of(self.swarm, self.obstacle_list, {FIRE: self.parts.bodies.fires()})
 
     def watch(
         self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS

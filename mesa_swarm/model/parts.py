@@ -129,7 +129,7 @@ class Parts(Mapping[str, Part]):
 
     def _check_columns(self, part: Part) -> None:
         """Refuse columns that are no arrays, of an unknown role, or without a row for each robot or body."""
-        counts = {"robots": len(self._model.swarm), "bodies": len(self.bodies.all_bodies())}
+        counts = {"robots": len(self._model.swarm), "bodies": len(self.bodies.table)}
         for name, column in part.columns().items():
             what = f"column {name} of part {part.name}"
             if not isinstance(column, Column) or not isinstance(column.array, np.ndarray):

@@ -271,8 +271,8 @@ class RobotsPart(Part):
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         bodies, streams, world = self.model.parts.bodies, self.model.streams, self.model.map
         with uncollected():
-            shapes = [body.shape for body in bodies.listed if not bodies.is_carried(body)]
-            space = free_places(world.bounds, shapes, bodies.heat_sources()[0], design.radius)
+            solid = (body for body in (*bodies.listed, *bodies.fires()) if body.mode != "carried")
+            space = free_places(world.bounds, [body.shape for body in solid], design.radius)
         old, radii, where = self.swarm.position, self.swarm.radius, f"map {world.name}"
         position = place_apart(n, design.radius, space, old, radii, streams["placement"], where)
         return position, streams["heading"].uniform(-np.pi, np.pi, n)

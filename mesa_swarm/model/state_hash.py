@@ -30,7 +30,6 @@ from mesa_swarm.kernels.part import HASHED
 from mesa_swarm.model.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of, is_float
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.world.bodies import Body
-from mesa_swarm.world.movers import Movers
 from mesa_swarm.world.shapes import Shape
 
 # Columns that depend on the order in which things were created are not part of the state.
@@ -66,10 +65,11 @@ def written_state_hash(model: Any) -> str:
     digest.update(f"{model.completed}".encode())
     for load in parts["bodies"].loads:
         digest.update(np.array([*load.pose, load.resistance]).tobytes())
-    if parts["bodies"].movers is not None:
-        for column in parts["bodies"].movers.poses:
+    movers = parts["bodies"].movers
+    if len(movers):
+        for column in movers.poses:
             digest.update((column + 0).tobytes())
-        digest.update(parts["bodies"].movers.carried.tobytes())
+        digest.update(movers.carried.tobytes())
     for name, field in model.fields.items():
         digest.update(f"fields.{name} {field.values.shape}".encode())
         digest.update((field.values + 0).tobytes())
@@ -131,12 +131,6 @@ def _heat_of(body: Body) -> float:
 
 def _radius_of(body: Body) -> float:
     return body.shape.radius if body.mode == "fixed" else body.form.radius  # type: ignore[attr-defined]
-
-
-def described_movers(movers: Movers) -> dict[str, Any]:
-    """Return what driven bodies are besides their poses: new, stopped, carried by which robot."""
-    carriers = [-1 if body.carrier is None else body.carrier.row for body in movers.agents]
-    return {"fresh": movers.fresh, "blocked": movers.blocked, "carriers": np.array(carriers, np.int64)}
 
 
 def described_designs(designs: Sequence[RobotDesign], rows: np.ndarray) -> dict[bytes, np.ndarray]:

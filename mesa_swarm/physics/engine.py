@@ -17,7 +17,6 @@ from mesa_swarm.physics.sensing import (
     sense_inside,
     sense_line,
     sense_proximity,
-    sense_radiating_edges,
     sense_radiation,
 )
 from mesa_swarm.physics.separation import MARGIN, SETTLED
@@ -137,9 +136,7 @@ class CompiledEngine(Engine):
                 hold_readings(swarm, step, *old)
         if columns["radiation"].shape[1]:
             robots = position, heading, design, table.radiation
-            sense_radiation(*robots, *surroundings.radiating_discs(), columns["radiation"])
-            if surroundings.lamps:
-                sense_radiating_edges(*robots, *surroundings.radiating_edges(), columns["radiation"])
+            sense_radiation(*robots, self._heat.numbers, columns["radiation"])
         if columns["line"].shape[1]:
             marks = surroundings.marks
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
@@ -249,6 +246,7 @@ class CompiledEngine(Engine):
             )
         )
         written = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
+        self._heat = Block(surroundings.radiating)
         self._extra_turn = np.zeros(n)
         robots = RobotArrays(motion=self._motion, radius=columns["radius"], extra_turn=self._extra_turn, **written)
         self._robots, self._statics = Block(robots), Block(surroundings.still)

@@ -1,7 +1,6 @@
 """The room of loads: what they may not overlap, and where they lean on it."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 import shapely
@@ -17,12 +16,13 @@ from mesa_swarm.geometry.outlines import (
     outlines_of,
     place_solid,
 )
-from mesa_swarm.world.bodies import Load, Loads
-from mesa_swarm.world.movers import Movers
-from mesa_swarm.world.statics import SOURCE, Statics
+from mesa_swarm.world.bodies import CARRIED, BodyTable, Form
+from mesa_swarm.world.statics import Statics
 
 # What is farther than asked for by this share of a load's thickness need not be measured exactly.
 MARGIN = 1e-3
+# As NumPy has it: Numba would compile a function once more for each literal.
+IS_CARRIED = np.int8(CARRIED)
 
 
 class Forms(NamedTuple):
@@ -52,13 +52,13 @@ class Stops(NamedTuple):
 
 
 class Poses(NamedTuple):
-    """Where loads and driven bodies are: (m, 2), (m,) rad, (d, 2), (d,) rad; and which of the latter are carried."""
+    """Where all bodies are, columns of `BodyTable`, and the rows of loads and of driven bodies in it."""
 
     position: np.ndarray
     heading: np.ndarray
-    driven_position: np.ndarray
-    driven_heading: np.ndarray
-    carried: np.ndarray
+    mode: np.ndarray
+    loads: np.ndarray
+    driven: np.ndarray
 
 
 class Room(NamedTuple):
@@ -79,12 +79,12 @@ class Room(NamedTuple):
     two: float
 
 
-def room_of(statics: Statics, loads: Sequence[Load], rows: Sequence[int], movers: Movers | None) -> Room:
-    """Return the room of loads; what stands still is all static shapes but those with the indices `rows`."""
-    still = ~np.isin(statics.owner, rows) | (statics.body == SOURCE)
+def room_of(statics: Statics, bodies: BodyTable, pushed: np.ndarray, sent: np.ndarray, rows: np.ndarray) -> Room:
+    """Return the room of loads; what stands still is all shapes but those with the indices `pushed` and `sent`."""
+    still = ~np.isin(statics.shape, [*pushed, *sent])
     lines = shapely.linestrings(statics.edges[still[: len(statics.edges)]].reshape(-1, 2, 2))
     discs = statics.discs[still[len(statics.edges) :]]
-    forms, driven = [load.form for load in loads], [body.form for body in movers or ()]
+    forms, driven = ([cast(Form, bodies.forms[row]) for row in rows[indices].tolist()] for indices in (pushed, sent))
     # Shapes are in normal form.
     bodies = [shapely.normalize(form.outline) for form in (*forms, *driven)]
     solids = [*lines, *shapely.points(discs[:, :2]), *bodies, *(form.core for form in forms)]
@@ -112,22 +112,17 @@ def room_of(statics: Statics, loads: Sequence[Load], rows: Sequence[int], movers
     )
 
 
-def poses_of(loads: Loads, movers: Movers | None) -> Poses:
-    """Return the poses of loads and of driven bodies as they are now."""
-    driven = Movers() if movers is None else movers
-    return Poses(loads.position, loads.heading, driven.position, driven.heading, driven.carried)
-
-
 @compiled
 def place_all(poses, room):
     """Place the outlines of all loads and driven bodies."""
     for k in range(room.loads):
-        place_load(k, poses.position[k, 0], poses.position[k, 1], poses.heading[k], room)
+        row = poses.loads[k]
+        place_load(k, poses.position[row, 0], poses.position[row, 1], poses.heading[row], room)
     for b in range(room.driven):
-        if not poses.carried[b]:
+        row = poses.driven[b]
+        if poses.mode[row] != IS_CARRIED:
             solid = room.still + room.loads + b
-            x, y = poses.driven_position[b, 0], poses.driven_position[b, 1]
-            place_solid(solid, x, y, poses.driven_heading[b], room.outlines)
+            place_solid(solid, poses.position[row, 0], poses.position[row, 1], poses.heading[row], room.outlines)
             normalize_solid(solid, room.outlines)
 
 
@@ -144,12 +139,13 @@ def place_load(k, x, y, heading, room):
 @compiled
 def list_near(k, way, poses, room):
     """List what load k may meet when no point of it moves farther than `way`; return the number of these solids."""
-    x, y = poses.position[k, 0], poses.position[k, 1]
+    row = poses.loads[k]
+    x, y = poses.position[row, 0], poses.position[row, 1]
     outlines, count = room.outlines, 0
     far = (1.0 + MARGIN) * room.forms.reach[k] + way
     for solid in range(room.still + room.loads + room.driven):
         place = solid - room.still - room.loads
-        if solid == room.still + k or (place >= 0 and poses.carried[place]):
+        if solid == room.still + k or (place >= 0 and poses.mode[poses.driven[place]] == IS_CARRIED):
             continue
         # Of a polygon the first ring, around all others.
         ring, reach = outlines.solids[solid], far + outlines.radius[solid]
@@ -210,8 +206,9 @@ def find_stops_on(k, solid, distance, first, poses, room):
         stops.point_x[first], stops.point_y[first] = px, py
         last += 1
     nx, ny = (qx - px) / length, (qy - py) / length
+    x, y = poses.position[poses.loads[k], 0], poses.position[poses.loads[k], 1]
     for s in range(first, last):
-        ax, ay = stops.point_x[s] - poses.position[k, 0], stops.point_y[s] - poses.position[k, 1]
+        ax, ay = stops.point_x[s] - x, stops.point_y[s] - y
         stops.x[s], stops.y[s] = nx, ny
         stops.arm[s] = ax * ny - ay * nx if room.forms.radius[k] == 0.0 else 0.0
     return last

@@ -76,12 +76,12 @@ class Pushes(NamedTuple):
 
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
-    loads, n = surroundings.loads, len(motion)
-    old = np.column_stack([loads.position, loads.heading])
+    t, rows, n = surroundings.bodies, surroundings.loads, len(motion)
+    old = np.column_stack([t.position[rows], t.heading[rows]])
     robots = Pushers(motion=motion, **{name: columns[name] for name in Pushers._fields[:-1]})
     pushes = Pushes(parts=np.empty(MOST_PARTS), **{name: np.empty(n) for name in Pushes._fields[:-1]})
-    push_loads(robots, surroundings.poses, loads.resistance, room, pushes, loads.pushers, loads.moved)
-    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(loads.moved).tolist()}
+    push_loads(robots, surroundings.poses, t.resistance, room, pushes, t.pushers, t.moved)
+    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(t.moved[rows]).tolist()}
     if before:
         surroundings.follow()
     return before
@@ -96,20 +96,21 @@ def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
         least = min(least, radius)
     for k in range(room.loads):
         count = find_pushes(k, robots, poses, room, pushes)
-        pushers[k] = count
-        x, y, heading = poses.position[k, 0], poses.position[k, 1], poses.heading[k]
+        row = poses.loads[k]
+        pushers[row] = count
+        x, y, heading = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
         longest = min(LONGEST_PIECE * least, room.forms.thickness[k])
-        move_load(k, count, longest, resistance[k] ** room.two, poses, room, pushes)
-        moved[k] = poses.position[k, 0] != x or poses.position[k, 1] != y or poses.heading[k] != heading
+        move_load(k, count, longest, resistance[row] ** room.two, poses, room, pushes)
+        moved[row] = poses.position[row, 0] != x or poses.position[row, 1] != y or poses.heading[row] != heading
 
 
 @compiled(apart=True)
 def find_pushes(k, robots, poses, room, pushes):
     """Write the pushes of the robots that touch load k, or would in this step, and drive into it; return how many."""
-    count = 0
+    count, row = 0, poses.loads[k]
     for i in range(robots.radius.shape[0]):
         way = abs(robots.motion[i, 0]) + abs(robots.motion[i, 1])
-        dx, dy = robots.position[i, 0] - poses.position[k, 0], robots.position[i, 1] - poses.position[k, 1]
+        dx, dy = robots.position[i, 0] - poses.position[row, 0], robots.position[i, 1] - poses.position[row, 1]
         apart = room.forms.reach[k] + robots.radius[i] + way
         if dx * dx + dy * dy <= apart * apart and find_push(i, k, way, count, robots, poses, room, pushes):
             count += 1
@@ -131,7 +132,8 @@ def find_push(i, k, way, place, robots, poses, room, pushes):
     speed = chord * ((cosine * ahead - sine * left) * nx + (sine * ahead + cosine * left) * ny)
     pushes.way[place] = speed - max(length - room.forms.radius[k] - robots.radius[i], 0.0)
     pushes.x[place], pushes.y[place] = nx, ny
-    pushes.arm[place] = (px - poses.position[k, 0]) * ny - (py - poses.position[k, 1]) * nx
+    row = poses.loads[k]
+    pushes.arm[place] = (px - poses.position[row, 0]) * ny - (py - poses.position[row, 1]) * nx
     limit = robots.max_speed[i]
     pushes.force[place] = min(speed / limit, 1.0)
     return pushes.way[place] > 0.0 and pushes.way[place] > EQUAL * limit
@@ -222,7 +224,8 @@ def borne(wrench, count, k, room):
 @compiled
 def go(k, way_x, way_y, turn, near, poses, room):
     """Move load k along a way as far as there is room, found by bisection, and return the share of the way."""
-    x, y, heading = poses.position[k, 0], poses.position[k, 1], poses.heading[k]
+    row = poses.loads[k]
+    x, y, heading = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
     free, step = 0.0, 1.0
     while step >= 0.5**HALVINGS and free < 1.0:
         share = free + step
@@ -230,9 +233,9 @@ def go(k, way_x, way_y, turn, near, poses, room):
             free = share
         step /= 2.0
     if free > 0.0:
-        poses.position[k, 0], poses.position[k, 1] = x + free * way_x, y + free * way_y
-        poses.heading[k] = wrapped(heading + free * turn)
-    place_load(k, poses.position[k, 0], poses.position[k, 1], poses.heading[k], room)
+        poses.position[row, 0], poses.position[row, 1] = x + free * way_x, y + free * way_y
+        poses.heading[row] = wrapped(heading + free * turn)
+    place_load(k, poses.position[row, 0], poses.position[row, 1], poses.heading[row], room)
     return free
 
 
@@ -245,9 +248,9 @@ def stuck_loads(surroundings: Surroundings, room: Room, moved: Iterable[int], co
 @compiled
 def is_overlapped(k, position, radius, poses, room):
     """Return whether a robot overlaps load k."""
-    reach, own_radius = room.forms.reach[k], room.forms.radius[k]
+    reach, own_radius, row = room.forms.reach[k], room.forms.radius[k], poses.loads[k]
     for i in range(radius.shape[0]):
-        dx, dy = position[i, 0] - poses.position[k, 0], position[i, 1] - poses.position[k, 1]
+        dx, dy = position[i, 0] - poses.position[row, 0], position[i, 1] - poses.position[row, 1]
         apart = reach + radius[i]
         if dx * dx + dy * dy < apart * apart:
             gap, _ = gap_to_point(room.still + k, position[i, 0], position[i, 1], apart, room.outlines)
@@ -258,11 +261,12 @@ def is_overlapped(k, position, radius, poses, room):
 
 def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
     """Return loads to where they were, and those that then overlap them; drop them from `before`."""
-    loads, poses = surroundings.loads, surroundings.poses
+    t, poses = surroundings.bodies, surroundings.poses
     while stuck:
         for k in stuck:
-            *loads.position[k], loads.heading[k] = before.pop(k)
-            loads.moved[k] = False
+            row = surroundings.loads[k]
+            *t.position[row], t.heading[row] = before.pop(k)
+            t.moved[row] = False
         place_all(poses, room)
         stuck = [k for k in before if not has_room_here(k, poses, room)]
     surroundings.follow()
@@ -271,5 +275,5 @@ def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], s
 @compiled
 def has_room_here(k, poses, room):
     """Return whether load k overlaps no body by more than rounding where it is."""
-    near = list_near(k, 0.0, poses, room)
-    return has_room(k, poses.position[k, 0], poses.position[k, 1], poses.heading[k], near, room)
+    near, row = list_near(k, 0.0, poses, room), poses.loads[k]
+    return has_room(k, poses.position[row, 0], poses.position[row, 1], poses.heading[row], near, room)

@@ -7,7 +7,7 @@ moves farther than `LONGEST_STEP` of the least radius of a robot: bodies that cl
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
-from mesa_swarm.physics.motion import copy_places, least_of
-from mesa_swarm.world.movers import Movers
+from mesa_swarm.physics.motion import least_of
+from mesa_swarm.world.bodies import CARRIED, BodyTable, Form
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import Statics, edges_of
 
@@ -41,9 +41,10 @@ class MovingItems(NamedTuple):
 class MoverArrays(NamedTuple):
     """The driven bodies as compiled functions take them.
 
-    The first six are as in `Movers`. Then come the poses at which bodies began the step and the piece, and which ones
-    have jumped; their outlines, items, the body of each item of `Statics`, -1 for none; and lists of the items that can
-    be touched, within `touch`, or seen, within `sight`, from each cell.
+    The first six are columns of `BodyTable`, of which `rows` are the driven bodies. Then come, with a row for each body
+    of the table, the poses at which bodies began the step and the piece, and which ones have jumped; their outlines,
+    items, the body of each item of `Statics`, -1 for none; and lists of the items that can be touched, within `touch`,
+    or seen, within `sight`, from each cell.
     """
 
     position: RealRows
@@ -52,6 +53,7 @@ class MoverArrays(NamedTuple):
     aim_heading: Reals
     blocked: Flags
     reach: Reals
+    rows: Integers
     start: RealRows
     start_heading: Reals
     before: RealRows
@@ -71,49 +73,51 @@ class Moving:
 
     Attributes
     ----------
+    bodies : BodyTable
+    rows : ndarray, shape (m,)
+        Those of the driven bodies in the table.
     arrays : MoverArrays
     """
 
     def __init__(
         self,
-        movers: Movers,
-        rows: list[int],
+        bodies: BodyTable,
+        rows: np.ndarray,
+        indices: np.ndarray,
         statics: Statics,
         bounds: tuple[float, float, float, float],
         sight: float,
         touch: float,
     ) -> None:
-        self.movers = movers
+        self.bodies, self.rows = bodies, rows
         self._statics = statics
-        items = [statics.rows_of(row) for row in rows]
+        items = [statics.rows_of(index) for index in indices.tolist()]
         self.items = np.concatenate(items)
-        self.body_of = np.full(len(statics.owner), -1)
-        for number, own in enumerate(items):
-            self.body_of[own] = number
+        self.body_of = np.full(len(statics.shape), -1)
+        for row, own in zip(rows.tolist(), items, strict=True):
+            self.body_of[own] = row
         edges = self.items[self.items < len(statics.edges)]
         discs = self.items[self.items >= len(statics.edges)]
         # What a robot carries is nowhere.
-        statics.edges[edges[movers.carried[self.body_of[edges]]]] = np.nan
-        statics.discs[discs[movers.carried[self.body_of[discs]]] - len(statics.edges), :2] = np.nan
-        edges, discs = (one[~movers.carried[self.body_of[one]]] for one in (edges, discs))
-        own_edges = [
-            edges_of(Shape(body.form.outline))
-            for body, carried in zip(movers.agents, movers.carried, strict=True)
-            if not body.form.radius and not carried
-        ]
+        carried = bodies.mode == CARRIED
+        statics.edges[edges[carried[self.body_of[edges]]]] = np.nan
+        statics.discs[discs[carried[self.body_of[discs]]] - len(statics.edges), :2] = np.nan
+        edges, discs = (items[~carried[self.body_of[items]]] for items in (edges, discs))
+        forms = [cast(Form, bodies.forms[row]) for row in rows[~carried[rows]].tolist()]
+        own_edges = [edges_of(Shape(form.outline)) for form in forms if not form.radius]
         local = np.concatenate([np.empty((0, 4)), *own_edges])
         disc_row = discs - len(statics.edges)
         outlines = MovingItems(local, edges, self.body_of[edges], disc_row, self.body_of[discs])
-        self.start, self.start_heading = movers.position.copy(), movers.heading.copy()
+        self.start, self.start_heading = bodies.position.copy(), bodies.heading.copy()
         self._extent = np.concatenate(
             [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[disc_row, 2]]
         )
         self.items = np.concatenate([edges, discs])
         lists = self._lists(bounds, touch), float(touch), self._lists(bounds, sight), float(sight)
-        m, still = len(movers), (self.start, self.start_heading)
-        poses = movers.position, movers.heading, movers.aim, movers.aim_heading, movers.blocked, movers.reach
+        m, still = len(bodies), (rows, self.start, self.start_heading)
+        columns = bodies.position, bodies.heading, bodies.aim, bodies.aim_heading, bodies.blocked, bodies.reach
         scratch = np.empty((m, 2)), np.empty(m), np.zeros(m, np.bool_)
-        self.arrays = MoverArrays(*poses, *still, *scratch, outlines, self.items, self.body_of, *lists)
+        self.arrays = MoverArrays(*columns, *still, *scratch, outlines, self.items, self.body_of, *lists)
         self._block = Block(self.arrays)
         self._listed_for_sight = False
         self.place()
@@ -144,23 +148,24 @@ class Moving:
 
     def begin(self) -> None:
         """Store the poses at which the bodies begin a step."""
-        self.start[:], self.start_heading[:] = self.movers.position, self.movers.heading
+        self.start[:], self.start_heading[:] = self.bodies.position, self.bodies.heading
 
     def return_to_start(self, blocked: Callable[[], np.ndarray]) -> None:
         """Put all bodies where they begin the step; those that are then `blocked` stay there."""
-        movers = self.movers
-        if not ((movers.position == self.start).all() and (movers.heading == self.start_heading).all()):
-            movers.position[:], movers.heading[:] = self.start, self.start_heading
+        t, rows = self.bodies, self.rows
+        at_start = t.position[rows] == self.start[rows], t.heading[rows] == self.start_heading[rows]
+        if not (at_start[0].all() and at_start[1].all()):
+            t.position[rows], t.heading[rows] = self.start[rows], self.start_heading[rows]
             self.place()
-        movers.blocked[:] = blocked()
-        if movers.asked.any():
+        t.blocked[rows] = blocked()
+        if t.asked(rows).any():
             self._listed_for_sight = False
 
     def go_freely(self) -> None:
         """Put all bodies that are not blocked where they were asked to be, in a world without robots."""
-        movers = self.movers
-        free = ~movers.blocked
-        movers.position[free], movers.heading[free] = movers.aim[free], movers.aim_heading[free]
+        t = self.bodies
+        free = self.rows[~t.blocked[self.rows]]
+        t.position[free], t.heading[free] = t.aim[free], t.aim_heading[free]
         self.place()
 
 
@@ -249,7 +254,7 @@ def count_body_pieces(pieces, radius, movers):
     if movers is None:
         return pieces
     m, longest = unpack(movers, MoverArrays), LONGEST_STEP * least_of(radius)
-    for b in range(len(m.heading)):
+    for b in m.rows:
         needed = math.ceil(way_of(b, m) / longest - 1e-9)
         if needed <= MOST_PIECES:
             pieces = max(pieces, int(needed))
@@ -271,11 +276,10 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
         movers.before_heading,
         movers.jumps,
     )
-    copy_places(position, movers.before)
     jumps[:] = False
     longest, moved = LONGEST_STEP * least_of(radius), False
-    for b in range(position.shape[0]):
-        before_heading[b] = heading[b]
+    for b in movers.rows:
+        movers.before[b, 0], movers.before[b, 1], before_heading[b] = position[b, 0], position[b, 1], heading[b]
         way = way_of(b, movers)
         if way == 0.0:
             continue
@@ -305,7 +309,7 @@ def return_bodies(goes, movers, edges, discs):
     """Put bodies where they were before this piece of the step, for the rest of it, and return whether any moved."""
     position, heading, before, before_heading = movers.position, movers.heading, movers.before, movers.before_heading
     went = False
-    for b in range(position.shape[0]):
+    for b in movers.rows:
         here = position[b, 0] == before[b, 0] and position[b, 1] == before[b, 1] and heading[b] == before_heading[b]
         if goes[b] and not here:
             position[b, 0], position[b, 1], heading[b] = before[b, 0], before[b, 1], before_heading[b]

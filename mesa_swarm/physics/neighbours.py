@@ -17,8 +17,8 @@ from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.parts import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
-from mesa_swarm.world.movers import Driven
-from mesa_swarm.world.statics import KINDS, ROBOT, SOURCE
+from mesa_swarm.world.bodies import CARRIED
+from mesa_swarm.world.statics import FIRE, KINDS, NOTHING, ROBOT
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"
@@ -183,15 +183,12 @@ def _robots(model: Any, lamp: bool) -> dict[str, np.ndarray]:
 
 
 def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
-    """Return the same of the bodies of a kind; those that are driven are found by their rows, which is quicker."""
-    movers, solid = model.movers, model.obstacle_list
-    # Sources of heat hide nothing: no item of `owners` has their indices.
-    numbered = enumerate(model.bodies, start=len(solid)) if kind == KINDS[SOURCE] else enumerate(solid)
-    of_kind = [(index, body) for index, body in numbered if body.kind == kind]
-    driven = np.array([(index, body.row) for index, body in of_kind if isinstance(body, Driven)], int).reshape(-1, 2)
-    driven = driven[~movers.carried[driven[:, 1]]]
-    others = [one for one in of_kind if not isinstance(one[1], Driven) and not getattr(one[1], "out", False)]
-    places = np.array([body.position for _, body in others]).reshape(-1, 2)
-    bodies = np.concatenate([driven[:, 0], np.array([index for index, _ in others], np.int64)])
-    places = np.concatenate([movers.position[driven[:, 1]], places])
-    return {"places": places, "number": bodies, "bodies": bodies, "lamps": np.empty(0)}
+    """Return the same of the bodies of a kind, without those that robots carry and those that are out."""
+    table, kinds = model.parts.bodies.table, model.kinds
+    code = kinds.index(kind) if kind in kinds else NOTHING
+    rows = np.flatnonzero((table.kind == code) & (table.seen == code) & (table.mode != CARRIED))
+    if kind == KINDS[FIRE]:  # which hide nothing: no item of `owners` has these indices
+        number = len(model.obstacle_list) + rows
+    else:
+        number = (np.cumsum(table.kind != FIRE) - 1)[rows]
+    return {"places": table.position[rows], "number": number, "bodies": number, "lamps": np.empty(0)}

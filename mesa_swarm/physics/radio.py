@@ -77,7 +77,7 @@ def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
     statics, moving = surroundings.statics, surroundings.moving
     driven = None if moving is None else tuple(moving.arrays.touched)
-    return statics.edges, statics.discs[: statics.first_source], *statics.touched, driven
+    return statics.edges, statics.discs[: statics.first_apart], *statics.touched, driven
 
 
 @compiled

@@ -63,6 +63,21 @@ class EyeArrays(NamedTuple):
     kind: CodeRows
 
 
+class Radiating(NamedTuple):
+    """What radiates heat: rows of the discs and edges of `Statics`, and of the table of bodies.
+
+    Items of what a robot carries are nowhere, and have NaN as coordinates.
+    """
+
+    discs: RealRows
+    disc_row: Integers
+    disc_body: Integers
+    edges: RealRows
+    edge_row: Integers
+    edge_body: Integers
+    temperature: Reals
+
+
 class ChunkArrays(NamedTuple):
     """The robots `begin` to `end` whose readings are made together, and the readings, row 0 that of the first."""
 
@@ -352,58 +367,56 @@ def err(distance, design, sensors, noise, draws, step, error):
 
 
 @compiled
-def sense_radiation(position, heading, design, sensors, sources, temperature, radiation):
-    """Write the highest temperature among the sources of heat (x, y, radius) in each radiation sensor's sector.
+def sense_radiation(position, heading, design, sensors, radiating, radiation):
+    """Write the highest temperature among what radiates in each radiation sensor's sector, cold things having 0.
 
-    A cold one has the temperature 0.
+    `radiating` are the numbers of a block of `Radiating`.
     """
+    heat = unpack(radiating, Radiating)
     for i in range(position.shape[0]):
         d = design[i]
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
+        pose = position[i, 0], position[i, 1], math.cos(heading[i]), math.sin(heading[i])
         for s in range(radiation.shape[1]):
             radiation[i, s] = 0.0
-            for f in range(sources.shape[0]):
-                if temperature[f] <= radiation[i, s] or sensors[d, s, RANGE] < 0.0:
-                    continue
-                dx, dy = sources[f, 0] - position[i, 0], sources[f, 1] - position[i, 1]
-                x = cosine * dx + sine * dy - sensors[d, s, MOUNT_X]
-                y = cosine * dy - sine * dx - sensors[d, s, MOUNT_Y]
-                ux, uy = sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y]
-                seen = sector_to_disc(
-                    x * ux + y * uy, y * ux - x * uy, sources[f, 2],
-                    sensors[d, s, COS_HALF], sensors[d, s, SIN_HALF], sensors[d, s, RANGE],
-                )  # fmt: skip
-                if seen < math.inf:
-                    radiation[i, s] = temperature[f]
+            if sensors[d, s, RANGE] >= 0.0:
+                sense_hot_discs(i, s, pose, sensors[d, s], heat, radiation)
+                sense_hot_edges(i, s, pose, sensors[d, s], heat, radiation)
 
 
 @compiled
-def sense_radiating_edges(position, heading, design, sensors, edges, temperature, radiation):
-    """Raise the readings of radiation sensors to the highest temperature among edges (m, 4) in their sectors."""
-    for i in range(position.shape[0]):
-        d = design[i]
-        cosine, sine = math.cos(heading[i]), math.sin(heading[i])
-        for s in range(radiation.shape[1]):
-            ux, uy = sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y]
-            for e in range(edges.shape[0]):
-                if temperature[e] <= radiation[i, s] or sensors[d, s, RANGE] < 0.0:
-                    continue
-                ax, ay = edges[e, 0] - position[i, 0], edges[e, 1] - position[i, 1]
-                bx, by = edges[e, 2] - position[i, 0], edges[e, 3] - position[i, 1]
-                ax, ay = (
-                    cosine * ax + sine * ay - sensors[d, s, MOUNT_X],
-                    cosine * ay - sine * ax - sensors[d, s, MOUNT_Y],
-                )
-                bx, by = (
-                    cosine * bx + sine * by - sensors[d, s, MOUNT_X],
-                    cosine * by - sine * bx - sensors[d, s, MOUNT_Y],
-                )
-                seen = sector_to_segment(
-                    ax * ux + ay * uy, ay * ux - ax * uy, bx * ux + by * uy, by * ux - bx * uy,
-                    sensors[d, s, COS_HALF], sensors[d, s, SIN_HALF], sensors[d, s, RANGE],
-                )  # fmt: skip
-                if seen < math.inf:
-                    radiation[i, s] = temperature[e]
+def sense_hot_discs(i, s, pose, sensor, heat, radiation):
+    """Raise a reading of robot i to the highest temperature among the discs in the sensor's sector."""
+    for k in range(heat.disc_row.shape[0]):
+        disc, temperature = heat.disc_row[k], heat.temperature[heat.disc_body[k]]
+        if temperature > radiation[i, s]:
+            x, y = in_sensor(heat.discs[disc, 0], heat.discs[disc, 1], pose, sensor)
+            limits = sensor[COS_HALF], sensor[SIN_HALF], sensor[RANGE]
+            if sector_to_disc(x, y, heat.discs[disc, 2], *limits) < math.inf:
+                radiation[i, s] = temperature
+
+
+@compiled
+def sense_hot_edges(i, s, pose, sensor, heat, radiation):
+    """Raise a reading of robot i to the highest temperature among the edges in the sensor's sector."""
+    for k in range(heat.edge_row.shape[0]):
+        edge, temperature = heat.edge_row[k], heat.temperature[heat.edge_body[k]]
+        if temperature > radiation[i, s]:
+            ax, ay = in_sensor(heat.edges[edge, 0], heat.edges[edge, 1], pose, sensor)
+            bx, by = in_sensor(heat.edges[edge, 2], heat.edges[edge, 3], pose, sensor)
+            limits = sensor[COS_HALF], sensor[SIN_HALF], sensor[RANGE]
+            if sector_to_segment(ax, ay, bx, by, *limits) < math.inf:
+                radiation[i, s] = temperature
+
+
+@compiled
+def in_sensor(x, y, pose, sensor):
+    """Return a point of the world in the frame of a sensor; `pose` is x, y, cosine and sine of the robot's heading."""
+    robot_x, robot_y, cosine, sine = pose
+    dx, dy = x - robot_x, y - robot_y
+    ahead = cosine * dx + sine * dy - sensor[MOUNT_X]
+    left = cosine * dy - sine * dx - sensor[MOUNT_Y]
+    ux, uy = sensor[AXIS_X], sensor[AXIS_Y]
+    return ahead * ux + left * uy, left * ux - ahead * uy
 
 
 @compiled

@@ -11,7 +11,6 @@ point of an outline always shows the way out.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 import shapely
@@ -30,7 +29,7 @@ from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximi
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.movers import Movers
+from mesa_swarm.world.bodies import CARRIED
 from mesa_swarm.world.statics import ROBOT
 
 # A robot is pushed by others at most this share of its radius at once.
@@ -74,15 +73,14 @@ class Travelling:
 
     def __init__(self, surroundings: Surroundings, renewed: Callable[[], Solids], radius: np.ndarray) -> None:
         self.solids, self._renewed = renewed(), renewed
-        self._movers = None if surroundings.moving is None else surroundings.moving.movers
+        self._bodies, self._rows = t, rows = surroundings.bodies, surroundings.driven
         self._begin = self._before = self._poses()
         self._longest = LONGEST_STEP * radius.min(initial=math.inf)
-        movers = self._movers
-        self._end = np.empty((0, 3)) if movers is None else np.column_stack([movers.aim, movers.aim_heading])
+        self._end = np.column_stack([t.aim[rows], t.aim_heading[rows]])
         ways = self._end - self._begin
         self._turns = np.array([wrapped(turn) for turn in ways[:, 2]])
-        reach = np.empty(0) if movers is None else movers.reach
-        self._needed = np.ceil((np.hypot(ways[:, 0], ways[:, 1]) + reach * abs(self._turns)) / self._longest - 1e-9)
+        far = np.hypot(ways[:, 0], ways[:, 1]) + t.reach[rows] * abs(self._turns)
+        self._needed = np.ceil(far / self._longest - 1e-9)
 
     def pieces(self, pieces: int) -> int:
         """Return the number of pieces of a step, more than those of the robots if bodies travel farther."""
@@ -113,7 +111,7 @@ class Travelling:
         changed = False
         here = self._poses()
         for b in range(len(here)):
-            if cast(Movers, self._movers).carried[b]:
+            if self._bodies.mode[self._rows[b]] == CARRIED:
                 continue
             met = self._overlapped(b, position, radius)
             changed |= bool((met & ~goes).any())
@@ -127,24 +125,22 @@ class Travelling:
 
     @property
     def _under_way(self) -> np.ndarray:
-        blocked = np.empty(0, bool) if self._movers is None else self._movers.blocked
-        return (self._needed > 0) & ~blocked
+        return (self._needed > 0) & ~self._bodies.blocked[self._rows]
 
     def _poses(self) -> np.ndarray:
-        movers = self._movers
-        return np.empty((0, 3)) if movers is None else np.column_stack([movers.position, movers.heading])
+        return np.column_stack([self._bodies.position[self._rows], self._bodies.heading[self._rows]])
 
     def _put(self, b: int, pose: Sequence[float] | np.ndarray) -> None:
-        movers = cast(Movers, self._movers)
-        movers.position[b], movers.heading[b] = pose[:2], pose[2]
+        row = self._rows[b]
+        self._bodies.position[row], self._bodies.heading[row] = pose[:2], pose[2]
 
     def _stop(self, b: int) -> None:
         self._put(b, self._before[b])
-        cast(Movers, self._movers).blocked[b] = True
+        self._bodies.blocked[self._rows[b]] = True
 
     def _overlapped(self, b: int, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
         """Return which robots overlap a body."""
-        shape = cast(Movers, self._movers).agents[b].shape
+        shape = self._bodies.shape_of(self._rows[b])
         gaps = shapely.distance(shape.geometry, shapely.points(position)) - shape.radius
         return gaps < radius - SLOP * radius
 
@@ -402,7 +398,7 @@ class ShapelyEngine(Engine):
 
     def _solids_of(self, swarm: Swarm, surroundings: Surroundings) -> Solids:
         """Return all solids, collected anew when the surroundings are others, and where bodies may have moved."""
-        moves = surroundings.loads or surroundings.moving
+        moves = len(surroundings.loads) or surroundings.moving
         if self._solid is None or self._solid[0] is not surroundings or moves:
             largest = max((design.radius for design in swarm.designs), default=0.0)
             margin = 1.0 + 2.0 * (largest + swarm.table.reach.max(initial=0.0))

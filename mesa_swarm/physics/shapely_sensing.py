@@ -16,7 +16,8 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import BORDER, NOTHING, OBSTACLE, ROBOT, SOURCE
+from mesa_swarm.world.bodies import CARRIED
+from mesa_swarm.world.statics import BORDER, NOTHING, OBSTACLE, ROBOT
 
 # Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
 WIDEST_STEP = math.radians(60.0)
@@ -24,10 +25,9 @@ WIDEST_STEP = math.radians(60.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Solids:
-    """All solid polygons and discs of a world; owners are indices of shapes and of sources of heat.
+    """All solid polygons and discs of a world; owners are their numbers, bodies their kinds, shapes their indices.
 
-    The first polygon is the outside of the map, as far as any sensor reaches, with owner -1. Discs are those of
-    shapes, then the sources of heat, hot or cold. Bodies are codes of kinds, that of an obstacle for the outside.
+    The first polygon is the outside of the map, as far as any sensor reaches, with owner -1: an obstacle.
     """
 
     polygons: np.ndarray
@@ -38,34 +38,31 @@ class Solids:
     radii: np.ndarray
     disc_owner: np.ndarray
     disc_body: np.ndarray
+    disc_shape: np.ndarray
 
     @classmethod
     def of(cls, surroundings: Surroundings, margin: float) -> "Solids":
         """Collect all solids; the outside of the map reaches `margin` beyond the border."""
-        carried = surroundings.carried
+        carried, first = surroundings.carried, len(surroundings.rows) - surroundings.apart
         shapes = enumerate(surroundings.present_shapes)
         solid = [(i, shape) for i, shape in shapes if shape.contact and i not in carried]
         polygons = [(i, shape.geometry) for i, shape in solid if not shape.is_disc]
         polygons.insert(0, (BORDER, outside(surroundings.bounds, margin)))
         discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]
         geometries = np.array([geometry for _, geometry in polygons])
-        sources, bodies = surroundings.sources, {BORDER: OBSTACLE, **dict(enumerate(surroundings.codes))}
+        bodies = np.append(surroundings.bodies.kind[surroundings.rows], OBSTACLE).astype(np.int64)
+        of_discs = np.array([i for i, _, _ in discs], np.int64)
         return cls(
             polygons=geometries,
             polygon_owner=np.array([i for i, _ in polygons]),
             polygon_body=np.array([bodies[i] for i, _ in polygons]),
             tree=STRtree(geometries),
-            centres=np.array([*(centre for _, centre, _ in discs), *shapely.points(sources[:, :2])], object),
-            radii=np.array([*(radius for _, _, radius in discs), *sources[:, 2]], float),
-            disc_owner=np.array([*(i for i, _, _ in discs), *range(len(sources))], np.int64),
-            disc_body=np.array([*(bodies[i] for i, _, _ in discs), *[SOURCE] * len(sources)], np.int64),
+            centres=np.array([centre for _, centre, _ in discs], object),
+            radii=np.array([radius for _, _, radius in discs], float),
+            disc_owner=np.where(of_discs >= first, of_discs - first, of_discs),
+            disc_body=bodies[of_discs],
+            disc_shape=of_discs,
         )
-
-    def disc_kinds(self, hot: np.ndarray) -> np.ndarray:
-        """Return the kind of each disc as sensors see it: cold sources of heat are obstacles."""
-        kinds = self.disc_body.copy()
-        kinds[len(kinds) - len(hot) :][~hot] = OBSTACLE
-        return kinds
 
     def gaps(self, places: np.ndarray) -> np.ndarray:
         """Return the distance of each place (n, 2) from the nearest solid; not above 0 inside one."""
@@ -95,10 +92,10 @@ def sense_proximity(
     swarm: Swarm, surroundings: Surroundings, solids: Solids, distance: np.ndarray, kind: np.ndarray
 ) -> None:
     """Write the readings of all proximity sensors, without error; -1 where no body is seen."""
-    kinds = solids.disc_kinds(surroundings.temperature > 0)
     centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
     radii = np.concatenate([solids.radii, swarm.radius])
-    kinds = np.concatenate([kinds, np.full(len(swarm), ROBOT)])
+    seen = surroundings.bodies.seen[surroundings.rows[solids.disc_shape]]
+    kinds = np.concatenate([seen, np.full(len(swarm), ROBOT)])
     distance[:], kind[:] = -1.0, NOTHING
     for i in range(len(swarm)):
         others = np.arange(len(radii)) != len(solids.radii) + i
@@ -110,24 +107,26 @@ def sense_proximity(
 
 def sense_radiation(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
     """Write the highest temperature among the sources of heat in each radiation sensor's sector."""
-    sources, temperature = surroundings.radiating_discs()
-    hot = temperature > 0
-    sources, temperature = sources[hot], temperature[hot]
-    edges, heat = surroundings.radiating_edges()
-    segments = [LineString(edge.reshape(2, 2)) for edge in edges]
+    bodies = surroundings.bodies
+    rows = np.flatnonzero((bodies.temperature > 0) & (bodies.mode != CARRIED)).tolist()
+    shapes = [(bodies.shape_of(row), bodies.temperature[row]) for row in rows]
+    discs = [(shape.geometry, shape.radius, heat) for shape, heat in shapes if shape.is_disc]
+    outlines = [(shape.geometry.boundary, heat) for shape, heat in shapes if not shape.is_disc]
+    beyond = reach_beyond(np.array([radius for _, radius, _ in discs], float))
     radiation[:] = 0.0
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].radiation)):
-            view = view_of(swarm, i, swarm.table.radiation[design, s], reach_beyond(sources[:, 2]))
-            seen = [distance_to_disc(view, Point(x, y), radius) <= view.range for x, y, radius in sources]
-            radiation[i, s] = temperature[seen].max(initial=0.0)
-            met = [view.apex.distance(view.area.intersection(segment)) <= view.range for segment in segments]
-            radiation[i, s] = max(radiation[i, s], heat[met].max(initial=0.0))
+            view = view_of(swarm, i, swarm.table.radiation[design, s], beyond)
+            seen = [heat for centre, radius, heat in discs if distance_to_disc(view, centre, radius) <= view.range]
+            seen += [
+                heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range
+            ]
+            radiation[i, s] = max(seen, default=0.0)
 
 
 def sense_line(swarm: Swarm, surroundings: Surroundings, line: np.ndarray) -> None:
     """Write whether each line sensor is over a mark on the ground."""
-    marks = [(shape.geometry, shape.radius) for shape in surroundings.shapes if not shape.contact]
+    marks = [(shape.geometry, shape.radius) for shape in surroundings.present_shapes if not shape.contact]
     line[:] = False
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].line)):

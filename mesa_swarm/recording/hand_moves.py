@@ -35,8 +35,8 @@ class HandMove:
 
     def apply(self, model: EngineModel) -> None:
         """Send the bodies of a model there, which has to have them."""
-        movers = model.movers
-        rows = {body.unique_id: row for row, body in enumerate(movers.agents)}
+        table = model.parts.bodies.table
+        rows = {body.unique_id: body.row for body in model.movers.agents}
         low, high = model.space.dimensions.T
         places, headings = self.poses[:, :2], self.poses[:, 2]
         if not rows.keys() >= set(self.bodies.tolist()):
@@ -44,7 +44,7 @@ class HandMove:
         if not ((places >= low) & (places <= high)).all() or not (np.abs(headings) <= np.pi).all():
             raise RecordingError(f"step {self.step + 1} cannot be run again: a body was moved off the map")
         chosen = [rows[body] for body in self.bodies.tolist()]
-        movers.aim[chosen], movers.aim_heading[chosen] = places, headings
+        table.aim[chosen], table.aim_heading[chosen] = places, headings
 
 
 def move_of(model: EngineModel, rows: np.ndarray, after: int) -> HandMove:

@@ -172,7 +172,9 @@ class Chunk:
         self._shown_now = discs_of(model) if "shown" in layout.tables else NO_DISCS
         self._contact_rows = self._buffers(model.swarm.columns, CONTACT if "contacts" in layout.tables else ())
         fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
-        self._fire_rows = self._buffers(model.fires.columns, fires)
+        fire_columns = model.fires.columns
+        self._heat = fire_columns["temperature"].copy()  # as it is now: the table of bodies has it
+        self._fire_rows = self._buffers({**fire_columns, "temperature": self._heat}, fires)
         self._check_widths()
         self._pairs = [*self._robot_rows.values(), *self._contact_rows.values(), *self._fire_rows.values()]
 
@@ -194,6 +196,8 @@ class Chunk:
         if not row:
             self._noted[0] = noted
         self._noted[row + 1] = len(self._log)
+        if len(self._heat):
+            self._heat[:] = model.fires.temperature
         for source, rows in self._pairs:
             rows[row] = source
         for place, load in enumerate(self._bodies):

@@ -11,6 +11,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.parts import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
+from mesa_swarm.world.bodies import CARRIED, DRIVEN
 
 LARGEST_REACH = 1e6
 CLOSED = 0.5
@@ -87,10 +88,10 @@ class Gripper(Actuator):
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Grip and put down what the robots in these rows have set."""
-        movers, closed = model.movers, model.swarm.columns[f"{ACT}{self.name}"][rows] > CLOSED
-        if not len(movers):
+        table, closed = model.parts.bodies.table, model.swarm.columns[f"{ACT}{self.name}"][rows] > CLOSED
+        if not len(model.movers):
             return
-        carriers = {movers.agents[row].carrier for row in np.flatnonzero(movers.carried)}
+        carriers = {table.agents[row].carrier for row in table.rows(CARRIED).tolist()}
         robots = [model.swarm.agents[row] for row in rows]
         for robot, grips in zip(robots, closed, strict=True):
             if robot in carriers and not grips:
@@ -102,16 +103,16 @@ class Gripper(Actuator):
             if body not in taken and k not in busy:
                 taken.add(body)
                 busy.add(k)
-                model.attach(empty[k], movers.agents[body])
+                model.attach(empty[k], table.agents[body])
 
     def _near(self, model: Any, robots: list) -> Iterator[tuple[float, int, int]]:
         """Yield the distance of each body that a robot can grip, the robot's place in the list, and the body's row."""
-        movers, positions = model.movers, np.array([robot.position for robot in robots])
-        radii = np.array([float(robot.radius) for robot in robots])
-        apart = np.hypot(*(movers.position - positions[:, None]).transpose(2, 0, 1))
-        pairs = np.argwhere((apart <= radii[:, None] + self.reach + movers.reach) & ~movers.carried)
-        for k, row in pairs.tolist():
-            body = movers.agents[row]
+        table, positions = model.parts.bodies.table, np.array([robot.position for robot in robots])
+        radii, free = np.array([float(robot.radius) for robot in robots]), table.rows(DRIVEN)
+        apart = np.hypot(*(table.position[free] - positions[:, None]).transpose(2, 0, 1))
+        pairs = np.argwhere(apart <= radii[:, None] + self.reach + table.reach[free])
+        for k, row in ((k, int(free[place])) for k, place in pairs.tolist()):
+            body = table.agents[row]
             if body.kind not in self.kinds or body.agent is not None:
                 continue
             distance, azimuth = body.seen_from(positions[k])
@@ -130,9 +131,9 @@ class Carried(Sensor):
     def arguments(self, model: Any) -> dict[str, np.ndarray]:
         """Return the code of what each robot of the swarm carries."""
         codes = np.full(len(model.swarm), -1.0)
-        for row in np.flatnonzero(model.movers.carried):
-            body = model.movers.agents[row]
-            codes[body.carrier.row] = model.kind_code(body.kind)
+        table = model.parts.bodies.table
+        for row in table.rows(CARRIED).tolist():
+            codes[table.agents[row].carrier.row] = table.kind[row]
         return {"codes": codes}
 
     @staticmethod

@@ -1,10 +1,10 @@
-"""Obstacles and loads: bodies with a shape, as Mesa agents, and the form of a body at any pose."""
+"""Bodies: their table, a Mesa agent as the handle of each row, and the form of a body at any pose."""
 
 import math
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import shapely
@@ -17,8 +17,8 @@ from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
-from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers
-from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
+from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers, disc
+from mesa_swarm.world.statics import FIRE, KINDS, OBSTACLE
 
 # Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
 LOOSE = 1e-9
@@ -26,6 +26,10 @@ LOOSE = 1e-9
 # little that corners of the heart are next to those of the body.
 PITH = 1e-3
 LARGEST_RESISTANCE = 1e9
+LARGEST_HEADING = 1e9
+# How a body moves: not at all, where it is sent, where robots push it, with the robot that carries it.
+MODES = ("fixed", "driven", "pushed", "carried")
+FIXED, DRIVEN, PUSHED, CARRIED = range(len(MODES))
 
 Pose = tuple[float, float, float]
 
@@ -173,6 +177,206 @@ def _antiderivative(tangent: float) -> float:
     return tangent * math.hypot(1.0, tangent) + math.asinh(tangent)
 
 
+class BodyTable:
+    """All bodies of a model, one row each in the order in which they were added, which is that of `model.bodies`.
+
+    Its columns are attributes. They are written in place, and are other arrays whenever a body comes or goes.
+
+    Attributes
+    ----------
+    agents : list of Body
+        The handles of the rows.
+    kinds : tuple of str
+        Names of kinds, which the column `kind` has as codes.
+    position, heading : ndarrays, shape (m, 2), (m,) rad
+        Centres (of polygons the centroids), and turns since the bodies were added.
+    mode, kind : int8 ndarrays, shape (m,)
+        Indices of `MODES` and of `kinds`.
+    contact : bool ndarray, shape (m,)
+        False for marks on the ground.
+    radius, reach : ndarrays, shape (m,)
+        Of discs, 0 for polygons; and of bodies that may move the distance of the centre from the farthest point.
+    temperature : ndarray, shape (m,)
+        0 to 1, NaN for a body that does not radiate.
+    resistance : ndarray, shape (m,)
+        Of pushed bodies, in robots' full pushes.
+    pushers, moved : int64 and bool ndarrays, shape (m,)
+        How many robots pushed a body in the last step, and whether it gave way.
+    aim, aim_heading : ndarrays, shape (m, 2), (m,) rad
+        Where driven bodies go in the next step.
+    blocked, fresh : bool ndarrays, shape (m,)
+        Whether a driven body had to stop in the last step, and whether it was added after that.
+
+    Examples
+    --------
+    >>> from mesa_swarm import SwarmModel, disc
+    >>> model = SwarmModel(map="openspace", rng=1)
+    >>> body = model.add_body(disc((100, 100), 5))
+    >>> table = model.parts["bodies"].table
+    >>> [MODES[mode] for mode in table.mode], table.position[-1]  # with four walls
+    (['fixed', 'fixed', 'fixed', 'fixed', 'driven'], array([100., 100.]))
+    """
+
+    columns: ClassVar[dict[str, np.ndarray]] = {
+        "position": np.zeros((1, 2)),
+        "heading": np.zeros(1),
+        "mode": np.zeros(1, np.int8),
+        "kind": np.zeros(1, np.int8),
+        "contact": np.ones(1, bool),
+        "radius": np.zeros(1),
+        "reach": np.zeros(1),
+        "temperature": np.full(1, np.nan),
+        "resistance": np.zeros(1),
+        "pushers": np.zeros(1, np.int64),
+        "moved": np.zeros(1, bool),
+        "aim": np.zeros((1, 2)),
+        "aim_heading": np.zeros(1),
+        "blocked": np.zeros(1, bool),
+        "fresh": np.zeros(1, bool),
+    }
+    position: np.ndarray
+    heading: np.ndarray
+    mode: np.ndarray
+    kind: np.ndarray
+    contact: np.ndarray
+    radius: np.ndarray
+    reach: np.ndarray
+    temperature: np.ndarray
+    resistance: np.ndarray
+    pushers: np.ndarray
+    moved: np.ndarray
+    aim: np.ndarray
+    aim_heading: np.ndarray
+    blocked: np.ndarray
+    fresh: np.ndarray
+
+    def __init__(self, kinds: tuple[str, ...] = KINDS) -> None:
+        self.kinds = kinds
+        self.agents: list[Any] = []
+        # Of each body that may move its form, and where it was last shown; of one at rest its shape.
+        self.forms: list[Form | None] = []
+        self._shown: list[tuple[Pose | None, Shape]] = []
+        self._others: list[Any] | None = []
+        self._room = {name: row[:0] for name, row in self.columns.items()}
+        self._publish()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out columns, which are views of the arrays in which there is room for more rows."""
+        return {name: value for name, value in self.__dict__.items() if name not in self.columns}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take back what `__getstate__` has returned."""
+        self.__dict__.update(state)
+        self._publish()
+
+    def __len__(self) -> int:
+        return len(self.agents)
+
+    def add(self, body: Any, shape: Shape, form: Form | None = None, *, mode: int, kind: int, **values: Any) -> None:
+        """Append the row of a body; a form has one that may move. Columns without a value have their usual one."""
+        row = len(self.agents)
+        body.table, body.row = self, row
+        self.agents.append(body)
+        self.forms.append(form)
+        self._shown.append((None, shape))
+        self._others = None
+        if row == len(self._room["mode"]):  # room for half as many again
+            for name, usual in self.columns.items():
+                self._room[name] = np.concatenate([self._room[name], np.repeat(usual, 4 + row // 2, axis=0)])
+        else:
+            for name, usual in self.columns.items():
+                self._room[name][row] = usual[0]
+        self._publish()
+        radius, reach = shape.radius, 0.0 if form is None else form.reach
+        values = {"position": shape.position, "contact": shape.contact, "radius": radius, "reach": reach, **values}
+        for name, value in {"mode": mode, "kind": kind, **values}.items():
+            self._room[name][row] = value
+
+    def drop(self, body: Any) -> None:
+        """Remove the row of a body, which keeps what it was in a table of its own."""
+        row, alone = body.row, BodyTable(self.kinds)
+        alone.add(body, self._shown[row][1], self.forms[row], mode=0, kind=0)
+        for name, column in self._room.items():
+            alone._room[name][0] = column[row]
+            self._room[name] = np.delete(column, row, axis=0)
+        for rows in (self.agents, self.forms, self._shown):
+            del rows[row]
+        for later, agent in enumerate(self.agents[row:], row):
+            agent.row = later
+        self._others = None
+        self._publish()
+
+    def sort(self) -> None:
+        """Bring the rows into the order of the handles' unique_id, in which bodies are not always made again."""
+        order = sorted(range(len(self)), key=lambda row: self.agents[row].unique_id)
+        if order == list(range(len(self))):
+            return
+        for name, column in self._room.items():
+            self._room[name] = column[order]
+        self.agents[:], self.forms[:], self._shown[:] = (
+            [rows[row] for row in order] for rows in (self.agents, self.forms, self._shown)
+        )
+        for row, agent in enumerate(self.agents):
+            agent.row = row
+        self._others = None
+        self._publish()
+
+    def _publish(self) -> None:
+        for name, column in self._room.items():
+            setattr(self, name, column[: len(self.agents)])
+
+    @property
+    def others(self) -> list[Any]:
+        """The handles of all bodies but fires, which are numbered apart."""
+        if self._others is None:
+            self._others = [self.agents[row] for row in np.flatnonzero(self.kind != FIRE).tolist()]
+        return self._others
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Codes of the kinds as sensors see them, int8 (m,): a fire that is out is an obstacle."""
+        return np.where((self.kind == FIRE) & ~(self.temperature > 0.0), np.int8(OBSTACLE), self.kind)
+
+    def rows(self, *modes: int) -> np.ndarray:
+        """Return the rows of the bodies that move in one of these ways."""
+        return np.flatnonzero(np.isin(self.mode, modes))
+
+    def set_kinds(self, kinds: tuple[str, ...]) -> None:
+        """Let kinds have other codes; those of all bodies have to be among them."""
+        codes = np.array([kinds.index(name) if name in kinds else -1 for name in self.kinds], np.int8)
+        self.kind[:], self.kinds = codes[self.kind], kinds
+
+    def asked(self, rows: np.ndarray) -> np.ndarray:
+        """Return whether each of some driven bodies is to move in the next step."""
+        moves = (self.aim[rows] != self.position[rows]).any(axis=1)
+        return moves | (self.aim_heading[rows] != self.heading[rows])
+
+    def pose_of(self, row: int) -> Pose:
+        """Return where a body is: x, y, heading."""
+        x, y = self.position[row].tolist()
+        return x, y, float(self.heading[row])
+
+    def put(self, row: int, pose: Sequence[float]) -> None:
+        """Put a body where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
+        *self.position[row], self.heading[row] = *pose[:2], wrapped(pose[2])
+
+    def body_of(self, row: int) -> Shape:
+        """Return the same as `shape_of`, the corners of what may move in the same order at every pose."""
+        form = self.forms[row]
+        return self.shape_of(row) if form is None else form.body_at(self.pose_of(row))
+
+    def shape_of(self, row: int) -> Shape:
+        """Return the shape of a body where it is."""
+        form, (pose, shape) = self.forms[row], self._shown[row]
+        if form is None and self.kind[row] != FIRE:
+            return shape
+        now = self.pose_of(row)
+        if pose != now or shape.radius != self.radius[row]:
+            shape = disc(now[:2], float(self.radius[row])) if form is None else form.shape_at(now)
+            self._shown[row] = now, shape
+        return shape
+
+
 class Body(ArenaAgent):
     """Whatever has a shape and can be seen and bumped into, besides robots; or a mark on the ground.
 
@@ -181,21 +385,21 @@ class Body(ArenaAgent):
 
     Attributes
     ----------
-    mode : str
-        "fixed", "pushed" or "driven".
-    temperature : float or None
-        How hot it is, 0 to 1, if it radiates heat.
+    table : BodyTable
+        In which it is the row `row`; of a removed body, a table of its own.
     blocked : bool
         Whether a driven body had to stop in the last step; False for all others.
     """
 
-    mode = "fixed"
-    _kind: str
-    _temperature: float | None
+    table: BodyTable
+    row: int
 
-    def __init__(self, space: Arena, model: Model, kind: str) -> None:
-        self._kind, self._temperature = kind, None
+    def __init__(
+        self, space: Arena, model: Model, table: BodyTable, shape: Shape, kind: str, form: Form | None = None,
+        **values: Any,
+    ) -> None:  # fmt: skip
         super().__init__(space, model)
+        table.add(self, shape, form, kind=table.kinds.index(kind), **values)
 
     def __repr__(self) -> str:
         if self.space is None:
@@ -206,14 +410,48 @@ class Body(ArenaAgent):
         return f"<{name} {self.unique_id}, {self.shape.kind} at ({x}, {y}){own}{mark}>"
 
     @property
-    def blocked(self) -> bool:
-        """Whether it had to stop in the last step: only driven bodies ever do."""
-        return False
+    def mode(self) -> str:
+        """How it moves: "fixed", "driven", "pushed", or "carried" while a robot carries it."""
+        return MODES[self.table.mode[self.row]]
 
     @property
     def kind(self) -> str:
         """The name of what sensors see, one of `model.kinds`."""
-        return self._kind
+        return self.table.kinds[self.table.kind[self.row]]
+
+    @property
+    def pose(self) -> Pose:
+        """Where it is: x, y, heading."""
+        return self.table.pose_of(self.row)
+
+    @property
+    def shape(self) -> Shape:
+        """Its shape where it is."""
+        return self.table.shape_of(self.row)
+
+    @property
+    def form(self) -> Form:
+        """Its form whatever its pose, of a body that may move."""
+        return self.table.forms[self.row]  # type: ignore[return-value]
+
+    @property
+    def contact(self) -> bool:
+        """Whether bodies bump into it; False for a mark on the ground."""
+        return bool(self.table.contact[self.row])
+
+    @property
+    def position(self) -> np.ndarray:
+        """Centre of a disc or centroid of a polygon, shape (2,)."""
+        return read_only(self.table.position[self.row].copy())
+
+    @position.setter
+    def position(self, value: Coordinates) -> None:
+        raise InvalidValueError("obstacles do not move; remove this one and add another")
+
+    @property
+    def blocked(self) -> bool:
+        """Whether it had to stop in the last step: only driven bodies ever do."""
+        return False
 
     @property
     def temperature(self) -> float | None:
@@ -230,82 +468,47 @@ class Body(ArenaAgent):
         >>> float(robot.radiation.max())
         0.25
         """
-        return self._temperature
+        temperature = float(self.table.temperature[self.row])
+        return None if math.isnan(temperature) else temperature
 
     @temperature.setter
     def temperature(self, value: float | None) -> None:
         checked = checked_temperature(value)
         if self.space is None:
             raise RemovedRobotError("this body has been removed; take one from model.bodies")
-        if checked is not None and not self.contact:
+        if not math.isnan(checked) and not self.contact:
             raise InvalidValueError("temperature was given for a mark on the ground, which does not radiate")
-        self._temperature = checked
+        self.table.temperature[self.row] = checked
         self.model.parts["bodies"].heat_changed()
-
-    @property
-    def contact(self) -> bool:
-        """Whether bodies bump into it; False for a mark on the ground."""
-        return self.shape.contact
 
     def remove(self) -> None:
         """Take the body out of the world, between two steps."""
         if self.space is None:
             raise RemovedRobotError("this obstacle has been removed already; take one from model.obstacles")
-        model = self.model
-        model.parts["bodies"].leave(self)
+        bodies = self.model.parts["bodies"]
+        bodies.leave(self)
         super().remove()
-        model.parts["bodies"].changed()
-
-    if TYPE_CHECKING:  # an attribute, or what follows from the pose
-        shape: Shape
+        bodies.changed()
 
 
-def checked_temperature(value: float | None) -> float | None:
-    """Return the temperature of a body as a float from 0 to 1, None for one that does not radiate."""
-    return None if value is None else check_number("temperature", value, minimum=0, maximum=1)
+def checked_temperature(value: float | None) -> float:
+    """Return the temperature of a body as a float from 0 to 1, NaN for one that does not radiate."""
+    return math.nan if value is None else check_number("temperature", value, minimum=0, maximum=1)
 
 
-class BodyTable:
-    """Columns of bodies, one row each, in the order in which they were added; `agents` are their handles.
+def checked_resistance(value: float) -> float:
+    """Return a resistance as a float if it is above 0 and at most 1e9."""
+    return check_number("resistance", value, above=0, maximum=LARGEST_RESISTANCE)
 
-    `columns` are the attributes that are columns, as they are without any body.
-    """
 
-    columns: ClassVar[dict[str, np.ndarray]] = {"position": np.empty((0, 2)), "heading": np.empty(0)}
-    position: np.ndarray
-    heading: np.ndarray
-
-    def __init__(self) -> None:
-        self.agents: list[Any] = []
-        for name, column in self.columns.items():
-            setattr(self, name, column.copy())
-
-    def __len__(self) -> int:
-        return len(self.agents)
-
-    def __iter__(self) -> Iterator[Any]:
-        return iter(self.agents)
-
-    def __getitem__(self, row: int) -> Any:
-        return self.agents[row]
-
-    def add(self, body: Any, **values: Any) -> None:
-        """Append the row of a body; columns without a value are 0 there."""
-        body.row = len(self.agents)
-        self.agents.append(body)
-        for name, column in self.columns.items():
-            row = np.zeros((1, *column.shape[1:]), column.dtype)
-            row[0] = values.get(name, 0)
-            setattr(self, name, np.concatenate([getattr(self, name), row]))
-
-    def drop(self, body: Any) -> None:
-        """Remove the row of a body."""
-        row, body.row = body.row, -1
-        for name in self.columns:
-            setattr(self, name, np.delete(getattr(self, name), row, axis=0))
-        del self.agents[row]
-        for later, agent in enumerate(self.agents):
-            agent.row = later
+def checked_pose(pose: Sequence[float], space: Arena) -> Pose:
+    """Return a pose of the map, x, y and a finite heading, with the heading in [-pi, pi)."""
+    numbers = as_numbers(pose)
+    if numbers.shape != (3,):
+        raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
+    heading = check_number("heading", float(numbers[2]), minimum=-LARGEST_HEADING, maximum=LARGEST_HEADING)
+    x, y = space.checked_point(numbers[:2]).tolist()
+    return x, y, wrapped(heading)
 
 
 class Obstacle(Body):
@@ -315,111 +518,22 @@ class Obstacle(Body):
     `polygon`.
     """
 
-    shape: Shape
     _made_by: ClassVar[str] = "model.add_obstacle(disc((x, y), radius))"
-
-    def __init__(self, space: Arena, model: Model, shape: Shape, kind: str = KINDS[OBSTACLE]) -> None:
-        self.shape = shape
-        super().__init__(space, model, kind)
-        space._agent_positions[self._mesa_index] = shape.position
-
-    @property
-    def position(self) -> np.ndarray:
-        """Centre of a disc or centroid of a polygon, shape (2,)."""
-        return self.shape.position
-
-    @position.setter
-    def position(self, value: Coordinates) -> None:
-        raise InvalidValueError("obstacles do not move; remove this one and add another")
-
-
-class Loads(BodyTable):
-    """The poses of all loads of a model, and what happened to them in the last step.
-
-    Attributes
-    ----------
-    position, heading : ndarrays, shape (m, 2), (m,) rad
-    resistance : ndarray, shape (m,)
-        In robots' full pushes.
-    pushers : int64 ndarray, shape (m,)
-        Number of robots that pushed each in the last step.
-    moved : bool ndarray, shape (m,)
-        Whether it moved in the last step.
-    """
-
-    columns: ClassVar[dict[str, np.ndarray]] = BodyTable.columns | {
-        "resistance": np.empty(0),
-        "pushers": np.empty(0, np.int64),
-        "moved": np.empty(0, bool),
-    }
-    resistance: np.ndarray
-    pushers: np.ndarray
-    moved: np.ndarray
-
-    def add(self, body: "Load", **values: Any) -> None:
-        """Append the row of a load."""
-        super().add(body, **values)
-        body.table = self
-
-    def drop(self, body: "Load") -> None:
-        """Remove the row of a load, which keeps what it was in a table of its own."""
-        was = {name: getattr(self, name)[body.row].copy() for name in self.columns}
-        super().drop(body)
-        Loads().add(body, **was)
-
-    def rest(self) -> None:
-        """Forget the last step."""
-        self.pushers[:], self.moved[:] = 0, False
 
 
 class Load(Obstacle):
     """A body that moves while robots push harder than it resists; otherwise an obstacle.
 
-    Created by `SwarmModel.add_load`; take it out with `remove()`. See `physics.loads` for how it moves.
-
-    Attributes
-    ----------
-    shape : Shape
-        At its present pose; a new one whenever it has moved.
-    table : Loads
-        The columns in which its pose is, in the row `row`; of a removed load, its own.
+    Created by `SwarmModel.add_load`; take it out with `remove()`. See `physics.loads` for how it moves. Its `shape` is
+    that at its present pose; a new one whenever it has moved.
     """
 
-    mode = "pushed"
-
-    form: Form
-    table: Loads
-    row: int
-    _shown: tuple[Pose, Shape] | None
     _made_by: ClassVar[str] = "model.add_load(disc((x, y), radius), resistance=0.5)"
-
-    def __init__(
-        self, space: Arena, model: Model, shape: Shape, table: Loads, resistance: float, kind: str = KINDS[LOAD]
-    ) -> None:
-        self.form = Form.of(shape)
-        self._shown = None
-        self.table, self.row = table, -1
-        Body.__init__(self, space, model, kind)
-        table.add(self, position=shape.position, resistance=checked_resistance(resistance))
-
-    @property
-    def pose(self) -> Pose:
-        """Where it is: x, y, heading."""
-        x, y = self.table.position[self.row].tolist()
-        return x, y, self.heading
-
-    @property
-    def shape(self) -> Shape:  # type: ignore[override]
-        """Its shape where it is."""
-        pose = self.pose
-        if self._shown is None or self._shown[0] != pose:
-            self._shown = pose, self.form.shape_at(pose)
-        return self._shown[1]
 
     @property
     def position(self) -> np.ndarray:
         """Its centre (of a polygon the centroid), shape (2,)."""
-        return read_only(self.pose[:2])
+        return read_only(self.table.position[self.row].copy())
 
     @position.setter
     def position(self, value: Coordinates) -> None:
@@ -468,35 +582,12 @@ class Load(Obstacle):
         >>> load.position
         array([120., 100.])
         """
-        numbers = as_numbers(pose)
-        if numbers.shape != (3,):
-            raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
-        heading = wrapped(check_number("heading", float(numbers[2]), minimum=-1e9, maximum=1e9))
-        place = self.space.checked_point(numbers[:2]).tolist()
-        self.model.parts["bodies"].check_room_for_load(self.form, (*place, heading), self)
-        self.put((*place, heading))
+        place = checked_pose(pose, self.space)
+        self.model.parts["bodies"].check_room_for_load(self.form, place, self)
+        self.table.put(self.row, place)
         self.model.parts["bodies"].changed()  # sensors that were read already are read again
-
-    def put(self, pose: Pose) -> None:
-        """Put it where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
-        *self.table.position[self.row], self.table.heading[self.row] = *pose[:2], wrapped(pose[2])
 
     def lay(self, pose: Pose) -> None:
         """Move it to (x, y, heading); deprecated, see `move_to`."""
         warnings.warn("Load.lay is called move_to now", DeprecationWarning, stacklevel=2)
         self.move_to(pose)
-
-    def note(self, *, moved: bool, pushers: int) -> None:
-        """Write what happened to it in the last step."""
-        self.table.moved[self.row], self.table.pushers[self.row] = moved, pushers
-
-    def farthest_from(self, pose: Pose) -> float:
-        """Return an upper bound of the distance of its points from where they are at another pose."""
-        x, y, heading = self.pose
-        turned = 2.0 * abs(math.sin((heading - pose[2]) / 2.0))
-        return math.hypot(x - pose[0], y - pose[1]) + self.form.reach * turned
-
-
-def checked_resistance(value: float) -> float:
-    """Return a resistance as a float if it is above 0 and at most 1e9."""
-    return check_number("resistance", value, above=0, maximum=LARGEST_RESISTANCE)

@@ -1,29 +1,27 @@
-"""Driven bodies: their poses in one table, and a Mesa agent as the handle of each."""
+"""Driven bodies: the handle of each, their columns together, and what they occupy on their way."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import shapely
-from mesa import Agent, Model
+from mesa import Agent
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena
-from mesa_swarm.world.bodies import Body, BodyTable, Form, Pose
+from mesa_swarm.world.bodies import CARRIED, DRIVEN, LARGEST_HEADING, Body, BodyTable, Pose, checked_pose
 from mesa_swarm.world.read_only import read_only
-from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers
-
-LARGEST_HEADING = 1e9
+from mesa_swarm.world.shapes import Coordinates, Shape
 
 
-class Movers(BodyTable):
-    """The poses of all driven bodies of a model, one row each, in the order in which they were added.
+class Movers:
+    """The driven bodies of a model, one row each in the order in which they were added, read from its table of bodies.
 
     A pose that is set is a request: the body goes there in the phase move of the next step, as far as robots
-    can give way. A body that was added after the last step is placed at once.
+    can give way. A body that was added after the last step is placed at once. Columns are copies, as they are now.
 
     Attributes
     ----------
@@ -42,63 +40,43 @@ class Movers(BodyTable):
         Distance of its centre from its farthest point.
     """
 
-    columns: ClassVar[dict[str, np.ndarray]] = BodyTable.columns | {
-        "aim": np.empty((0, 2)),
-        "aim_heading": np.empty(0),
-        "blocked": np.empty(0, bool),
-        "fresh": np.empty(0, bool),
-        "carried": np.empty(0, bool),
-        "reach": np.empty(0),
-    }
-    aim: np.ndarray
-    aim_heading: np.ndarray
-    blocked: np.ndarray
-    fresh: np.ndarray
-    carried: np.ndarray
-    reach: np.ndarray
+    def __init__(self, table: BodyTable) -> None:
+        self._table = table
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.followers: list[Driven] = []
+    def __len__(self) -> int:
+        return len(self.rows)
 
-    def add(self, body: "Driven", **values: Any) -> None:
-        """Append the row of a body."""
-        super().add(body, **values)
-        self.list_followers()
+    def __iter__(self) -> "Iterator[Driven]":
+        return iter(self.agents)
 
-    def drop(self, body: "Driven") -> None:
-        """Remove the row of a body."""
-        super().drop(body)
-        self.list_followers()
+    def __getitem__(self, index: int) -> "Driven":
+        return self.agents[index]
 
-    def list_followers(self) -> None:
-        """Update the list of bodies that follow an agent."""
-        self.followers = [body for body in self.agents if body.agent is not None]
+    def __getattr__(self, name: str) -> np.ndarray:
+        """Return a column of the table in the rows of driven bodies."""
+        if name not in BodyTable.columns:
+            raise AttributeError(f"Movers has no attribute {name}")
+        return read_only(getattr(self._table, name)[self.rows])
 
     @property
-    def asked(self) -> np.ndarray:
-        """Whether each body is to move in the next step, shape (m,)."""
-        return (self.aim != self.position).any(axis=1) | (self.aim_heading != self.heading)
+    def rows(self) -> np.ndarray:
+        """Rows of the driven bodies in the table of all bodies, shape (m,)."""
+        return self._table.rows(DRIVEN, CARRIED)
+
+    @property
+    def agents(self) -> "list[Driven]":
+        """The bodies."""
+        return [self._table.agents[row] for row in self.rows.tolist()]
+
+    @property
+    def carried(self) -> np.ndarray:
+        """Whether a robot carries each, shape (m,)."""
+        return read_only(self.mode == CARRIED)
 
     @property
     def poses(self) -> tuple[np.ndarray, ...]:
         """Where all bodies are and where they go: position, heading, aim, aim_heading."""
         return self.position, self.heading, self.aim, self.aim_heading
-
-    def rest(self) -> None:
-        """Forget all requests: those of the step that ends are done or were blocked."""
-        self.aim[:], self.aim_heading[:] = self.position, self.heading
-
-    def carry_along(self) -> None:
-        """Put carried bodies where their robots are."""
-        for row in np.flatnonzero(self.carried).tolist():
-            robot = self.agents[row].carrier
-            self.position[row], self.heading[row] = robot.position, robot.heading
-            self.aim[row], self.aim_heading[row] = self.position[row], self.heading[row]
-
-    def begin_step(self) -> None:
-        """Forget which bodies are new: from now on all travel."""
-        self.fresh[:] = False
 
 
 class Driven(Body):
@@ -112,70 +90,52 @@ class Driven(Body):
     first step after it was added, a body is placed at once.
     """
 
-    mode = "driven"
-    form: Form
-    movers: Movers
-    row: int
     agent: Any
     carrier: Any  # the robot that carries it
-    _shown: tuple[Pose, Shape] | None
 
-    def __init__(
-        self, space: Arena, model: Model, shape: Shape, kind: str, movers: Movers, agent: Agent | None = None
-    ) -> None:
-        self.form = Form.of(shape)
-        self.agent = agent
-        self.movers = movers
-        self.row = -1
-        self.carrier = None
-        self._shown = None
-        super().__init__(space, model, kind)
-        movers.add(self, position=shape.position, aim=shape.position, fresh=True, reach=self.form.reach)
+    def __init__(self, *given: Any, agent: Agent | None = None, **named: Any) -> None:
+        self.agent, self.carrier = agent, None
+        super().__init__(*given, **named)
+
+    @property
+    def movers(self) -> BodyTable:
+        """The table in which it is the row `row`."""
+        return self.table
 
     @property
     def pose(self) -> Pose:
         """Where it is: x, y, heading."""
-        row = self.alive()
-        x, y = self.movers.position[row].tolist()
-        return x, y, float(self.movers.heading[row])
+        return self.table.pose_of(self.alive())
 
     @property
-    def shape(self) -> Shape:  # type: ignore[override]
+    def shape(self) -> Shape:
         """Its shape where it is."""
-        pose = self.pose
-        if self._shown is None or self._shown[0] != pose:
-            self._shown = pose, self.form.shape_at(pose)
-        return self._shown[1]
-
-    @property
-    def contact(self) -> bool:
-        """True: marks on the ground cannot be driven."""
-        return True
+        return self.table.shape_of(self.alive())
 
     @property
     def position(self) -> np.ndarray:
         """Where its centre is, shape (2,); when set, where it is to go."""
-        return read_only(self.movers.position[self.alive()].copy())
+        return read_only(self.table.position[self.alive()].copy())
 
     @position.setter
     def position(self, value: Coordinates) -> None:
         row = self.alive()
-        self._ask(self.space.checked_point(value), float(self.movers.aim_heading[row]))
+        self._ask(self.space.checked_point(value), float(self.table.aim_heading[row]))
 
     @property
     def heading(self) -> float:
         """Its turn since it was added, rad in [-pi, pi), counter-clockwise; when set, the one that it is to take."""
-        return float(self.movers.heading[self.alive()])
+        return float(self.table.heading[self.alive()])
 
     @heading.setter
     def heading(self, value: float) -> None:
         heading = check_number("heading", value, minimum=-LARGEST_HEADING, maximum=LARGEST_HEADING)
-        self._ask(self.movers.aim[self.alive()].copy(), wrapped(heading))
+        self._ask(self.table.aim[self.alive()].copy(), wrapped(heading))
 
     @property
     def blocked(self) -> bool:
         """Whether it had to stop in the last step, because robots or a load could not give way."""
-        return bool(self.movers.blocked[self.alive()])
+        return bool(self.table.blocked[self.alive()])
 
     def move_to(self, pose: Sequence[float]) -> None:
         """Ask for a position and a heading, as (x, y, heading).
@@ -196,11 +156,8 @@ class Driven(Body):
         (array([105., 130.]), array([105., 140.]))
         """
         self.alive()
-        numbers = as_numbers(pose)
-        if numbers.shape != (3,):
-            raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
-        heading = check_number("heading", float(numbers[2]), minimum=-LARGEST_HEADING, maximum=LARGEST_HEADING)
-        self._ask(self.space.checked_point(numbers[:2]), wrapped(heading))
+        *place, heading = checked_pose(pose, self.space)
+        self._ask(np.array(place), heading)
 
     def seen_from(self, point: np.ndarray) -> tuple[float, float]:
         """Return the distance from a point, and the azimuth (rad) of the nearest point, of a disc of its centre.
@@ -219,21 +176,20 @@ class Driven(Body):
     def remove(self) -> None:
         """Take the body out of the world, between two steps."""
         self.alive()
-        self.movers.drop(self)
         super().remove()
 
     def alive(self) -> int:
         """Return its row, or raise `RemovedRobotError` if it was removed."""
-        if self.row < 0:
+        if self.space is None:
             raise RemovedRobotError("this body has been removed; take one from model.bodies")
         return self.row
 
     def _ask(self, position: np.ndarray, heading: float) -> None:
-        movers, row = self.movers, self.row
-        if movers.fresh[row] or movers.carried[row]:
+        table, row = self.table, self.row
+        if table.fresh[row] or table.mode[row] == CARRIED:
             self.model.move_bodies([self], [(*position.tolist(), heading)])
         else:  # both are checked: many doors have to be quick
-            movers.aim[row], movers.aim_heading[row] = position, heading
+            table.aim[row], table.aim_heading[row] = position, heading
 
 
 def occupied(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, float]]:
@@ -271,10 +227,10 @@ def way_of(body: Driven) -> tuple[BaseGeometry, float]:
     >>> way.bounds, radius
     ((100.0, 100.0, 120.0, 140.0), 0.0)
     """
-    movers, row, shape = body.movers, body.alive(), body.shape
-    step = movers.aim[row] - movers.position[row]
-    if movers.aim_heading[row] != movers.heading[row]:
-        return swept(shapely.Point(movers.position[row]), step), body.form.reach
+    table, row, shape = body.table, body.alive(), body.shape
+    step = table.aim[row] - table.position[row]
+    if table.aim_heading[row] != table.heading[row]:
+        return swept(shapely.Point(table.position[row]), step), body.form.reach
     return (swept(shape.geometry, step) if step.any() else shape.geometry), shape.radius
 
 
@@ -310,7 +266,7 @@ def _place_of(body: Driven) -> tuple[float, float]:
     place = getattr(agent, "position", None)
     place = getattr(agent, "pos", None) if place is None else place
     if place is None:
-        return tuple(body.movers.aim[body.row].tolist())
+        return tuple(body.table.aim[body.row].tolist())
     try:
         x, y = place
         return float(x), float(y)
@@ -321,7 +277,7 @@ def _place_of(body: Driven) -> tuple[float, float]:
 def _heading_of(body: Driven) -> float:
     heading = getattr(body.agent, "heading", None)
     if heading is None:
-        return float(body.movers.aim_heading[body.row])
+        return float(body.table.aim_heading[body.row])
     try:
         return wrapped(float(heading))
     except (TypeError, ValueError):

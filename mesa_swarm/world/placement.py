@@ -29,26 +29,25 @@ MOST_LATTICE_IN_CROWD = 2_000
 
 
 def free_space(
-    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], fires: np.ndarray, radius: float
+    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float
 ) -> shapely.Geometry:
     """Return where the centre of a disc may be without overlapping a solid shape or a fire (x, y, radius)."""
-    return room_for_disc(bounds, _solids(shapes, fires), radius, QUARTER_SEGMENTS)
+    return room_for_disc(bounds, _solids(shapes), radius, QUARTER_SEGMENTS)
 
 
 def free_places(
-    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], fires: np.ndarray, radius: float
+    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float
 ) -> shapely.Geometry | Crowded:
     """Return what `free_space` does, or for `place_apart` a `Crowded` room where that would take very long.
 
     Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found only by trying: a map
     that is nearly full may then count as full.
     """
-    return room_to_try(bounds, _solids(shapes, fires), radius, QUARTER_SEGMENTS)
+    return room_to_try(bounds, _solids(shapes), radius, QUARTER_SEGMENTS)
 
 
-def _solids(shapes: Sequence[Shape], fires: np.ndarray) -> list[tuple[shapely.Geometry, float]]:
-    solids: list[tuple[shapely.Geometry, float]] = [(s.geometry, s.radius) for s in shapes if s.contact]
-    return solids + [(shapely.Point(x, y), r) for x, y, r in fires]
+def _solids(shapes: Sequence[Shape]) -> list[tuple[shapely.Geometry, float]]:
+    return [(shape.geometry, shape.radius) for shape in shapes if shape.contact]
 
 
 def place_apart(

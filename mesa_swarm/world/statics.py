@@ -11,7 +11,6 @@ from mesa_swarm.geometry.grid import CellLists, Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
-SOURCE = FIRE  # what radiates heat
 # The names of these kinds; custom ones follow, as far as the code fits into a byte.
 KINDS = ("obstacle", "robot", "fire", "load")
 MOST_KINDS = 127
@@ -36,12 +35,11 @@ class Statics:
     edges : ndarray, shape (m, 4)
         ax, ay, bx, by; the solid side is on the left. The first four are the map's border.
     discs : ndarray, shape (k, 3)
-        x, y, radius; those of sources of heat from row `first_source` on.
-    owner : int64 ndarray, shape (m + k,)
-        Index of the shape or of the source of heat that an item belongs to, -1 for the border.
+        x, y, radius; those of shapes that are numbered apart from row `first_apart` on.
+    shape, owner : int64 ndarrays, shape (m + k,)
+        Index of the shape that an item belongs to, -1 for the border; and its number, as contacts name it.
     kind, body : int8 ndarrays, shape (m + k,)
-        Of the item as sensors see it, and of the body: 0 obstacle or border, 2 fire, 3 load, from 4 on custom
-        kinds. A cold source, a fire that is out, is seen as an obstacle, and remains a fire to bump into.
+        Codes of kinds of the item as sensors see it, and of the body.
     rings : int64 ndarray, shape (p, 2)
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
@@ -52,6 +50,7 @@ class Statics:
 
     edges: np.ndarray
     discs: np.ndarray
+    shape: np.ndarray
     owner: np.ndarray
     kind: np.ndarray
     body: np.ndarray
@@ -60,66 +59,64 @@ class Statics:
     grid: Grid
     seen: CellLists
     touched: CellLists
-    first_source: int
+    first_apart: int
 
     @classmethod
     def of(
         cls,
         bounds: tuple[float, float, float, float],
         shapes: Sequence[Shape],
-        sources: np.ndarray,
-        hot: np.ndarray,
+        codes: Sequence[int] | np.ndarray,
         *,
         sight: float,
         touch: float,
-        loads: Sequence[int] = (),
+        loads: Sequence[int] | np.ndarray = (),
         slack: float = 0.0,
-        codes: Sequence[int] = (),
-        driven: Sequence[int] = (),
+        driven: Sequence[int] | np.ndarray = (),
+        apart: int = 0,
     ) -> "Statics":
-        """Collect the border, the solid shapes and the sources of heat (x, y, radius) of a world.
+        """Collect the border and the solid shapes of a world; `codes` are their kinds.
 
         Sensors reach `sight` from a robot's centre, and a body within `touch` of it can be touched within a step. The
         shapes with the indices `loads` may move by `slack` before they have to be listed anew, those with the indices
-        `driven` are not listed. `codes` are the kinds of all shapes; without them loads are loads, the rest obstacles.
+        `driven` are not listed. The last `apart` shapes are discs that have numbers of their own, and stop no radio.
         """
+        first = len(shapes) - apart
         solid = [(i, shape) for i, shape in enumerate(shapes) if shape.contact]
-        edges, edge_owner, rings = _edges_of(solid, _border(bounds))
-        discs, disc_owner = _discs_of(solid)
-        owner = np.concatenate([edge_owner, disc_owner, np.arange(len(sources))])
-        of_shape = (np.arange(len(owner)) < len(owner) - len(sources)) & (owner != BORDER)
-        is_load = of_shape & np.isin(owner, loads)
-        body, kind = _kinds_of(owner, of_shape, is_load, codes, hot)
-        discs = np.concatenate([discs, sources.reshape(-1, 3)])
+        edges, edge_shape, rings = _edges_of(solid, _border(bounds))
+        discs, disc_shape = _discs_of(solid)
+        shape = np.concatenate([edge_shape, disc_shape]).astype(np.int64)
         boxes = _boxes(edges, discs)
-        boxes[is_load] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
-        still = np.flatnonzero(~(of_shape & np.isin(owner, driven)))
+        boxes[np.isin(shape, loads)] += slack * np.array([-1.0, -1.0, 1.0, 1.0])
+        still = np.flatnonzero(~np.isin(shape, driven))
         boxes = boxes[still]
         grid = _grid_for(boxes, bounds, sight, touch)
         seen_start, seen_items = list_boxes_by_cell(boxes, sight, grid.numbers)
         # The border is never crossed, so contact tests its four coordinates, not its edges.
         touched_start, touched_items = list_boxes_by_cell(boxes[4:], touch, grid.numbers)
+        body = _kinds_of(shape, codes)
         return cls(
             edges=edges,
             discs=discs,
-            owner=owner.astype(np.int64),
-            kind=kind,
+            shape=shape,
+            owner=np.where(shape >= first, shape - first, shape),
+            kind=body.copy(),
             body=body,
             rings=rings,
             bounds=np.array(bounds, dtype=float),
             grid=grid,
             seen=CellLists(grid.numbers, seen_start, still[seen_items]),
             touched=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
-            first_source=len(discs) - len(sources),
+            first_apart=int(np.count_nonzero(disc_shape < first)),
         )
 
-    def mark_hot(self, hot: np.ndarray) -> None:
-        """Update the kinds that sensors see: cold sources of heat are obstacles."""
-        self.kind[len(self.edges) + self.first_source :] = np.where(hot, SOURCE, OBSTACLE)
+    def show(self, codes: Sequence[int] | np.ndarray) -> None:
+        """Let sensors see the shapes as these kinds."""
+        self.kind[:] = _kinds_of(self.shape, codes)
 
     def rows_of(self, index: int) -> np.ndarray:
         """Return the items of a shape."""
-        return np.flatnonzero((self.owner == index) & (self.body != SOURCE))
+        return np.flatnonzero(self.shape == index)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -152,19 +149,9 @@ def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sigh
         most = max(1, min(most, grid.cells) // 4)
 
 
-def _kinds_of(
-    owner: np.ndarray, of_shape: np.ndarray, is_load: np.ndarray, codes: Sequence[int], hot: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return what bodies edges and discs are of, and as what sensors see them: a source is an obstacle if not hot."""
-    body = np.full(len(owner), OBSTACLE, np.int8)
-    body[is_load] = LOAD
-    if len(codes):
-        body[of_shape] = np.array(codes, np.int8)[owner[of_shape]]
-    kind = body.copy()
-    first = len(owner) - len(hot)
-    body[first:] = SOURCE
-    kind[first:] = np.where(hot, SOURCE, OBSTACLE)
-    return body, kind
+def _kinds_of(shape: np.ndarray, codes: Sequence[int] | np.ndarray) -> np.ndarray:
+    """Return the kind of each item; the border is an obstacle."""
+    return np.append(np.asarray(codes, np.int8), np.int8(OBSTACLE))[shape]
 
 
 def _border(bounds: Sequence[float]) -> np.ndarray:
