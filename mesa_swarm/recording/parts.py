@@ -29,7 +29,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
 from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
-from mesa_swarm.robots.parts import RobotPart
+from mesa_swarm.robots.devices import Device
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import add_handles
@@ -63,7 +63,7 @@ def part_to_json(part: Any) -> object:
         return [part_to_json(item) for item in part]
     name = type(part).__name__
     if PARTS.get(name) is not type(part):
-        if isinstance(part, RobotPart):
+        if isinstance(part, Device):
             return {OWN_CODE: [name, *(part_to_json(getattr(part, field.name)) for field in _fields(part))]}
         raise RecordingError(f"{shortened(part)} is of class {name}, which cannot be recorded")
     return {name: {field.name: part_to_json(getattr(part, field.name)) for field in _fields(part)}}
@@ -88,10 +88,10 @@ def part_from_json(value: object, near: Sequence[type] = ()) -> Any:
     return _made(name, PARTS[name], arguments)
 
 
-def _custom_part(given: Any, near: Sequence[type]) -> RobotPart:
+def _custom_part(given: Any, near: Sequence[type]) -> Device:
     """Return a custom sensor or actuator, of which the name of its class and the values of its fields are stored."""
     name, *values = given
-    kind = next((one for one in near if one.__name__ == name and issubclass(one, RobotPart)), None)
+    kind = next((one for one in near if one.__name__ == name and issubclass(one, Device)), None)
     if kind is None or not is_dataclass(kind) or len(fields(kind)) != len(values):
         raise RecordingError(
             f"the robots have a custom part ({shortened(given)}), which is found only in a model that adds such robots "
