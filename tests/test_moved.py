@@ -42,6 +42,7 @@ ADDRESSES = {
     "open_model": "OpenModel Process",
     "recording.events": "Event",
     "recording.marks": "Mark",
+    "robots.parts": "RobotPart",
     "robots.steering": "approach",
     "state": "State",
     "state_hash": "written_state_hash",

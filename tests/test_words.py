@@ -74,7 +74,7 @@ ALLOWED = [
     ("mesa_swarm/moved.py", "wish", "a former address"),
     ("mesa_swarm/moved.py", "Wish", "a former name"),
     ("mesa_swarm/physics/imperfect.py", "told", "the name of a stored column"),
-    ("mesa_swarm/recording/parts.py", "code of one's own", "a key of stored states"),
+    ("mesa_swarm/recording/devices.py", "code of one's own", "a key of stored states"),
     ("mesa_swarm/robots/swarm.py", "hush", "a former name"),
     ("mesa_swarm/robots/swarm.py", "shed", "a former name"),
     ("mesa_swarm/world/bodies.py", "lay", "a former name"),

@@ -11,7 +11,7 @@ import numpy as np
 from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.geometry.masks import holds_masked, unmasked
-from mesa_swarm.robots.parts import check_identifier, reserve
+from mesa_swarm.robots.devices import check_identifier, reserve
 
 # What a rule may write, each a record with a field a name.
 WRITTEN = ("act", "memory", "send")

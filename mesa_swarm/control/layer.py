@@ -12,7 +12,7 @@ import numpy as np
 
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
-from mesa_swarm.robots.parts import reserve
+from mesa_swarm.robots.devices import reserve
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 

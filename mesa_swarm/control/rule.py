@@ -35,8 +35,8 @@ from mesa_swarm.control.source import Read
 from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
 from mesa_swarm.robots.design import RobotDesign
+from mesa_swarm.robots.devices import brief, reserve
 from mesa_swarm.robots.drive import speeds_in_words
-from mesa_swarm.robots.parts import brief, reserve
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
 # that a rule would steer by what is behind the robot. Arrays of a type of their own read "nothing" instead.

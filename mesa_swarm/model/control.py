@@ -13,7 +13,7 @@ from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.errors import BehaviourError, InvalidValueError, asked, shortened
 from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
-from mesa_swarm.physics.own_parts import clear_actions
+from mesa_swarm.physics.own_devices import clear_actions
 from mesa_swarm.physics.radio import send_goals
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.design import RobotDesign

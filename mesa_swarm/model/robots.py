@@ -12,10 +12,10 @@ from mesa_swarm.kernels.part import Column, Part, Phase, Role, Stage
 from mesa_swarm.model.state import checked_state
 from mesa_swarm.model.state_hash import described_designs
 from mesa_swarm.physics.engine import Engine
-from mesa_swarm.physics.own_parts import OwnParts
+from mesa_swarm.physics.own_devices import OwnDevices
 from mesa_swarm.robots.actuators import Actuator
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.parts import RobotPart
+from mesa_swarm.robots.devices import Device
 from mesa_swarm.robots.robot import SIDES, Robot, add_handles, remove_together
 from mesa_swarm.robots.sensors import BUILT_IN, Sensor
 from mesa_swarm.world.arena import uncollected
@@ -82,7 +82,7 @@ class RobotsPart(Part):
         self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle
         self.collisions = self.total_collisions = 0
         self.noise: tuple | None = None
-        self.devices, self.made = OwnParts(), Sensed()
+        self.devices, self.made = OwnDevices(), Sensed()
 
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of the swarm that no other part has."""
@@ -114,7 +114,7 @@ class RobotsPart(Part):
         own = [
             device
             for device in devices
-            if isinstance(device, RobotPart) and isinstance(device, kind) and type(device) not in BUILT_IN
+            if isinstance(device, Device) and isinstance(device, kind) and type(device) not in BUILT_IN
         ]
         return ", ".join(dict.fromkeys(device.name for device in own))
 
@@ -242,7 +242,7 @@ class RobotsPart(Part):
         """Refuse robots that the model cannot have."""
         if not isinstance(design, RobotDesign):
             raise InvalidValueError(f"design is {shortened(design)}; expected a RobotDesign such as AGENT9")
-        self.swarm.check_parts(design)
+        self.swarm.check_devices(design)
         for device in (*design.sensors, *design.actuators):
             device.check_model(self.model)
         if group != "":

@@ -1,4 +1,4 @@
-"""A sensor of where the nearest robots, or bodies of a kind, are, made of the same parts as custom ones."""
+"""A sensor of where the nearest robots, or bodies of a kind, are, made like custom ones."""
 
 import math
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.radio import is_cut_but, is_nearer, sorted_senders
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.robots.actuators import ACT
-from mesa_swarm.robots.parts import check_identifier, check_kind, check_spelling
+from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
 from mesa_swarm.world.bodies import CARRIED
 from mesa_swarm.world.statics import FIRE, KINDS, NOTHING, ROBOT

@@ -11,8 +11,14 @@ from mesa_swarm.kernels.part import Part, made_of
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
 from mesa_swarm.recording.attributes import ModelPacked, attribute_from_json, attribute_to_json
-from mesa_swarm.recording.making import OF_PACKAGE, check_made, check_part_class, check_process_class
-from mesa_swarm.recording.parts import classes_near, is_class
+from mesa_swarm.recording.making import (
+    OF_PACKAGE,
+    check_made,
+    check_part_class,
+    check_process_class,
+    classes_near,
+    is_class,
+)
 
 
 def added_to_json(model: EngineModel, packed: ModelPacked) -> dict:

@@ -12,7 +12,7 @@ from mesa_swarm.errors import RecordingError, check_name, shortened
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import GENERATORS, Checkpointed, attributes_of, checked_state
 from mesa_swarm.recording.container import ATOMS, Packed
-from mesa_swarm.recording.parts import control_from_json, control_to_json, part_from_json, part_to_json
+from mesa_swarm.recording.devices import control_from_json, control_to_json, part_from_json, part_to_json
 from mesa_swarm.world.arena import ArenaAgent
 
 # Attributes of each of Mesa's agents that are stored with what the model contains.

@@ -35,15 +35,10 @@ from mesa_swarm.recording.collected import (
     set_clock,
 )
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
+from mesa_swarm.recording.devices import part_from_json, part_to_json
 from mesa_swarm.recording.earlier import columns_in_parts, in_parts
 from mesa_swarm.recording.making import check_made
-from mesa_swarm.recording.parts import (
-    objects_to_json,
-    other_agents,
-    part_from_json,
-    part_to_json,
-    restore_objects,
-)
+from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.provenance import FORMAT, hash_in_format
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.design import LARGEST_RADIUS

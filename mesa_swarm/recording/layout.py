@@ -17,7 +17,7 @@ from mesa_swarm.recording.shown import (
     pictures_of,
     robot_columns,
 )
-from mesa_swarm.robots.parts import reserve
+from mesa_swarm.robots.devices import reserve
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 

@@ -5,6 +5,8 @@ which its `step` or its `__del__` then works. So only classes that expect to be 
 """
 
 import dis
+import re
+import sys
 from functools import cache
 from types import BuiltinFunctionType, FunctionType, WrapperDescriptorType
 from typing import Any
@@ -14,6 +16,7 @@ from mesa.agent import Agent
 from mesa_swarm.errors import RecordingError, shortened
 from mesa_swarm.fire.spreading import Spreading
 from mesa_swarm.kernels.part import Part
+from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.processes import Process
 from mesa_swarm.scattering import Wander
 
@@ -143,3 +146,30 @@ def _is_code(value: Any) -> bool:
 def _check_no_del(kind: type) -> None:
     if hasattr(kind, "__del__"):
         raise RecordingError(f"{kind.__name__} has a method __del__, and is not made without its constructor")
+
+
+def classes_near(model: EngineModel) -> list[type]:
+    """Return the classes in the modules that define the class of a model, which are loaded: nothing is imported."""
+    names = dict.fromkeys(kind.__module__ for kind in type(model).__mro__ if issubclass(kind, EngineModel))
+    modules = [sys.modules[name] for name in names if name in sys.modules]
+    return [one for module in modules for one in vars(module).values() if isinstance(one, type)]
+
+
+def is_class(kind: type, module: str, name: str) -> bool:
+    """Return whether a class may be one that was recorded: its name is, and the last word of its module.
+
+    A file may be run as a program, whose module is called ``__main__``, imported, or loaded by its path.
+    """
+    words = {_last_word(module), _last_word(kind.__module__)}
+    return kind.__qualname__ == name and (len(words) == 1 or "__main__" in words)
+
+
+def _last_word(module: str) -> str:
+    """Return the last word of a module's address, without what `gallery` adds where a file's name is taken."""
+    return re.sub(r"_[0-9a-f]{8}$", "", module.rpartition(".")[2])
+
+
+def family(base: type) -> list[type]:
+    """Return a class and all loaded classes that are derived from it."""
+    children: list[type] = base.__subclasses__()
+    return [base, *(derived for child in children for derived in family(child))]

@@ -16,7 +16,8 @@ from mesa_swarm.looks import looks_of
 from mesa_swarm.model.common import whole_signature
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state_hash import written_state_hash
-from mesa_swarm.recording.parts import is_class, part_from_json, part_to_json
+from mesa_swarm.recording.devices import part_from_json, part_to_json
+from mesa_swarm.recording.making import is_class
 from mesa_swarm.recording.schema import checked_provenance, read_json
 from mesa_swarm.recording.shown import with_discs
 from mesa_swarm.robots.design import RobotDesign

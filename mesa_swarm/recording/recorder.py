@@ -28,10 +28,11 @@ from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected import Path as SeriesPath
 from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
+from mesa_swarm.recording.devices import control_to_json, own_code
 from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
 from mesa_swarm.recording.making import check_agent_class
-from mesa_swarm.recording.parts import control_to_json, own_code, summary
+from mesa_swarm.recording.objects import summary
 from mesa_swarm.recording.provenance import (
     as_metadata,
     drawn_parts,

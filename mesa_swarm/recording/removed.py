@@ -17,7 +17,7 @@ from mesa_swarm.recording.attributes import (
     own_attributes_of_agent,
 )
 from mesa_swarm.recording.making import check_agent_class
-from mesa_swarm.recording.parts import (
+from mesa_swarm.recording.objects import (
     agent_class,
     body_to_json,
     checked_pose,

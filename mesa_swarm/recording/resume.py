@@ -7,7 +7,7 @@ from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameErro
 from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.recording.parts import family
+from mesa_swarm.recording.making import family
 from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.transfer import take_over

@@ -29,7 +29,8 @@ from mesa_swarm.recording.attributes import (
     own_attributes_of_agent,
 )
 from mesa_swarm.recording.collected import reporters_of, set_clock
-from mesa_swarm.recording.parts import control_to_json, objects_to_json, other_agents, restore_objects
+from mesa_swarm.recording.devices import control_to_json
+from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING, Swarm

@@ -17,7 +17,7 @@ from mesa_swarm.recording.collected import check_collected, size_of_collected, w
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout, is_table
-from mesa_swarm.recording.parts import summary
+from mesa_swarm.recording.objects import summary
 from mesa_swarm.recording.provenance import hash_in_format, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN

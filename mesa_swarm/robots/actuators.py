@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mesa_swarm.errors import BehaviourError, InvalidValueError, check_flag, check_number, shortened
-from mesa_swarm.robots.parts import RobotPart, check_identifier, check_part, own_function
+from mesa_swarm.robots.devices import Device, check_device, check_identifier, own_function
 from mesa_swarm.robots.sensors import Mount, check_mount
 from mesa_swarm.world.fields import LARGEST_AMOUNT
 
@@ -15,7 +15,7 @@ from mesa_swarm.world.fields import LARGEST_AMOUNT
 ACT = "act."
 
 
-class Actuator(RobotPart):
+class Actuator(Device):
     """Base of all actuators; a custom class has a `name`, and `apply` or a function `act`.
 
     A rule sets ``me.act.<name> = x``, or ``me.act.<name>[k] = x`` where `width` is more than 1; a layer that is a
@@ -160,7 +160,7 @@ def check_actuator(actuator: object) -> None:
     """
     if not isinstance(actuator, Actuator):
         raise InvalidValueError(f"actuators holds {shortened(actuator)}; expected actuators such as Lamp()")
-    check_part("actuator", actuator, "act")
+    check_device("actuator", actuator, "act")
     kind = type(actuator).__name__
     check_flag(f"holds of actuator {kind}", actuator.holds)
     if not callable(actuator.apply):

@@ -375,7 +375,7 @@ class DesignTable:
         )
 
     def columns(self) -> dict[str, tuple[tuple, type, object]]:
-        """Return the columns of a swarm that custom parts and drives need: shape, type, value at first."""
+        """Return the columns of a swarm that custom devices and drives need: shape, type, value at first."""
         read: dict[str, Any] = {name: ((width,), np.float64, math.nan) for name, width in self.readings.items()}
         for name, (width, _) in self.actions.items():
             read[f"{ACT}{name}"] = ((width,) if width > 1 else (), np.float64, 0.0)

@@ -42,7 +42,7 @@ def speeds_in_words(numbers: int) -> str:
     return f"{ {1: 'one', 2: 'two', 3: 'three'}.get(numbers, numbers) } finite wheel speed{'s' if numbers > 1 else ''}"
 
 
-class _EqualByValues:
+class EqualByValues:
     """Base of drives, which are equal if they are of one class and hold the same values, which may be arrays.
 
     Examples
@@ -69,11 +69,11 @@ class _EqualByValues:
 def alike(one: object, other: object) -> bool:
     """Return whether two drives are equal; deprecated, compare them by ``==``."""
     warnings.warn("alike(one, other) is one == other now", DeprecationWarning, stacklevel=2)
-    return _EqualByValues.__eq__(one, other)  # type: ignore[operator]  # any two objects
+    return EqualByValues.__eq__(one, other)  # type: ignore[operator]  # any two objects
 
 
 @dataclass(kw_only=True, eq=False)
-class _Motors(_EqualByValues):
+class _Motors(EqualByValues):
     """Base of drives whose motors may need time to reach the commanded speed."""
 
     numbers: ClassVar[int] = 2

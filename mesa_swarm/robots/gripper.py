@@ -9,7 +9,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.actuators import ACT, Actuator
-from mesa_swarm.robots.parts import check_kind, check_spelling
+from mesa_swarm.robots.devices import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.world.bodies import CARRIED, DRIVEN
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.robots.parts import MOST_NUMBERS, check_identifier
+from mesa_swarm.robots.devices import MOST_NUMBERS, check_identifier
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 
 MOST_BEACONS = 10_000

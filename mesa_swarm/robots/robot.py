@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_choice, check_count, check_name, check_number
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.parts import reserve
+from mesa_swarm.robots.devices import reserve
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LASTING, WHEELS, Swarm
 from mesa_swarm.world.arena import Arena, ArenaAgent, leave_together, register_together, registers_together, uncollected
 from mesa_swarm.world.read_only import read_only

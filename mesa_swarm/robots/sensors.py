@@ -10,7 +10,7 @@ import numpy as np
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.diffusion import look_up
-from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, check_part, names_taken, own_function
+from mesa_swarm.robots.devices import RESERVED, Device, check_device, check_identifier, names_taken, own_function
 
 LARGEST_RANGE = 1e6
 MOST_RAYS = 10_000
@@ -19,7 +19,7 @@ LONGEST_HOLD = 10**9
 Mount = tuple[float, float]
 
 
-class Sensor(RobotPart):
+class Sensor(Device):
     """Base of all sensors; a custom class has a `name`, a `width` and a function `read`.
 
     ``read`` is a static function that fills `out` (n, width), one row a robot that has the sensor; what it leaves out
@@ -79,7 +79,7 @@ def check_sensor(sensor: Sensor) -> None:
     """
     if type(sensor) in BUILT_IN:
         return
-    check_part("sensor", sensor, "read", RESERVED)
+    check_device("sensor", sensor, "read", RESERVED)
     kind, function = type(sensor).__name__, own_function(sensor, "read")
     if function is None:
         raise InvalidValueError(f"sensor {kind} has no function read; give it a @staticmethod read(..., out)")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.parts import RESERVED, RobotPart, check_identifier, names_taken, own_function, reserve
+from mesa_swarm.robots.devices import RESERVED, Device, check_identifier, names_taken, own_function, reserve
 from mesa_swarm.world.arena import Agents
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.statics import BORDER, ROBOT
@@ -236,7 +236,7 @@ class Swarm:
     ) -> np.ndarray:
         """Append robots of one design and group and return their rows; their handles are set by the caller."""
         if design not in self.designs:
-            self.check_parts(design)
+            self.check_devices(design)
             self.table = DesignTable.of((*self.designs, design))
         old, new = len(self.columns["position"]), len(position)
         self._resize(np.arange(old), new)
@@ -255,7 +255,7 @@ class Swarm:
         self.robots_created += new
         return np.arange(old, old + new)
 
-    def check_parts(self, design: RobotDesign) -> None:
+    def check_devices(self, design: RobotDesign) -> None:
         """Refuse a design whose sensors or actuators do not fit those of the other robots.
 
         Raises
@@ -269,22 +269,22 @@ class Swarm:
             check_identifier(f"name of sensor {type(sensor).__name__}", sensor.name, RESERVED)
             if sensor.name not in self.table.readings and hasattr(self, sensor.name):
                 raise InvalidValueError(f"sensor {sensor.name} has the name of something else of the swarm; rename it")
-            if type(sensor).arguments is RobotPart.arguments:
+            if type(sensor).arguments is Device.arguments:
                 self.check_takes(sensor, own_function(sensor, "read"), ("out",))
 
-    def check_takes(self, part: RobotPart, function: Any, known: Iterable[str]) -> None:
+    def check_takes(self, device: Device, function: Any, known: Iterable[str]) -> None:
         """Refuse a function of arrays that takes something unknown; `known` are more names that there are.
 
         Raises
         ------
         UnknownNameError
         """
-        own = [name for name in dir(part) if not name.startswith("_") and not callable(getattr(part, name))]
+        own = [name for name in dir(device) if not name.startswith("_") and not callable(getattr(device, name))]
         columns = (name for name in self.columns if name.isidentifier())
         names = sorted({*own, *columns, *known, "rows", "obstacles", "owners"})
         for name in names_taken(function):
             if name not in names:
-                of = f"{type(part).__name__}.{function.__name__}"
+                of = f"{type(device).__name__}.{function.__name__}"
                 raise UnknownNameError(unknown_name(f"parameter of {of}", name, names))
 
     def remove(self, rows: Sequence[int]) -> None:

@@ -12,7 +12,7 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.foraging import Foraging
 from mesa_swarm.recording import Recording, provenance, recorder, verify
 from mesa_swarm.recording.layout import Layout
-from mesa_swarm.recording.parts import summary
+from mesa_swarm.recording.objects import summary
 from mesa_swarm.recording.recorder import RowBuffer
 from mesa_swarm.recording.sealed_stream import CHANGE
 from mesa_swarm.viewing.scene import scene_of_recording

@@ -19,8 +19,8 @@ from mesa_swarm.control.rule import Me
 from mesa_swarm.errors import BehaviourError, InvalidValueError, UncompiledBehaviourWarning, UnknownNameError
 from mesa_swarm.recording.layout import FIRST_COLUMNS, TABLES
 from mesa_swarm.robots import swarm
+from mesa_swarm.robots.devices import OF_FUNCTIONS, RESERVED
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
-from mesa_swarm.robots.parts import OF_FUNCTIONS, RESERVED
 from mesa_swarm.robots.sensors import LineSensor
 
 

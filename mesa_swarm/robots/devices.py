@@ -35,7 +35,7 @@ def reserve(names: Iterable[str]) -> None:
     RESERVED.update(name for name in names if not name.startswith("_"))
 
 
-class RobotPart:
+class Device:
     """What a sensor and an actuator are: named numbers of every robot that has one.
 
     Attributes
@@ -56,7 +56,7 @@ class RobotPart:
         return {}
 
     def check_model(self, model: Any) -> None:
-        """Raise an error if a model lacks what the part needs, such as a field; called before robots are added."""
+        """Raise an error if a model lacks what the device needs, such as a field; called before robots are added."""
 
     def check_bodies(self, model: Any) -> None:
         """Raise an error if a model lacks what may be added after robots, such as a kind; called before they read."""
@@ -73,7 +73,7 @@ def check_spelling(model: Any, kind: str) -> None:
         model.kind_code(kind)
 
 
-def check_kind(model: Any, part: RobotPart, kind: str) -> None:
+def check_kind(model: Any, device: Device, kind: str) -> None:
     """Refuse a kind of bodies that the model knows but for its spelling, and warn of any other that it does not know.
 
     Bodies may come later, or not at all in a run; `SwarmModel.add_kind` declares their kind.
@@ -82,8 +82,8 @@ def check_kind(model: Any, part: RobotPart, kind: str) -> None:
     if kind in model.kinds:
         return
     warnings.warn(
-        f"a {type(part).__name__} is for the kind {kind!r}, of which the model has no body; if this is meant, declare "
-        f"it by model.add_kind({kind!r})",
+        f"a {type(device).__name__} is for the kind {kind!r}, of which the model has no body; if this is meant, "
+        f"declare it by model.add_kind({kind!r})",
         UnknownKindWarning,
         stacklevel=2,
     )
@@ -103,35 +103,35 @@ def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str
     return name
 
 
-def check_part(what: str, part: Any, function: str, taken: Container[str] = ()) -> None:
+def check_device(what: str, device: Any, function: str, taken: Container[str] = ()) -> None:
     """Refuse a sensor or actuator whose name, width or function cannot be used; `function` is the name of its own.
 
     Raises
     ------
     InvalidValueError
     """
-    kind = type(part).__name__
-    check_identifier(f"name of {what} {kind}", asked(part, "name"), taken)
-    check_count(f"width of {what} {kind}", asked(part, "width"), minimum=1, maximum=MOST_NUMBERS)
+    kind = type(device).__name__
+    check_identifier(f"name of {what} {kind}", asked(device, "name"), taken)
+    check_count(f"width of {what} {kind}", asked(device, "width"), minimum=1, maximum=MOST_NUMBERS)
     try:
-        hash(part)
+        hash(device)
     except Exception:  # of a class of the user's
         raise InvalidValueError(
             f"{what} {kind} cannot be hashed; make its class with @dataclass(frozen=True, kw_only=True), "
             "and its fields numbers, texts or tuples"
         ) from None
-    if own_function(part, function) is not None:
-        names_taken(own_function(part, function), f"{kind}.{function}")
+    if own_function(device, function) is not None:
+        names_taken(own_function(device, function), f"{kind}.{function}")
 
 
-def own_function(part: Any, name: str) -> Callable | None:
-    """Return a part's function of arrays as it was written, None without one."""
-    found = inspect.getattr_static(type(part), name, None)
+def own_function(device: Any, name: str) -> Callable | None:
+    """Return a device's function of arrays as it was written, None without one."""
+    found = inspect.getattr_static(type(device), name, None)
     if isinstance(found, staticmethod):
         return found.__func__
     if found is None or hasattr(found, "py_func"):
         return found
-    raise InvalidValueError(f"{type(part).__name__}.{name} is {shortened(found)}; expected a @staticmethod of arrays")
+    raise InvalidValueError(f"{type(device).__name__}.{name} is {shortened(found)}; expected a @staticmethod of arrays")
 
 
 def names_taken(function: Any, what: str = "") -> tuple[str, ...]:

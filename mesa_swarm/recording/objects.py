@@ -1,11 +1,8 @@
-"""Parts, robots, obstacles, fires, loads and other agents as stored in recordings."""
+"""Robots, obstacles, loads, fires and other agents as stored in recordings."""
 
-import re
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, is_dataclass
 from functools import partial
-from itertools import groupby, islice
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -13,113 +10,20 @@ from mesa.agent import Agent
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from shapely import Point, Polygon
 
-from mesa_swarm import control as controls
-from mesa_swarm.control.conditions import CONDITIONS
-from mesa_swarm.control.team import Key, Team, label_of
-from mesa_swarm.errors import RecordingError, SwarmError, check_flag, check_name, in_words, shortened
-from mesa_swarm.fire.constants import FireConstants
+from mesa_swarm.errors import RecordingError, check_flag, check_name, shortened
 from mesa_swarm.fire.fires import Fire
-from mesa_swarm.fire.strategy import FightFire, SeekHeat
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.physics.neighbours import NeighbourSensor
-from mesa_swarm.recording.container import ATOMS
-from mesa_swarm.recording.making import check_agent_class
-from mesa_swarm.robots.actuators import Emitter, Lamp
+from mesa_swarm.recording.devices import make_stored, part_from_json, part_to_json
+from mesa_swarm.recording.making import check_agent_class, classes_near, family, is_class
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
-from mesa_swarm.robots.gripper import Carried, Gripper
-from mesa_swarm.robots.imperfections import Imperfection, Imperfections
-from mesa_swarm.robots.parts import RobotPart
-from mesa_swarm.robots.radio import Radio
-from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.robot import add_handles
-from mesa_swarm.robots.sensors import FieldSensor, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.world.arena import ArenaAgent, next_id, set_next_id
 from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_temperature
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
-SENSORS = (ProximitySensor, RadiationSensor, LineSensor, NeighbourSensor, FieldSensor, Carried)
-OF_DESIGNS = (RobotDesign, *SENSORS, Emitter, Lamp, Gripper, DifferentialDrive, HolonomicDrive, OmniDrive, DirectedSlip)
-OF_MODELS = (FireConstants, Radio, Imperfection, Imperfections, Scale)
-FLOCKING = (controls.Align, controls.Cohere, controls.Cruise, controls.MatchVelocity, controls.Separate)
-TOWARDS_BODIES = (controls.Follow, controls.Gather, controls.HeadOn, controls.Perimeter, controls.Push)
-OF_MACHINES = (controls.Approach, controls.Halt, controls.Retreat, *CONDITIONS)
-LAYERS = (*FLOCKING, *TOWARDS_BODIES, controls.Avoid, controls.Explore, controls.Respond, FightFire, SeekHeat)
-PARTS: dict[str, Any] = {part.__name__: part for part in (*OF_DESIGNS, *OF_MODELS, *LAYERS, *OF_MACHINES)}
-OWN_CODE = "code of one's own"  # a key of stored states
-ARBITERS = {one.__name__: one for one in (controls.StateMachine, controls.Subsumption, controls.VectorSum)}
 MOST_OBJECTS = 10_000_000
-
-
-def part_to_json(part: Any) -> object:
-    """Return a part as ``{class: fields}``, its own parts likewise; plain values as they are."""
-    if isinstance(part, np.generic):
-        part = part.item()
-    if type(part) in ATOMS:
-        return part
-    if type(part) in (tuple, list):
-        return [part_to_json(item) for item in part]
-    name = type(part).__name__
-    if PARTS.get(name) is not type(part):
-        if isinstance(part, RobotPart):
-            return {OWN_CODE: [name, *(part_to_json(getattr(part, field.name)) for field in _fields(part))]}
-        raise RecordingError(f"{shortened(part)} is of class {name}, which cannot be recorded")
-    return {name: {field.name: part_to_json(getattr(part, field.name)) for field in _fields(part)}}
-
-
-def _fields(part: Any) -> tuple:
-    return fields(part) if is_dataclass(part) else ()
-
-
-def part_from_json(value: object, near: Sequence[type] = ()) -> Any:
-    """Return the part that `part_to_json` wrote; lists become tuples. Custom parts are of the classes `near`."""
-    if type(value) in ATOMS:
-        return value
-    if isinstance(value, list):
-        return tuple(part_from_json(item, near) for item in value)
-    name, given = _only_item(value)
-    if name == OWN_CODE:
-        return _custom_part(given, near)
-    if name not in PARTS or not isinstance(given, dict):
-        raise RecordingError(f"unknown part {shortened(name)} in recording")
-    arguments = {field: part_from_json(item, near) for field, item in given.items()}
-    return _made(name, PARTS[name], arguments)
-
-
-def _custom_part(given: Any, near: Sequence[type]) -> RobotPart:
-    """Return a custom sensor or actuator, of which the name of its class and the values of its fields are stored."""
-    name, *values = given
-    kind = next((one for one in near if one.__name__ == name and issubclass(one, RobotPart)), None)
-    if kind is None or not is_dataclass(kind) or len(fields(kind)) != len(values):
-        raise RecordingError(
-            f"the robots have a custom part ({shortened(given)}), which is found only in a model that adds such robots "
-            "in its constructor, or has its class in its own module"
-        )
-    named = zip((field.name for field in fields(kind)), values, strict=True)
-    return _made(name, kind, {field: part_from_json(item, near) for field, item in named})
-
-
-def classes_near(model: EngineModel) -> list[type]:
-    """Return the classes in the modules that define the class of a model, which are loaded: nothing is imported."""
-    names = dict.fromkeys(kind.__module__ for kind in type(model).__mro__ if issubclass(kind, EngineModel))
-    modules = [sys.modules[name] for name in names if name in sys.modules]
-    return [one for module in modules for one in vars(module).values() if isinstance(one, type)]
-
-
-def is_class(kind: type, module: str, name: str) -> bool:
-    """Return whether a class may be one that was recorded: its name is, and the last word of its module.
-
-    A file may be run as a program, whose module is called ``__main__``, imported, or loaded by its path.
-    """
-    words = {_last_word(module), _last_word(kind.__module__)}
-    return kind.__qualname__ == name and (len(words) == 1 or "__main__" in words)
-
-
-def _last_word(module: str) -> str:
-    """Return the last word of a module's address, without what `gallery` adds where a file's name is taken."""
-    return re.sub(r"_[0-9a-f]{8}$", "", module.rpartition(".")[2])
 
 
 def stored_shape(shape: Shape) -> dict:
@@ -143,7 +47,7 @@ def restored_shape(value: Any) -> Shape:
         outline = {"rings": value["rings"]} if "rings" in value else {"disc": [*value["centre"], value["radius"]]}
         return shape_from_json({**outline, "mark": not check_flag("contact", value.get("contact", True))})
 
-    return _made("shape", make, {})
+    return make_stored("shape", make, {})
 
 
 def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
@@ -153,94 +57,6 @@ def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
         return Point(*value["centre"]), shape.radius
     outline, *holes = value["rings"]
     return Polygon(outline, holes), 0.0
-
-
-def control_to_json(control: controls.Arbiter | None) -> object:
-    """Return the layers and weights of an arbiter, or of each of a team; of custom rules only their names."""
-    if control is None:
-        return None
-    if isinstance(control, Team):
-        return {"Team": [[_key_to_json(key), control_to_json(arbiter)] for key, arbiter in control.items()]}
-    layers = [_layer_to_json(layer) for layer in control.layers]
-    if isinstance(control, controls.StateMachine):
-        states = [[name, len(of_state)] for name, of_state in control.states.items()]
-        changes = [[one.source, one.target, _layer_to_json(one.condition)] for one in control.transitions]
-        return {"StateMachine": {"layers": layers, "states": states, "transitions": changes}}
-    weights = getattr(control, "weights", None)
-    return {type(control).__name__: {"layers": layers, "weights": None if weights is None else list(weights)}}
-
-
-def control_from_json(value: object) -> Any:
-    """Return the arbiter that `control_to_json` wrote; custom rules and arbiters are refused."""
-    if value is None:
-        return None
-    name, given = _only_item(value)
-    if name == "Team" and isinstance(given, list):
-        arbiters = {_key_from_json(key): control_from_json(arbiter) for key, arbiter in map(tuple, given)}
-        return _made(name, lambda: Team(arbiters), {})
-    if name not in ARBITERS or not isinstance(given, dict) or not isinstance(given.get("layers"), list):
-        raise RecordingError(f"unknown arbiter {shortened(name)} in recording")
-    own = own_code(value)
-    if own:
-        raise RecordingError(f"the control has a custom rule ({shortened(own[0])}), which cannot be recorded")
-    layers = [part_from_json(layer) for layer in given["layers"]]
-    if name == "StateMachine":
-        return _made(name, partial(_machine, layers, given), {})
-    more = {} if given.get("weights") is None else {"weights": given["weights"]}
-    return _made(name, lambda: ARBITERS[name](*layers, **more), {})
-
-
-def _machine(layers: list, given: dict) -> controls.StateMachine:
-    """Return the state machine of these layers, of which the number in each state is stored."""
-    rest = iter(layers)
-    states = {str(name): tuple(islice(rest, _id(count))) for name, count in given["states"]}
-    changes = [(source, target, part_from_json(condition)) for source, target, condition in given["transitions"]]
-    return controls.StateMachine(states, [controls.Transition(source=a, target=b, condition=c) for a, b, c in changes])
-
-
-def own_code(control: Any) -> list[str]:
-    """Return the names of the custom rules in what `control_to_json` returned."""
-    if control is not None and "Team" in control:
-        return [name for _, arbiter in control["Team"] for name in own_code(arbiter)]
-    layers = [layer for given in (control or {}).values() for layer in given["layers"]]
-    layers += [part for given in (control or {}).values() for _, _, part in given.get("transitions", ())]
-    return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
-
-
-def _key_to_json(key: Key) -> object:
-    """Return a group's name, or a design; one with a custom drive only by its name."""
-    try:
-        return part_to_json(key)
-    except RecordingError:
-        return {OWN_CODE: label_of(key)}
-
-
-def _key_from_json(value: object) -> Any:
-    if isinstance(value, dict) and OWN_CODE in value:
-        raise RecordingError(f"the control is for a design of code of one's own ({shortened(value[OWN_CODE])})")
-    return part_from_json(value)
-
-
-def _layer_to_json(layer: object) -> object:
-    try:
-        return part_to_json(layer)
-    except RecordingError:
-        values = [f"{name}={value!r}" for name, value in getattr(layer, "parameters", {}).items()]
-        return {OWN_CODE: " ".join([type(layer).__name__, str(getattr(layer, "name", "")), *values])}
-
-
-def _only_item(value: object) -> tuple[object, object]:
-    if not isinstance(value, dict) or len(value) != 1:
-        raise RecordingError(f"{shortened(value)} is not a part; expected a class and its fields")
-    ((name, given),) = value.items()
-    return name, given
-
-
-def _made(name: str, maker: Callable, arguments: dict) -> Any:
-    try:
-        return maker(**arguments)
-    except (SwarmError, TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
-        raise RecordingError(f"{name} of the recording cannot be made: {in_words(error)}") from None
 
 
 def objects_to_json(model: EngineModel) -> dict:
@@ -389,12 +205,6 @@ def _restore_others(model: EngineModel, stored: dict[int, list]) -> None:
             )
         if place is not None and isinstance(agent, ContinuousSpaceAgent):
             agent.position = place
-
-
-def family(base: type) -> list[type]:
-    """Return a class and all loaded classes that are derived from it."""
-    children: list[type] = base.__subclasses__()
-    return [base, *(derived for child in children for derived in family(child))]
 
 
 def summary(model: EngineModel) -> list[list[int]]:

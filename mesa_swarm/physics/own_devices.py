@@ -16,7 +16,7 @@ from mesa_swarm.physics.radio import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.design import places_of
-from mesa_swarm.robots.parts import DeviceFunction, RobotPart, device_function_of, own_function
+from mesa_swarm.robots.devices import Device, DeviceFunction, device_function_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
 
@@ -24,7 +24,7 @@ from mesa_swarm.robots.swarm import Swarm
 OF_SCENE: dict[str, Callable] = {"obstacles": obstacles_of, "owners": lambda scene: scene.statics.owner}
 
 
-class OwnParts:
+class OwnDevices:
     """The sensors and actuators of a swarm with functions of their own, bound to the rows of their robots."""
 
     def __init__(self) -> None:
@@ -33,8 +33,8 @@ class OwnParts:
         self._doers: list[Doer] = []
 
     def __getstate__(self) -> dict:
-        """Leave out what is bound: a copied or unpickled model binds its parts again."""
-        return vars(OwnParts())
+        """Leave out what is bound: a copied or unpickled model binds its devices again."""
+        return vars(OwnDevices())
 
     def sense(self, model: Any, scene: Surroundings) -> None:
         """Read all custom sensors; robots without them read NaN."""
@@ -68,8 +68,8 @@ class OwnParts:
         if self._version == swarm.version:
             return
         for design in dict.fromkeys(swarm.designs):
-            for part in (*design.sensors, *design.actuators):
-                part.check_bodies(model)
+            for device in (*design.sensors, *design.actuators):
+                device.check_bodies(model)
         self._readers = [Reader(swarm, sensor, first, rows) for sensor, first, rows in _sensors_by_rows(swarm)]
         self._doers = [Doer(swarm, actuator, rows) for actuator, rows in _actuators_by_rows(swarm)]
         self._version = swarm.version
@@ -118,12 +118,12 @@ class Doer:
 
 
 class Call:
-    """A part's function of arrays, and where the values come from that its parameters name."""
+    """A device's function of arrays, and where the values come from that its parameters name."""
 
-    def __init__(self, swarm: Swarm, part: RobotPart, function: str, rows: np.ndarray) -> None:
-        self.compiled: DeviceFunction = device_function_of(own_function(part, function))
-        self._part, self._swarm, self._rows = part, swarm, rows
-        self._asks = type(part).arguments is not RobotPart.arguments
+    def __init__(self, swarm: Swarm, device: Device, function: str, rows: np.ndarray) -> None:
+        self.compiled: DeviceFunction = device_function_of(own_function(device, function))
+        self._device, self._swarm, self._rows = device, swarm, rows
+        self._asks = type(device).arguments is not Device.arguments
         self._all = len(rows) == len(swarm)
         self._sources: list[Callable] | None = None
 
@@ -133,15 +133,15 @@ class Call:
             given = {**self._arguments(model), **given}
         if self._sources is None:
             known = *given, *OF_SCENE, "rows"
-            self._swarm.check_takes(self._part, self.compiled.function, known)
+            self._swarm.check_takes(self._device, self.compiled.function, known)
             self._sources = [self._source(name, given) for name in self.compiled.takes]
         self.compiled(*[source(given, scene) for source in self._sources])
 
     def _arguments(self, model: Any) -> Mapping[str, Any]:
-        more = self._part.arguments(model)
+        more = self._device.arguments(model)
         if not isinstance(more, Mapping):
             raise InvalidValueError(
-                f"{type(self._part).__name__}.arguments returned {shortened(more)}; expected a dict by name"
+                f"{type(self._device).__name__}.arguments returned {shortened(more)}; expected a dict by name"
             )
         return more
 
@@ -153,8 +153,8 @@ class Call:
             return lambda given, scene: self._rows
         if name in OF_SCENE:
             return lambda given, scene: OF_SCENE[name](scene)
-        if hasattr(self._part, name):
-            value = getattr(self._part, name)
+        if hasattr(self._device, name):
+            value = getattr(self._device, name)
             return lambda given, scene: value
         column = _read_only(self._swarm.columns[name].view())
         if self._all:
@@ -188,13 +188,13 @@ def _actuators_by_rows(swarm: Swarm) -> Iterator[tuple[Actuator, np.ndarray]]:
             yield actuator, rows
 
 
-def _guarded(do: Callable, part: RobotPart, model: Any, scene: Surroundings) -> None:
-    """Call a function of the user's; an error of it becomes one line that names the part."""
+def _guarded(do: Callable, device: Device, model: Any, scene: Surroundings) -> None:
+    """Call a function of the user's; an error of it becomes one line that names the device."""
     try:
         do(model, scene)
     except (SwarmError, UncompiledBehaviourWarning):
         raise
     except Exception as error:
         what = " ".join(f"{type(error).__name__}: {error}".split())
-        kind = "sensor" if isinstance(part, Sensor) else "actuator"
-        raise BehaviourError(f"{kind} {part.name} failed in step {model.steps}: it raised {what}") from error
+        kind = "sensor" if isinstance(device, Sensor) else "actuator"
+        raise BehaviourError(f"{kind} {device.name} failed in step {model.steps}: it raised {what}") from error
