@@ -30,7 +30,7 @@ def test_a_fire_shows_its_place_and_temperature_and_that_it_is_out_or_removed():
     model = empty()
     fire = model.add_fire((100, 50), radius=5, temperature=0.12345)
     assert repr(fire) == "<Fire 1 at (100.0, 50.0), temperature 0.123>"
-    model.fires.columns["out"][0] = True
+    model.fires.own["out"][0] = True
     assert repr(fire) == "<Fire 1 at (100.0, 50.0), out>"
     fire.remove()
     assert repr(fire) == "<Fire 1, removed>"

@@ -82,7 +82,9 @@ class Fires:
         """Return a column of the table of bodies in the rows of fires."""
         if name not in OF_BODIES:
             raise AttributeError(f"Fires has no attribute {name}")
-        return read_only(getattr(self.table, name)[self.rows])
+        column = getattr(self.table, name)[self.rows]
+        column.flags.writeable = False
+        return column
 
     @property
     def rows(self) -> np.ndarray:

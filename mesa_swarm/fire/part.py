@@ -47,7 +47,9 @@ class FiresPart(Part):
         """Return the columns of fires, and of the heat in robots."""
         robots, fires = self.model.swarm.columns, self.fires.own
         return {
-            **{name: Column(column, None, "parameter" if name == "area" else "state") for name, column in fires.items()},
+            **{
+                name: Column(column, None, "parameter" if name == "area" else "state") for name, column in fires.items()
+            },
             **{f"robots.{name}": Column(robots[name], "robots") for name in OF_ROBOTS},
         }
 

@@ -26,7 +26,6 @@ from mesa_swarm.world.bodies import (
     DRIVEN,
     FIXED,
     LARGEST_HEADING,
-    MODES,
     PUSHED,
     Body,
     BodyTable,
@@ -402,7 +401,9 @@ class BodiesPart(Part):
                 raise
         return body
 
-    def take(self, body_class: type[AnyBody], shape: Shape, kind: str, form: Form | None = None, **values: Any) -> AnyBody:
+    def take(
+        self, body_class: type[AnyBody], shape: Shape, kind: str, form: Form | None = None, **values: Any
+    ) -> AnyBody:
         """Add a body whose values are checked, and rows to the columns that parts have of bodies."""
         self.know_kind(kind)
         body = body_class(self.space, self.model, self.table, shape, kind, form, **values)

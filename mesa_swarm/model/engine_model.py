@@ -22,7 +22,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.kernels.plan import Plan
-from mesa_swarm.model.bodies import MODES, BodiesPart
+from mesa_swarm.model.bodies import ADDED, BodiesPart
 from mesa_swarm.model.common import with_common
 from mesa_swarm.model.control import ControlPart
 from mesa_swarm.model.events import EventLog, EventsPart
@@ -445,7 +445,7 @@ class EngineModel(MesaModel):
         shape: Shape,
         *,
         kind: str | None = None,
-        mode: str = MODES[0],
+        mode: str = ADDED[0],
         agent: mesa.Agent | None = None,
         resistance: float | None = None,
         temperature: float | None = None,

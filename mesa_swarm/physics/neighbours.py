@@ -187,8 +187,6 @@ def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
     table, kinds = model.parts.bodies.table, model.kinds
     code = kinds.index(kind) if kind in kinds else NOTHING
     rows = np.flatnonzero((table.kind == code) & (table.seen == code) & (table.mode != CARRIED))
-    if kind == KINDS[FIRE]:  # which hide nothing: no item of `owners` has these indices
-        number = len(model.obstacle_list) + rows
-    else:
-        number = (np.cumsum(table.kind != FIRE) - 1)[rows]
+    # What is numbered apart hides nothing: no item of `owners` has these indices.
+    number = np.where(table.kind == FIRE, len(table) + np.arange(len(table)), np.cumsum(table.kind != FIRE) - 1)[rows]
     return {"places": table.position[rows], "number": number, "bodies": number, "lamps": np.empty(0)}

@@ -118,9 +118,7 @@ def sense_radiation(swarm: Swarm, surroundings: Surroundings, radiation: np.ndar
         for s in range(len(swarm.designs[design].radiation)):
             view = view_of(swarm, i, swarm.table.radiation[design, s], beyond)
             seen = [heat for centre, radius, heat in discs if distance_to_disc(view, centre, radius) <= view.range]
-            seen += [
-                heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range
-            ]
+            seen += [heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range]
             radiation[i, s] = max(seen, default=0.0)
 
 

@@ -36,7 +36,7 @@ from mesa_swarm.recording.collected import (
 )
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
 from mesa_swarm.recording.devices import part_from_json, part_to_json
-from mesa_swarm.recording.earlier import columns_in_parts, in_parts
+from mesa_swarm.recording.earlier import columns_in_parts, in_parts, restore_fires
 from mesa_swarm.recording.making import check_made
 from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.provenance import FORMAT, hash_in_format
@@ -44,6 +44,8 @@ from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import FAILED_WHEELS, WHEELS
+from mesa_swarm.world.bodies import FIXED, LARGEST_RESISTANCE, PUSHED
+from mesa_swarm.world.statics import FIRE
 
 # Of the state of Python's generator.
 WORDS = 625
@@ -186,6 +188,7 @@ def _restore(model: EngineModel, checkpoint: Checkpoint, earlier: Sequence[Check
     _restore_attributes(model, facts, packed, made)
     for part, stored in columns:
         _restore_columns(part, stored, packed)
+    restore_fires(model, facts, packed)
     _check_columns(model)
     series = [(one.facts["collected"], ModelPacked(model, one.arrays)) for one in earlier]
     restore_collected(model, joined([*series, (facts["collected"], packed)]))
@@ -268,7 +271,7 @@ def _restore_columns(part: Part, stored: dict, packed: Packed) -> None:
 
 def _check_columns(model: EngineModel) -> None:
     """Refuse values that compiled functions, which check nothing, would use as an index or a position."""
-    robots, fires, designs = model.swarm.columns, model.fires.columns, model.swarm.designs
+    robots, bodies, designs = model.swarm.columns, model.parts.bodies.table, model.swarm.designs
     ends = {"design": (0, len(designs)), "fire": (-1, len(model.fires)), "layer": (-1, MOST_LAYERS)}
     ends["group"] = (-1, len(model.swarm.groups))
     for name, (first, end) in ends.items():
@@ -277,15 +280,22 @@ def _check_columns(model: EngineModel) -> None:
     radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
     low, high = np.reshape(model.map.bounds, (2, 2))
     own, wheels = robots["design"], robots.get(FAILED_WHEELS, np.zeros(1))
+    moving, fires, pushed = bodies.mode != FIXED, bodies.kind == FIRE, bodies.mode == PUSHED
+    places = (robots["position"], bodies.position[moving | fires], bodies.aim[moving])
+    heat, turns = bodies.temperature, np.concatenate([bodies.heading, bodies.aim_heading])
     valid = {
         FAILED_WHEELS: ((wheels >= 0) & (wheels < len(WHEELS))).all(),
-        "position": all(((c["position"] >= low) & (c["position"] <= high)).all() for c in (robots, fires)),
+        "position": all(((place >= low) & (place <= high)).all() for place in places),
+        "heading of bodies": (np.abs(turns) <= np.pi).all(),
+        "temperature of bodies": (np.isnan(heat) | ((heat >= 0) & (heat <= 1))).all()
+        and not np.isnan(heat[fires]).any(),
+        "resistance": ((bodies.resistance[pushed] > 0) & (bodies.resistance[pushed] <= LARGEST_RESISTANCE)).all(),
         "heading": np.isfinite(robots["heading"]).all(),
         "number": len(np.unique(robots["number"])) == len(model.swarm),
         "command": np.isfinite(robots["command"]).all(),
         "radius": not len(own) or (robots["radius"] == radius[own]).all(),
         "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
-        "radius of fires": ((fires["radius"] > 0) & (fires["radius"] <= LARGEST_RADIUS)).all(),
+        "radius of fires": ((bodies.radius[fires] > 0) & (bodies.radius[fires] <= LARGEST_RADIUS)).all(),
     }
     for name, is_valid in valid.items():
         if not is_valid:

@@ -2,10 +2,15 @@
 
 from typing import Any
 
+import numpy as np
+
+from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire.burning import Burning
+from mesa_swarm.fire.fires import OF_BODIES
 from mesa_swarm.fire.part import BURNING
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.recording.container import Packed
 from mesa_swarm.robots.swarm import FAILED_SENSORS
 
 OF_BURNING = f"{Burning.__module__}.{Burning.__qualname__}"
@@ -114,6 +119,8 @@ def columns_in_parts(model: EngineModel, facts: dict, parts: list[tuple[Part, di
     others = {**{name: column for name, column in facts["fires"].items()}, **_values_of_fields(facts)}
     taken, found = set(), []
     for part, _ in parts:
+        if part.name == "bodies":  # whose state was stored with what they are, see `restore_fires`
+            continue
         stored = {}
         for name, column in part.columns().items():
             own = names.get(id(column.array))
@@ -126,6 +133,19 @@ def columns_in_parts(model: EngineModel, facts: dict, parts: list[tuple[Part, di
     if odd:  # refused where the columns of robots are restored
         next(stored for part, stored in found if part.name == "robots")[odd[0]] = facts["of_swarm"][odd[0]]
     return found
+
+
+def restore_fires(model: EngineModel, facts: dict, packed: Packed) -> None:
+    """Write what fires have as bodies, which earlier formats have in a table of fires."""
+    if "of_swarm" not in facts:
+        return
+    table = model.parts.bodies.table
+    for name in OF_BODIES:
+        column, value = getattr(table, name), packed.unpack(facts["fires"][name])
+        shape = (len(model.fires), *column.shape[1:])
+        if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != shape:
+            raise RecordingError(f"column {name} of fires does not match the model; expected {column.dtype} {shape}")
+        column[model.fires.rows] = value
 
 
 def _values_of_fields(facts: dict) -> dict[str, Any]:

@@ -11,16 +11,27 @@ from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from shapely import Point, Polygon
 
 from mesa_swarm.errors import RecordingError, check_flag, check_name, shortened
-from mesa_swarm.fire.fires import Fire
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.devices import make_stored, part_from_json, part_to_json
 from mesa_swarm.recording.making import check_agent_class, classes_near, family, is_class
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.world.arena import ArenaAgent, next_id, set_next_id
-from mesa_swarm.world.bodies import Body, Form, Load, Obstacle, Pose, checked_temperature
+from mesa_swarm.world.bodies import (
+    CARRIED,
+    DRIVEN,
+    FIXED,
+    PUSHED,
+    Body,
+    Form,
+    Load,
+    Obstacle,
+    Pose,
+    checked_resistance,
+    checked_temperature,
+)
 from mesa_swarm.world.movers import Driven
-from mesa_swarm.world.shapes import Shape, outline_to_json, shape_from_json
+from mesa_swarm.world.shapes import Shape, disc, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
 
 MOST_OBJECTS = 10_000_000
@@ -70,7 +81,7 @@ def objects_to_json(model: EngineModel) -> dict:
         "robots": swarm.unique_ids.tolist(),
         "designs_of_robots": swarm.design.tolist(),
         "groups": list(swarm.groups),
-        "obstacles": [_obstacle_to_json(obstacle) for obstacle in model.obstacle_list],
+        "obstacles": [body_to_json(body) for body in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
         "next_id": next_id(model),
         **({} if model.kinds == KINDS else {"kinds": list(model.kinds)}),
@@ -88,7 +99,7 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
     _check_ids(stored, obstacles, others)
-    model.parts.bodies.kinds = _checked_kinds(stored.get("kinds", list(KINDS)))
+    model.parts.bodies.table.set_kinds(_checked_kinds(stored.get("kinds", list(KINDS))))
     _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
     designs = _designs(model, stored["designs"])
     robots = dict(zip(stored["robots"], stored["designs_of_robots"], strict=True))
@@ -96,7 +107,7 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
         if not 0 <= _id(design) < len(designs):
             raise RecordingError(f"robot {unique_id} has design {design}; expected one of {len(designs)}")
     makers: dict[int, Callable]
-    makers = {unique_id: partial(_make_obstacle, model, body) for unique_id, body in obstacles.items()}
+    makers = {unique_id: partial(_make_body, model, body) for unique_id, body in obstacles.items()}
     makers |= {unique_id: partial(_make_fire, model) for unique_id in stored["fires"]}
     makers |= {
         unique_id: partial(_make_other, model, before if from_file else None, *kind)
@@ -115,16 +126,16 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
     model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
     model.swarm.set_designs(designs)
     _restore_others(model, others)
-    for body in model.obstacle_list:
-        body.temperature = checked_temperature(obstacles[body.unique_id].get("temperature"))
-    for load in model.parts.bodies.loads:
-        _restore_load(load, obstacles[load.unique_id], model.map.bounds)
+    robots_by_id = {robot.unique_id: robot for robot in model.swarm.agents}
     agents = {agent.unique_id: agent for agent in model.agents}
-    for body in model.movers.agents:
+    for body in model.obstacle_list:
         one = obstacles[body.unique_id]
-        body.agent = _agent_of(model, _id(one["agent"]), agents) if "agent" in one else None
-        _restore_driven(body, one, model.map.bounds)
-    model.movers.list_followers()
+        if isinstance(body, Driven):
+            body.agent = _agent_of(model, _id(one["agent"]), agents) if "agent" in one else None
+            body.carrier = robots_by_id[_id(one["carrier"])] if "carrier" in one else None
+            body.table.mode[body.row] = DRIVEN if body.carrier is None else CARRIED
+        restore_state(body, one, model.map.bounds)  # earlier formats have it here
+    model.parts.bodies.table.sort()
     model.parts.bodies.changed()
     new = [agent for agent in other_agents(model) if agent.unique_id not in present]
     return {agent: before.get(type(agent)) for agent in new}
@@ -213,36 +224,36 @@ def summary(model: EngineModel) -> list[list[int]]:
     return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
 
 
-def _obstacle_to_json(obstacle: Body) -> dict:
-    usual = KINDS[LOAD] if isinstance(obstacle, Load) else KINDS[OBSTACLE]
-    heat = {} if obstacle.temperature is None else {"temperature": float(obstacle.temperature)}
-    return {**body_to_json(obstacle), **heat, **({} if obstacle.kind == usual else {"kind": obstacle.kind})}
+def body_to_json(body: Body) -> dict:
+    """Return what a body is, as stored states have it: its outline, its kind, the robot or agent that it goes with."""
+    form, usual, _, _ = next(entry for entry in MADE if isinstance(body, entry[2]))
+    outline = stored_shape(body.shape) if form == "shape" else stored_outline(body.form.outline, body.form.radius)
+    related = {name: getattr(body, name, None) for name in ("carrier", "agent")}
+    return {
+        "id": body.unique_id,
+        form: outline,
+        **({} if body.kind == KINDS[usual] else {"kind": body.kind}),
+        **{name: agent.unique_id for name, agent in related.items() if agent is not None},
+    }
 
 
-def body_to_json(obstacle: Body) -> dict:
-    """Return a body as stored states have it, without its kind."""
-    if isinstance(obstacle, Driven):
-        movers, row = obstacle.movers, obstacle.row
-        return {
-            "id": obstacle.unique_id,
-            "driven": stored_outline(obstacle.form.outline, obstacle.form.radius),
-            "pose": list(obstacle.pose),
-            "aim": [*movers.aim[row].tolist(), float(movers.aim_heading[row])],
-            "blocked": obstacle.blocked,
-            "fresh": bool(movers.fresh[row]),
-            **({} if obstacle.carrier is None else {"carrier": obstacle.carrier.unique_id}),
-            **({} if obstacle.agent is None else {"agent": obstacle.agent.unique_id}),
-        }
-    if isinstance(obstacle, Load):
-        return {
-            "id": obstacle.unique_id,
-            "load": stored_outline(obstacle.form.outline, obstacle.form.radius),
-            "pose": list(obstacle.pose),
-            "resistance": float(obstacle.resistance),
-            "moved": bool(obstacle.moved),
-            "pushers": int(obstacle.pushers),
-        }
-    return {"id": obstacle.unique_id, "shape": stored_shape(obstacle.shape)}
+def state_to_json(body: Body) -> dict:
+    """Return the state of a body, as earlier formats have it, and as a removed one is stored."""
+    table, row = body.table, body.row
+    aim = [*table.aim[row].tolist(), float(table.aim_heading[row])]
+    return {"pose": list(table.pose_of(row)), "aim": aim, **{n: getattr(table, n)[row].item() for n in STATE}}
+
+
+def restore_state(body: Body, stored: dict, bounds: tuple[float, float, float, float]) -> None:
+    """Take back what `state_to_json` has returned, or some of it, checked."""
+    table, row, name = body.table, body.row, f"body {body.unique_id}"
+    if "pose" in stored:
+        *table.position[row], table.heading[row] = stored_pose(name, stored["pose"], bounds)
+    if "aim" in stored:
+        *table.aim[row], table.aim_heading[row] = stored_pose(name, stored["aim"], bounds)
+    for column, checked in STATE.items():
+        if column in stored:
+            getattr(table, column)[row] = checked(stored[column])
 
 
 def _check_ids(stored: dict, obstacles: dict, others: dict) -> None:
@@ -286,36 +297,19 @@ def _make_robots(model: EngineModel, design: RobotDesign, number: int) -> None:
     model.parts.add_rows("robots", number)
 
 
-def _make_obstacle(model: EngineModel, body: dict) -> None:
-    if "driven" in body:
-        model.parts.bodies.listed.append(_made_driven(model, body))
-    elif "load" in body:
-        form = Form.about_origin(*restored_outline(body["load"]))
-        kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[LOAD])
-        shape, table = form.shape_at((0.0, 0.0, 0.0)), model.parts.bodies.loads
-        load = Load(model.space, model, shape, table, body["resistance"], kind)
-        load.form = form
-        model.parts.bodies.listed.append(load)
+def _make_body(model: EngineModel, body: dict) -> None:
+    form_name, usual, body_class, mode = next(entry for entry in MADE if entry[0] in body)
+    kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[usual])
+    if mode == FIXED:
+        model.parts.bodies.take(body_class, restored_shape(body["shape"]), kind, mode=mode)
     else:
-        kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[OBSTACLE])
-        model.parts.bodies.listed.append(Obstacle(model.space, model, restored_shape(body["shape"]), kind))
-    model.parts.bodies.know_kind(model.parts.bodies.listed[-1].kind)
-    model.parts.add_rows("bodies", 1)
-
-
-def _made_driven(model: EngineModel, body: dict) -> Driven:
-    form = Form.about_origin(*restored_outline(body["driven"]))
-    kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[OBSTACLE])
-    driven = Driven(model.space, model, form.shape_at((0.0, 0.0, 0.0)), kind, model.parts.bodies.made_movers())
-    driven.form = form
-    return driven
+        form = Form.about_origin(*restored_outline(body[form_name]))
+        model.parts.bodies.take(body_class, form.shape_at((0.0, 0.0, 0.0)), kind, form, mode=mode)
 
 
 def _make_fire(model: EngineModel) -> None:
-    row = model.fires.add(np.array(model.map.bounds[:2]), 1.0, 1.0, 1.0)
-    model.fires.agents.append(Fire(model.space, model, model.fires, row))
     model.parts.fires.begin_burning()
-    model.parts.add_rows("bodies", 1)
+    model.parts.fires.take(disc(model.map.bounds[:2], 1.0), 1.0, 1.0)
 
 
 def _check_same(model: EngineModel, stored: dict, obstacles: dict) -> None:
@@ -328,23 +322,13 @@ def _check_same(model: EngineModel, stored: dict, obstacles: dict) -> None:
     if present != {"robots": stored["robots"], "obstacles": list(obstacles), "fires": stored["fires"]}:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
-        now, then = _obstacle_to_json(obstacle), obstacles[obstacle.unique_id]
-        form = next(name for name in ("driven", "load", "shape") if name in now)
+        now, then = body_to_json(obstacle), obstacles[obstacle.unique_id]
+        form = next(name for name, *_ in MADE if name in now)
         if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
 
 
-def _restore_driven(body: Driven, stored: dict, bounds: tuple[float, float, float, float]) -> None:
-    movers, row = body.movers, body.row
-    for place, heading, name in ((movers.position, movers.heading, "pose"), (movers.aim, movers.aim_heading, "aim")):
-        *place[row], heading[row] = checked_pose(f"body {body.unique_id}", stored[name], bounds)
-    movers.blocked[row], movers.fresh[row] = bool(stored["blocked"]), bool(stored["fresh"])
-    robots = {robot.unique_id: robot for robot in body.model.swarm.agents} if "carrier" in stored else {}
-    body.carrier = robots[_id(stored["carrier"])] if "carrier" in stored else None
-    movers.carried[row] = body.carrier is not None
-
-
-def checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+def stored_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
     """Return a stored pose, which has to be on the map."""
     x, y, heading = map(float, stored)
     x_min, y_min, x_max, y_max = bounds
@@ -353,13 +337,22 @@ def checked_pose(name: str, stored: Any, bounds: tuple[float, float, float, floa
     return x, y, heading
 
 
-def _restore_load(load: Load, stored: dict, bounds: tuple[float, float, float, float]) -> None:
-    load.resistance = stored["resistance"]
-    load.put(checked_pose(f"load {load.unique_id}", stored["pose"], bounds))
-    load.note(moved=bool(stored["moved"]), pushers=_id(stored["pushers"]))
-
-
 def _id(value: object) -> int:
     if type(value) is not int or not 0 <= value <= MOST_OBJECTS * 1000:
         raise RecordingError(f"invalid unique_id: {value!r:.40}")
     return value
+
+
+# How bodies are stored: the name of the outline, the kind that is not named, the class of the handle, and the mode.
+MADE: tuple[tuple[str, int, Any, int], ...] = (
+    ("driven", OBSTACLE, Driven, DRIVEN),
+    ("load", LOAD, Load, PUSHED),
+    ("shape", OBSTACLE, Obstacle, FIXED),
+)
+# Columns of a body's state besides poses, and what checks a stored value.
+STATE: dict[str, Callable[[Any], Any]] = {
+    "resistance": checked_resistance,
+    "temperature": checked_temperature,
+    "pushers": _id,
+    **dict.fromkeys(("moved", "blocked", "fresh"), bool),
+}

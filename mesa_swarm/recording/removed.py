@@ -20,16 +20,17 @@ from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.recording.objects import (
     agent_class,
     body_to_json,
-    checked_pose,
     class_of_agent,
+    restore_state,
     restored_outline,
     restored_shape,
-    stored_outline,
+    state_to_json,
 )
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.arena import ArenaAgent
-from mesa_swarm.world.bodies import Body, Form, Load, Loads, Obstacle, checked_resistance
+from mesa_swarm.world.bodies import DRIVEN, FIXED, PUSHED, Body, BodyTable, Form
 from mesa_swarm.world.movers import Driven
+from mesa_swarm.world.shapes import disc
 
 GONE = -1  # the row of a removed handle
 
@@ -77,9 +78,8 @@ def _remains(agent: Agent) -> dict:
         return {}
     if isinstance(agent, Fire):
         return {"kind": agent.kind}
-    if isinstance(agent, Driven):
-        return {"kind": agent.kind, "driven": stored_outline(agent.form.outline, agent.form.radius)}
-    return {"kind": agent.kind, **body_to_json(agent)}
+    outline = {} if agent.mode == "fixed" else state_to_json(agent)
+    return {**body_to_json(agent), "kind": agent.kind, **outline}
 
 
 def _remains_from_json(model: EngineModel, unique_id: int, stored: Any, present: frozenset[type] | None) -> Agent:
@@ -96,23 +96,24 @@ def _remains_from_json(model: EngineModel, unique_id: int, stored: Any, present:
         agent.space = agent._mesa_index = None  # type: ignore[assignment]
     if isinstance(agent, Robot):
         agent.swarm, agent.row = model.swarm, GONE
-    elif isinstance(agent, Fire):
-        agent.fires, agent.row = model.fires, GONE
-    if isinstance(agent, Body):
-        agent._kind = str(remains.get("kind", ""))
+    elif isinstance(agent, Body):
         _restore_body(model, agent, remains)
     return agent
 
 
 def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
+    """Give a removed body the table of its own, which has what it was."""
+    kind, form, mode, shape = str(remains.get("kind", "")), None, FIXED, disc(model.map.bounds[:2], 1.0)
+    if isinstance(body, Fire):
+        body.fires, body.index = model.fires, GONE
+    elif "shape" in remains:
+        shape = restored_shape(remains["shape"])
+    else:
+        name, mode = ("driven", DRIVEN) if isinstance(body, Driven) else ("load", PUSHED)
+        form = Form.about_origin(*restored_outline(remains[name]))
+        shape = form.shape_at((0.0, 0.0, 0.0))
     if isinstance(body, Driven):
-        body.form = Form.about_origin(*restored_outline(remains["driven"]))
-        body.movers, body.row, body.agent, body.carrier, body._shown = model.movers, GONE, None, None, None
-    elif isinstance(body, Load):
-        body.form = Form.about_origin(*restored_outline(remains["load"]))
-        *place, heading = checked_pose("removed load", remains["pose"], model.map.bounds)
-        Loads().add(body, position=place, heading=heading, resistance=checked_resistance(remains["resistance"]))
-        body.note(moved=bool(remains["moved"]), pushers=int(remains["pushers"]))
-        body._shown = None
-    elif isinstance(body, Obstacle):
-        body.shape = restored_shape(remains["shape"])
+        body.agent = body.carrier = None
+    kinds = model.kinds if kind in model.kinds else (*model.kinds, kind)
+    BodyTable(kinds).add(body, shape, form, mode=mode, kind=kinds.index(kind))
+    restore_state(body, remains, model.map.bounds)

@@ -18,6 +18,7 @@ from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team
 from mesa_swarm.errors import InvalidValueError, RecordingError, in_words, shortened
 from mesa_swarm.kernels.part import Part, made_of
+from mesa_swarm.model.bodies import CHANGING
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters
 from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of
@@ -35,6 +36,9 @@ from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING, Swarm
 from mesa_swarm.world.arena import next_id, set_next_id
+from mesa_swarm.world.bodies import FIXED, BodyTable
+from mesa_swarm.world.movers import Driven
+from mesa_swarm.world.statics import FIRE
 
 # Columns that follow from parameters; all others are the state of the run.
 OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
@@ -47,6 +51,8 @@ SETTINGS = (
 # Parts of a model to which its attributes may refer.
 PARTS = ("swarm", "space", "fires", "map", "rng", "random", "streams", "datacollector")
 OURS = "mesa_swarm."
+# Columns of bodies that follow from parameters, unless the run has changed them by hand.
+BY_HAND = ("radius", "resistance", "temperature")
 PERFECT = Imperfections()
 
 
@@ -125,31 +131,34 @@ def _unless_changed(new: Any, old: Any, fresh: Any) -> Any:
 
 def _take_kinds(new: EngineModel, old: EngineModel) -> None:
     """Let readings and contacts have the codes of the run's kinds, to which the new model may add."""
-    new.parts.bodies.kinds = (*old.kinds, *(name for name in new.kinds if name not in old.kinds))
+    new.parts.bodies.table.set_kinds((*old.kinds, *(name for name in new.kinds if name not in old.kinds)))
 
 
 def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Put bodies where they are, and agents of other classes as well."""
-    first = {load.unique_id: load.resistance for load in fresh.loads}
-    heat = {body.unique_id: body.temperature for body in fresh.obstacle_list}
-    for body, before in zip(new.obstacle_list, old.obstacle_list, strict=True):
-        if before.temperature != heat.get(body.unique_id):
-            body.temperature = before.temperature
-    for load, was in zip(new.loads, old.loads, strict=True):
-        load.put(was.pose)
-        load.note(moved=was.moved, pushers=was.pushers)
-        if was.resistance != first.get(load.unique_id, was.resistance):
-            load.resistance = was.resistance
-    for column, source in zip(new.movers.poses, old.movers.poses, strict=True):
-        column[:] = source
-    for flags in ("blocked", "fresh", "carried"):
-        getattr(new.movers, flags)[:] = getattr(old.movers, flags)
-    for body, was in zip(new.movers.agents, old.movers.agents, strict=True):
-        body.carrier = None if was.carrier is None else new.swarm.agents[was.carrier.row]
+    mine, table = new.parts.bodies.table, old.parts.bodies.table
+    moving, burns = table.mode != FIXED, table.kind == FIRE
+    for name in CHANGING:
+        if name in BY_HAND:
+            rows = _changed_by_hand(name, table, fresh.parts.bodies.table) | (burns & (name == "temperature"))
+        else:
+            rows = moving
+        getattr(mine, name)[rows] = getattr(table, name)[rows]
+    mine.mode[moving] = table.mode[moving]
+    for body, was in zip(mine.agents, table.agents, strict=True):
+        if isinstance(body, Driven):
+            body.carrier = None if was.carrier is None else new.swarm.agents[was.carrier.row]
     for agent, was in zip(other_agents(new), other_agents(old), strict=True):
         if isinstance(agent, ContinuousSpaceAgent):
             agent.position = was.position
     new.parts.bodies.changed()
+
+
+def _changed_by_hand(name: str, table: BodyTable, first: BodyTable) -> np.ndarray:
+    """Return which bodies have another value in a column than they began with; those that were added later have."""
+    begun = {body.unique_id: getattr(first, name)[body.row].tobytes() for body in first.agents}
+    column = getattr(table, name)
+    return np.array([column[body.row].tobytes() != begun.get(body.unique_id) for body in table.agents], bool)
 
 
 # ---- settings and control
@@ -302,9 +311,9 @@ def _matching_layers(new: EngineModel, old: EngineModel) -> Iterator[tuple[Any, 
 def _take_fires(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     first = {fire.unique_id for fire in fresh.fires}
     added = [row for row, fire in enumerate(old.fires.agents) if fire.unique_id not in first]
-    for name, column in old.fires.columns.items():
-        rows = slice(None) if name in ("temperature", "out", "out_step", "robots") else added
-        new.fires.columns[name][rows] = column[rows]
+    for name, column in old.fires.own.items():
+        rows = added if name == "area" else slice(None)
+        new.fires.own[name][rows] = column[rows]
     every = old if old.fires.history.every != fresh.fires.history.every else new
     interval = every.fires.history.every
     new.fires.history = deepcopy(old.fires.history)

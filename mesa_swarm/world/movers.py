@@ -56,7 +56,9 @@ class Movers:
         """Return a column of the table in the rows of driven bodies."""
         if name not in BodyTable.columns:
             raise AttributeError(f"Movers has no attribute {name}")
-        return read_only(getattr(self._table, name)[self.rows])
+        column = getattr(self._table, name)[self.rows]
+        column.flags.writeable = False
+        return column
 
     @property
     def rows(self) -> np.ndarray:
@@ -71,7 +73,7 @@ class Movers:
     @property
     def carried(self) -> np.ndarray:
         """Whether a robot carries each, shape (m,)."""
-        return read_only(self.mode == CARRIED)
+        return self.mode == CARRIED
 
     @property
     def poses(self) -> tuple[np.ndarray, ...]:

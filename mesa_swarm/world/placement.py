@@ -28,10 +28,8 @@ FILLING_CROWD = 2_000
 MOST_LATTICE_IN_CROWD = 2_000
 
 
-def free_space(
-    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float
-) -> shapely.Geometry:
-    """Return where the centre of a disc may be without overlapping a solid shape or a fire (x, y, radius)."""
+def free_space(bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float) -> shapely.Geometry:
+    """Return where the centre of a disc may be without overlapping a solid shape."""
     return room_for_disc(bounds, _solids(shapes), radius, QUARTER_SEGMENTS)
 
 

@@ -124,13 +124,13 @@ def _one_more_fire(
     """Return one fire with a passage all round, or an empty list if none is found."""
     radius = rng.uniform(*RADII_OF_FIRES) if spots else LARGEST_FIRE
     points = rng.uniform((0, 0), extent, (TRIES_OF_FIRES, 2))
-    burning = np.array([(*spot.position, spot.radius) for spot in spots]).reshape(-1, 3)
-    room = free_space((0, 0, *extent), shapes, burning, radius + passage)
+    burning = [disc(spot.position, spot.radius) for spot in spots]
+    room = free_space((0, 0, *extent), [*shapes, *burning], radius + passage)
     free = np.flatnonzero(shapely.contains_xy(room, points))
     return [FireSpot(tuple(points[free[0]].tolist()), radius)] if len(free) else []
 
 
 def _is_whole(shapes: list[Shape], extent: tuple[float, float], passage: float) -> bool:
     """Return whether the places of a disc as wide as the passage are one piece."""
-    space = free_space((0, 0, *extent), shapes, np.empty((0, 3)), passage / 2)
+    space = free_space((0, 0, *extent), shapes, passage / 2)
     return not space.is_empty and len(shapely.get_parts(space)) == 1

@@ -103,8 +103,8 @@ def test_on_random_maps_nest_and_food_are_free_and_food_is_reached_from_the_nest
     task = Foraging(map=chart, n_robots=5, items=15, nest_radius=30)
     world = TaskWorld(task=task, rng=number)
     x, y = task.nest_place()
-    assert free_space(chart.bounds, chart.obstacles, np.empty((0, 3)), 30).distance(shapely.Point(x, y)) < 0.1
-    space = free_space(chart.bounds, chart.obstacles, np.empty((0, 3)), 5.0)
+    assert free_space(chart.bounds, chart.obstacles, 30).distance(shapely.Point(x, y)) < 0.1
+    space = free_space(chart.bounds, chart.obstacles, 5.0)
     part = min(shapely.get_parts(space), key=lambda one: one.distance(shapely.Point(x, y)))
     assert len(world.movers) == 15
     for place in world.movers.position:

@@ -74,12 +74,16 @@ def test_fires_and_heat_follow_the_equations_robot_by_robot_for_several_steps(se
         burning, out_step, robots = (world[k] for k in ("burning", "out_step", "robots"))
         were_out = out.copy()
         went_out = burn(
-            position, radius, fires, area, CONSTANTS, REACH, step,
+            position, radius, np.arange(m), fires[:, :2], fires[:, 2], area, CONSTANTS, REACH, step,
             burning, out, out_step, robots, world["warmth"], world["heat"], world["hot"], world["fire"],
         )  # fmt: skip
         assert went_out == bool((out & ~were_out).any())
         for name, column in expected.items():
             np.testing.assert_allclose(world[name], column, atol=1e-12, err_msg=name)
+
+
+def nearest(x, y, radius, fires, out, reach):
+    return nearest_fire(x, y, radius, np.arange(len(fires)), fires[:, :2], fires[:, 2], out, reach)
 
 
 @given(seeds, st.integers(0, 6))
@@ -90,11 +94,11 @@ def test_the_nearest_fire_is_that_with_the_nearest_edge_of_those_that_burn(seed,
         gap if not out else math.inf for gap, out in zip(gaps((x, y), 3.0, world["fires"]), world["out"], strict=True)
     ]
     expected = int(np.argmin(near)) if min(near, default=math.inf) <= REACH else -1
-    assert nearest_fire(x, y, 3.0, world["fires"], world["out"], REACH) == expected
+    assert nearest(x, y, 3.0, world["fires"], world["out"], REACH) == expected
 
 
 def test_a_fire_is_in_range_up_to_exactly_the_range_and_of_equally_near_ones_the_first_counts():
     fires, burning = np.array([[0.0, 100.0, 20.0], [0.0, 30.0, 20.0], [0.0, -30.0, 20.0]]), np.zeros(3, bool)
-    assert nearest_fire(0.0, 0.0, 5.0, fires, burning, 5.0) == 1
-    assert nearest_fire(0.0, 0.0, 5.0, fires, burning, math.nextafter(5.0, 0.0)) == -1
-    assert nearest_fire(0.0, -1.0, 5.0, fires, burning, 5.0) == 2
+    assert nearest(0.0, 0.0, 5.0, fires, burning, 5.0) == 1
+    assert nearest(0.0, 0.0, 5.0, fires, burning, math.nextafter(5.0, 0.0)) == -1
+    assert nearest(0.0, -1.0, 5.0, fires, burning, 5.0) == 2

@@ -2,16 +2,19 @@
 
 import inspect
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mesa_swarm import SwarmModel
+from mesa_swarm import SwarmModel, disc
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire import FireConstants, Fires, design_constants
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.trigger import Trigger
+from mesa_swarm.world.bodies import FIXED
 from mesa_swarm.world.map import FireSpot
+from mesa_swarm.world.statics import FIRE
 from support.scenes import blind, empty
 
 NO_HEAT = FireConstants(k1=1e-9, k2=1.0, k3=0.0, k4=0.0, leave=1.0, join=0.0)
@@ -126,7 +129,10 @@ def test_robots_at_a_fire_are_released_when_another_one_is_removed():
 
 def test_a_fire_that_is_added_cold_is_out_from_the_start_and_any_other_burns():
     fires = Fires()
-    assert [fires.add((x, 2.0), 5.0, 0.25, x / 10) for x in (0.0, 1.0)] == [0, 1]
+    for x in (0.0, 1.0):
+        fire = SimpleNamespace(temperature=x / 10)
+        fires.table.add(fire, disc((x, 2.0), 5.0), mode=FIXED, kind=FIRE, temperature=fire.temperature)
+        fires.add(fire, 0.25)
     assert fires.out.tolist() == [True, False]
     assert fires.out_step.tolist() == [0, -1]
     assert fires.robots.tolist() == [0, 0]

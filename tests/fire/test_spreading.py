@@ -126,8 +126,9 @@ def test_no_more_fires_burn_than_given_and_a_burnt_place_never_burns_again():
     model.add_process(Spreading(rate=1.0, reach=100.0, most=4))
     model.run(50)
     assert (~model.fires.out).sum() == 4
-    model.fires.columns["temperature"][1:] = 1e-9
-    model.fires.columns["out"][1:] = True
+    for fire in model.fires.agents[1:]:
+        fire.temperature = 1e-9
+    model.fires.own["out"][1:] = True
     burnt = model.fires.position[1:].copy()
     model.run(20)
     fresh = model.fires.position[len(burnt) + 1 :]
@@ -139,7 +140,7 @@ def test_fires_that_are_out_throw_no_sparks_and_a_rate_of_0_ignites_nothing():
     for rate, out in ((1.0, True), (0.0, False)):
         model = SwarmModel(map=Map(name="field", bounds=(0, 0, 400, 400)), rng=2)
         model.add_fire((200, 200), radius=20)
-        model.fires.columns["out"][:] = out
+        model.fires.own["out"][:] = out
         model.add_process(Spreading(rate=rate))
         assert len(model.run(30).fires) == 1
 

@@ -12,6 +12,7 @@ from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.physics import engine as physics
 from support.scenes import PROMISED, ahead, blind, circle, empty, wedge, worst_load_overlap, worst_overlap
+from support.tables import farthest_from
 
 # Loads overlap nothing but by rounding, map units.
 ROUNDING = 1e-7
@@ -27,7 +28,7 @@ def check(model, steps, rule=ahead):
         model.step()
         assert worst_overlap(model) <= PROMISED
         assert worst_load_overlap(model) <= ROUNDING
-        way += sum(load.farthest_from(pose) for load, pose in zip(model.loads, before, strict=True))
+        way += sum(farthest_from(load, pose) for load, pose in zip(model.loads, before, strict=True))
     return way
 
 

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from mesa_swarm import Map, SwarmModel, disc, rectangle
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.loads import EQUAL, HAIR
-from mesa_swarm.physics.surroundings import SLACK, STEP, Surroundings
+from mesa_swarm.physics.surroundings import SLACK, STEP
 from support import shapely_loads as loads
 from support.shapely_loads import RobotPush, Room, Stop, Wrench, _stops, borne, go, twist_of, wrench_of
+from support.tables import note, put, surroundings_of
 
 numbers = st.floats(-5, 5)
 pushes = st.lists(st.builds(RobotPush, numbers, numbers, numbers, st.floats(0, 1), st.floats(0, 1)), max_size=5)
@@ -199,11 +200,7 @@ def test_a_robot_overlaps_a_load_where_it_does_by_more_than_twice_the_rounding(d
 
 
 def surroundings(loads_, shapes=(), fires=(), touch=5.0):
-    fires = np.array(fires, float).reshape(-1, 3)
-    bodies = [*shapes, *(load.shape for load in loads_)]
-    table = loads_[0].table if loads_ else None
-    options = {"sight": 50.0, "touch": touch, "loads": table, "rows": range(len(shapes), len(bodies))}
-    return Surroundings.of((0, 0, 400, 300), bodies, fires, np.ones(len(fires)), **options)
+    return surroundings_of((0, 0, 400, 300), shapes, fires, loads=loads_, sight=50.0, touch=touch)
 
 
 @pytest.mark.parametrize("way", [(1, 0), (-1, 0), (0, 1), (0, -1)])
@@ -256,7 +253,7 @@ def test_tables_are_worn_when_a_load_has_moved_by_their_slack_less_one_step():
     assert around.slack == (SLACK - STEP) * touch
     assert around.listed.tolist() == [[200.0, 150.0, 0.0]]
     for moved, worn in ((0.0, False), (around.slack - 0.01, False), (around.slack + 0.01, True)):
-        load.put((200.0, 150.0 + moved, 0.0))
+        put(load, (200.0, 150.0 + moved, 0.0))
         assert around.is_worn == worn
 
 
@@ -270,7 +267,7 @@ def test_without_loads_there_is_no_room_to_look_after_and_nothing_wears():
 def test_a_load_that_followed_is_in_the_tables_where_it_is_now():
     (load,) = load_at(disc((200, 150), 10))
     around = surroundings([load], [rectangle((20, 20), (40, 40))])
-    load.put((210.0, 160.0, 0.0))
+    put(load, (210.0, 160.0, 0.0))
     around.follow()
     assert around.statics.discs.tolist() == [[210.0, 160.0, 10.0]]
     assert around.present_shapes[1] == load.shape
@@ -280,11 +277,11 @@ def test_loads_that_are_taken_back_take_those_with_them_that_then_have_no_room()
     first, second, third = load_at(*(disc((100 + 21 * k, 100), 10) for k in range(3)))
     around = surroundings([first, second, third])
     before = {k: load.pose for k, load in enumerate((first, second, third))}
-    first.put((104.0, 100.0, 0.0))
-    second.put((125.0, 100.0, 0.0))
-    third.put((150.0, 100.0, 0.0))
+    put(first, (104.0, 100.0, 0.0))
+    put(second, (125.0, 100.0, 0.0))
+    put(third, (150.0, 100.0, 0.0))
     for load in (first, second, third):
-        load.note(moved=True, pushers=0)
+        note(load, moved=True, pushers=0)
     # The second returns to 121: the first, at 104, is then 17 from it; the third, at 150, is 29.
     loads.take_back(around, Room.around(around), before, [1])
     assert [load.pose[0] for load in (first, second, third)] == [100.0, 121.0, 150.0]
@@ -296,6 +293,6 @@ def test_loads_that_are_taken_back_take_those_with_them_that_then_have_no_room()
 def test_the_room_of_a_world_is_all_static_bodies_but_its_loads():
     (load,) = load_at(disc((200, 150), 10))
     around = surroundings([load], [rectangle((20, 20), (40, 40)), disc((60, 60), 7)], [(90.0, 90.0, 3.0)])
-    room = Room.of(around.statics, (load,), around.rows, None)
+    room = Room.around(around)
     assert len(room.solids) == 4 + 4 + 2
     assert room.radii.tolist() == [0.0] * 8 + [7.0, 3.0]

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, ProximitySensor, RobotDesign, disc, rectangle
@@ -21,7 +20,7 @@ def test_tables_that_follow_a_load_are_those_that_are_made_anew():
     assert load.heading > 0.01
     assert model.parts.bodies.scene() is scene
     bodies = [load.form.body_at(load.pose) for load in model.loads]
-    fresh = Statics.of(model.map.bounds, bodies, np.empty((0, 3)), np.empty(0, bool), sight=0, touch=5, loads=[0, 1])
+    fresh = Statics.of(model.map.bounds, bodies, [LOAD, LOAD], sight=0, touch=5, loads=[0, 1])
     for name in ("edges", "discs", "owner", "kind", "body", "rings"):
         assert (getattr(scene.statics, name) == getattr(fresh, name)).all()
 

@@ -9,6 +9,7 @@ from mesa_swarm import RobotDesign, disc
 from mesa_swarm.control import Subsumption
 from support.pushing import BOX, ENGINES, abreast, world
 from support.scenes import PROMISED, ahead, blind, empty, worst_overlap
+from support.tables import farthest_from
 
 # ---- how many it takes
 
@@ -155,4 +156,4 @@ def test_no_point_of_a_load_moves_farther_in_a_step_than_half_the_least_radius()
     pose = load.pose
     model.step()
     assert load.moved
-    assert load.farthest_from(pose) == pytest.approx(2.5, rel=1e-3)
+    assert farthest_from(load, pose) == pytest.approx(2.5, rel=1e-3)

@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, disc
+from mesa_swarm.geometry.block import Block
 from mesa_swarm.physics import shapely_sensing
 from mesa_swarm.physics.engine import CompiledEngine
 from mesa_swarm.physics.sensing import (
@@ -176,12 +177,11 @@ def test_the_hottest_burning_fire_in_each_sector_is_felt_as_the_twin_feels_it(se
     swarm, rng = swarm_of(seed), np.random.default_rng(seed)
     fires = np.column_stack([rng.uniform((12, -3), (108, 73), (4, 2)), rng.uniform(1, 9, 4)])
     world = solid_world(SHAPES, fires)
-    temperature = world.surroundings.temperature
-    temperature[:] = rng.choice([0.0, 0.4, 0.8], 4)
+    world.surroundings.bodies.temperature[-4:] = rng.choice([0.0, 0.4, 0.8], 4)
     felt, twin = np.full((5, 2), 9.0), np.full((5, 2), 9.0)
     columns = swarm.columns
     place = columns["position"], columns["heading"], columns["design"]
-    sense_radiation(*place, swarm.table.radiation, fires, temperature, felt)
+    sense_radiation(*place, swarm.table.radiation, Block(world.surroundings.radiating).numbers, felt)
     shapely_sensing.sense_radiation(swarm, world.surroundings, twin)
     assert (felt == twin).all()
     # The first design has one such sensor only: what it does not have feels nothing.
@@ -275,8 +275,8 @@ def test_all_solids_of_the_twin_are_listed_with_owner_and_kind():
     assert solids.disc_owner.tolist() == [1, 4, 0, 1]
     assert (solids.polygon_body.tolist(), solids.disc_body.tolist()) == ([0, 0, 0], [0, 0, FIRE, FIRE])
     assert solids.radii.tolist() == [8, 5, 4, 3]
-    assert solids.disc_kinds(np.array([True, False])).tolist() == [OBSTACLE, OBSTACLE, FIRE, OBSTACLE]
-    assert solids.disc_kinds(np.array([False, True])).tolist() == [OBSTACLE, OBSTACLE, OBSTACLE, FIRE]
+    around = WORLD.surroundings
+    assert around.bodies.seen[around.rows[solids.disc_shape]].tolist() == [OBSTACLE, OBSTACLE, FIRE, OBSTACLE]
     places = np.array([[50.0, 40.0], [85.0, 66.0], [15.0, 30.0], [50.0, 30.0]])
     assert solids.gaps(places) == pytest.approx([5.0, 3.0, 5.0, 0.0])
 

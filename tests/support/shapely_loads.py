@@ -1,7 +1,7 @@
 """Loads by Shapely and plain Python, one by one: the oracle of the compiled loads, whose bits are to be the same."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,9 +15,10 @@ from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.loads import EQUAL, HAIR, HALVINGS, MOST_WAYS, ROUNDS
 from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.world.bodies import Body, Load, Pose, placed
+from mesa_swarm.world.bodies import FIXED, Body, Load, Pose, placed
 from mesa_swarm.world.movers import Driven, Movers
-from mesa_swarm.world.statics import SOURCE, Statics
+
+from .tables import note, put
 
 
 class RobotPush(NamedTuple):
@@ -57,24 +58,20 @@ class Room:
     radii: np.ndarray
     tree: STRtree
     loads: tuple[Load, ...]
-    movers: Movers | None
+    movers: Movers
 
     @classmethod
     def around(cls, surroundings: Surroundings) -> "Room":
-        """Return the room of a world."""
-        movers = None if surroundings.moving is None else surroundings.moving.movers
-        rows = [*surroundings.rows, *surroundings.driven]
-        return cls.of(surroundings.statics, tuple(surroundings.loads), rows, movers)
-
-    @classmethod
-    def of(cls, statics: Statics, loads: tuple[Load, ...], rows: Sequence[int], movers: Movers | None) -> "Room":
-        """Collect the static bodies: all shapes but those with the indices `rows`."""
-        still = ~np.isin(statics.owner, rows) | (statics.body == SOURCE)
+        """Return the room of a world: its static bodies, loads, and driven bodies."""
+        statics, table = surroundings.statics, surroundings.bodies
+        loads = tuple(table.agents[row] for row in surroundings.loads)
+        moving = np.append(table.mode[surroundings.rows] != FIXED, False)
+        still = ~moving[statics.shape]
         lines = shapely.linestrings(statics.edges[still[: len(statics.edges)]].reshape(-1, 2, 2))
         discs = statics.discs[still[len(statics.edges) :]]
         solids = np.concatenate([lines, shapely.points(discs[:, :2])])
         radii = np.concatenate([np.zeros(len(lines)), discs[:, 2]])
-        return cls(solids=solids, radii=radii, tree=STRtree(solids), loads=loads, movers=movers)
+        return cls(solids=solids, radii=radii, tree=STRtree(solids), loads=loads, movers=Movers(table))
 
     def has_room_for(self, load: Load, pose: Pose) -> bool:
         """Return whether a load in this pose overlaps no body by more than rounding."""
@@ -100,8 +97,6 @@ class Room:
 
     def _driven_near(self, load: Load, core: BaseGeometry, distance: float) -> list[Driven]:
         """Return the driven bodies that may be at most this distance from the core of a load."""
-        if self.movers is None:
-            return []
         x, y = shapely.get_coordinates(shapely.centroid(core))[0]
         apart = np.hypot(*(self.movers.position - (x, y)).T)
         near = np.flatnonzero((apart <= self.movers.reach + load.form.reach + distance) & ~self.movers.carried)
@@ -136,14 +131,19 @@ def _touching_corners(a: BaseGeometry, b: BaseGeometry, distance: float) -> list
     return list(dict.fromkeys(found))
 
 
+def loads_in(surroundings: Surroundings) -> list[Load]:
+    """Return the loads of a world."""
+    return [surroundings.bodies.agents[row] for row in surroundings.loads]
+
+
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
     longest = LONGEST_PIECE * float(columns["radius"].min(initial=math.inf))
     before = {}
-    for k, load in enumerate(surroundings.loads):
+    for k, load in enumerate(loads_in(surroundings)):
         pushes, old = pushes_on(load, columns, motion), load.pose
         move_load(load, pushes, min(longest, load.form.thickness), room)
-        load.note(moved=load.pose != old, pushers=len(pushes))
+        note(load, moved=load.pose != old, pushers=len(pushes))
         if load.moved:
             before[k] = old
             surroundings.follow()
@@ -255,7 +255,7 @@ def go(load: Load, way: Pose, room: Room) -> float:
             free += step
         step /= 2.0
     if free > 0.0:
-        load.put(pose(free))
+        put(load, pose(free))
     return free
 
 
@@ -273,16 +273,16 @@ def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], s
     """Return loads to where they were, and those that then overlap them; drop them from `before`."""
     while stuck:
         for k in stuck:
-            load = surroundings.loads[k]
-            load.put(before.pop(k))
-            load.note(moved=False, pushers=load.pushers)
+            load = loads_in(surroundings)[k]
+            put(load, before.pop(k))
+            note(load, moved=False, pushers=load.pushers)
             surroundings.follow()
-        stuck = [k for k in before if not room.has_room_for(surroundings.loads[k], surroundings.loads[k].pose)]
+        stuck = [k for k in before if not room.has_room_for(loads_in(surroundings)[k], loads_in(surroundings)[k].pose)]
 
 
 def stuck_loads(surroundings: Surroundings, room: Room, moved: Iterable[int], columns: dict) -> list[int]:
     """Return which of the loads that moved are overlapped by a robot."""
-    return [k for k in moved if is_overlapped(surroundings.loads[k], columns)]
+    return [k for k in moved if is_overlapped(loads_in(surroundings)[k], columns)]
 
 
 def use(monkeypatch) -> None:

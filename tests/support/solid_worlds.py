@@ -13,6 +13,8 @@ from mesa_swarm.physics.shapely_engine import Touches
 from mesa_swarm.physics.shapely_sensing import Solids
 from mesa_swarm.physics.surroundings import Surroundings
 
+from .tables import surroundings_of
+
 BOUNDS = (10.0, -5.0, 110.0, 75.0)
 SHAPES = (
     rectangle((40, 20), (60, 35)),
@@ -38,7 +40,7 @@ class SolidWorld(NamedTuple):
 def solid_world(shapes=SHAPES, fires=FIRES, bounds=BOUNDS, touch=6.0) -> SolidWorld:
     """Return a world in which bodies within `touch` of a centre can be touched."""
     temperature = np.resize(TEMPERATURE, len(fires))
-    around = Surroundings.of(bounds, shapes, fires.reshape(-1, 3), temperature, sight=70.0, touch=touch)
+    around = surroundings_of(bounds, shapes, fires.reshape(-1, 3), temperature, sight=70.0, touch=touch)
     grid = Grid.over(bounds, 3 * touch, 400).numbers
     return SolidWorld(around, around.solids, around.statics.rings, Solids.of(around, 50.0), grid)
 

@@ -117,7 +117,7 @@ def test_the_hotter_the_fire_the_lighter_its_colour_for_any_colour_vision():
 
 def test_fires_that_are_out_are_pale():
     model = empty_world(fires=[FireSpot((50, 50), 20)])
-    model.fires.columns["out"][:] = True
+    model.fires.own["out"][:] = True
     assert near(pixels(model)(50, 65), colour(LIGHT.ashes))
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mesa_swarm import disc, polygon, rectangle
 from mesa_swarm.world.bodies import Form, mean_distance
 from support.scenes import empty
+from support.tables import farthest_from, put
 
 
 def test_a_form_is_at_its_pose():
@@ -91,7 +92,7 @@ def test_no_point_of_a_load_is_farther_from_where_it_was_than_the_bound(x, y, p,
     there = (200 + p, 150 + q, turned)
     moved = shapely.get_coordinates(load.form.body_at(load.pose).geometry)
     away = np.hypot(*(moved - shapely.get_coordinates(load.form.body_at(there).geometry)).T).max()
-    bound = load.farthest_from(there)
+    bound = farthest_from(load, there)
     assert away <= bound + 1e-9
     if (x, y) == (p, q):
         assert bound == pytest.approx(away, abs=1e-6)
@@ -100,9 +101,9 @@ def test_no_point_of_a_load_is_farther_from_where_it_was_than_the_bound(x, y, p,
 def test_the_bound_is_met_by_a_load_that_turns_on_the_spot_or_moves_without_turning():
     load = empty().add_load(L_SHAPE, resistance=1)
     x, y, _ = load.pose
-    load.put((x, y, 1.0))
-    assert load.farthest_from((x, y, -0.5)) == pytest.approx(2 * math.sin(0.75) * load.form.reach)
-    assert load.farthest_from((x + 3, y - 4, 1.0)) == pytest.approx(5.0)
+    put(load, (x, y, 1.0))
+    assert farthest_from(load, (x, y, -0.5)) == pytest.approx(2 * math.sin(0.75) * load.form.reach)
+    assert farthest_from(load, (x + 3, y - 4, 1.0)) == pytest.approx(5.0)
 
 
 def test_the_former_name_of_move_to_warns_on_the_line_that_calls_it():

@@ -14,12 +14,11 @@ from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.errors import PlacementError
 from mesa_swarm.geometry.room import Crowded
 from mesa_swarm.world.placement import free_places, free_space, place_apart
-from mesa_swarm.world.statics import CELLS_PER_ITEM, MOST_LISTED, Statics
+from mesa_swarm.world.statics import CELLS_PER_ITEM, MOST_LISTED, OBSTACLE, Statics
 from support.pace import work_within
 from support.scenes import blind, empty
 
 NO_OTHERS = np.empty((0, 2)), np.empty(0)
-NO_FIRES = np.empty((0, 3))
 U_SHAPE = [(60, 40), (160, 40), (160, 120), (140, 120), (140, 60), (80, 60), (80, 120), (60, 120)]
 RING = polygon([(20, 20), (180, 20), (180, 130), (20, 130)], [[(50, 50), (150, 50), (150, 100), (50, 100)]])
 
@@ -100,7 +99,7 @@ def test_the_first_places_do_not_depend_on_how_many_follow():
 
 
 def test_places_are_spread_evenly_over_the_free_space():
-    space = free_space((0, 0, 100, 100), [], NO_FIRES, 0.01)
+    space = free_space((0, 0, 100, 100), [], 0.01)
     places = place_apart(4000, 0.01, space, *NO_OTHERS, np.random.default_rng(1))
     counts = np.histogram2d(*places.T, bins=4, range=[[0, 100]] * 2)[0]
     assert abs(counts - 250).max() < 5 * math.sqrt(250)
@@ -130,7 +129,7 @@ def test_of_a_number_beyond_all_bounds_it_is_known_how_many_fit_at_most():
 
 
 def test_among_robots_that_are_there_already_a_place_is_drawn_as_if_they_were_not_unless_it_overlaps_one():
-    space = free_space((0, 0, 300, 200), [], NO_FIRES, 3.0)
+    space = free_space((0, 0, 300, 200), [], 3.0)
     rng = np.random.default_rng(2)
     others = rng.uniform((0, 0), (300, 200), (60, 2)), rng.uniform(1, 20, 60)
     alone, among = (place_apart(200, 3.0, space, *o, np.random.default_rng(5)) for o in (NO_OTHERS, others))
@@ -149,7 +148,7 @@ def test_among_robots_that_are_there_already_a_place_is_drawn_as_if_they_were_no
 )  # fmt: skip
 def test_as_many_as_a_refusal_promises_do_fit(width, height, radius, seed, ring):
     shapes = [polygon(U_SHAPE)] if ring else []
-    space = free_space((0, 0, width, height), shapes, NO_FIRES, radius)
+    space = free_space((0, 0, width, height), shapes, radius)
 
     def place(n, again=0):
         return place_apart(n, radius, space, *NO_OTHERS, np.random.default_rng(seed + again), "here")
@@ -287,7 +286,7 @@ def test_robots_that_do_not_fit_leave_the_model_as_it_was():
 
 def test_a_crowd_of_obstacles_leaves_places_that_are_free():
     shapes = [disc((x, y), 1.0) for x in np.linspace(0, 60, 50) for y in np.linspace(0, 100, 50)]
-    space = free_places((0, 0, 100, 100), shapes, NO_FIRES, 2.0)
+    space = free_places((0, 0, 100, 100), shapes, 2.0)
     places = place_apart(20, 2.0, space, np.empty((0, 2)), np.empty(0), np.random.default_rng(1))
     assert isinstance(space, Crowded)
     assert min(math.dist(place, shape.position) for place in places for shape in shapes) >= 3.0
@@ -296,7 +295,7 @@ def test_a_crowd_of_obstacles_leaves_places_that_are_free():
 
 def test_a_crowd_that_leaves_no_room_is_refused():
     shapes = [disc((x, 5 * (x % 20)), 9.0) for x in np.linspace(0, 100, 3000)] + [disc((50, 50), 90.0)]
-    space = free_places((0, 0, 100, 100), shapes, NO_FIRES, 2.0)
+    space = free_places((0, 0, 100, 100), shapes, 2.0)
     with pytest.raises(PlacementError, match="0 would"):
         place_apart(2, 2.0, space, np.empty((0, 2)), np.empty(0), np.random.default_rng(1))
 
@@ -304,15 +303,13 @@ def test_a_crowd_that_leaves_no_room_is_refused():
 def test_lines_that_cross_too_often_are_a_crowd_however_few_they_are():
     ends = np.random.default_rng(1).random((500, 2, 2)) * 100
     shapes = [polygon([a, b, (a + b) / 2 + 0.01]) for a, b in ends]
-    assert isinstance(free_places((0, 0, 100, 100), shapes, NO_FIRES, 0.01), Crowded)
-    assert free_places((0, 0, 100, 100), shapes[:200], NO_FIRES, 0.01).equals(
-        free_space((0, 0, 100, 100), shapes[:200], NO_FIRES, 0.01)
-    )
+    assert isinstance(free_places((0, 0, 100, 100), shapes, 0.01), Crowded)
+    assert free_places((0, 0, 100, 100), shapes[:200], 0.01).equals(free_space((0, 0, 100, 100), shapes[:200], 0.01))
 
 
 def test_long_edges_on_a_wide_map_are_listed_a_bounded_number_of_times():
     corners = np.random.default_rng(1).random((1500, 3, 2)) * 1e5
     shapes = [polygon(corner) for corner in corners]
-    statics = Statics.of((0, 0, 1e5, 1e5), shapes, NO_FIRES, np.empty(0, bool), sight=50.0, touch=5.0)
+    statics = Statics.of((0, 0, 1e5, 1e5), shapes, [OBSTACLE] * len(shapes), sight=50.0, touch=5.0)
     assert statics.grid.cells < CELLS_PER_ITEM * len(statics.edges) / 2
     assert len(statics.seen.items) <= 2 * MOST_LISTED

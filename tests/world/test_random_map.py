@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.world.placement import free_space
@@ -54,7 +54,7 @@ def test_discs_and_walls_are_of_the_sizes_of_rooms_and_lie_within_the_map():
 @pytest.mark.parametrize("number", range(8))
 def test_one_gets_from_everywhere_to_everywhere_through_passages_of_the_width_asked_for(number):
     made = random_map(number, passage=40)
-    space = free_space(made.bounds, made.obstacles, np.empty((0, 3)), 20)
+    space = free_space(made.bounds, made.obstacles, 20)
     assert len(shapely.get_parts(space)) == 1
     assert space.area > 0.25 * 800 * 600
 
@@ -69,7 +69,7 @@ def test_it_is_as_large_as_asked_for_and_one_piece():
     made = random_map(4, obstacles=3, size=(400, 300))
     assert made.bounds == (0, 0, 400, 300)
     assert all(made.bounds[2] >= shapely.bounds(o.geometry)[2] for o in made.obstacles)
-    assert len(shapely.get_parts(free_space(made.bounds, made.obstacles, np.empty((0, 3)), 15))) == 1
+    assert len(shapely.get_parts(free_space(made.bounds, made.obstacles, 15))) == 1
     assert random_map(4, size=(800, 600)) == random_map(4)
 
 
@@ -99,8 +99,8 @@ def test_fires_stand_apart_can_be_reached_and_change_no_obstacle(number, fires, 
             if at is not centre
         ]
         assert min(gaps) - fire.radius >= passage - 1e-6
-    burning = np.array([(*fire.position, fire.radius) for fire in made.fires]).reshape(-1, 3)
-    assert len(shapely.get_parts(free_space(made.bounds, made.obstacles, burning, 0.49 * passage))) == 1
+    burning = [disc(fire.position, fire.radius) for fire in made.fires]
+    assert len(shapely.get_parts(free_space(made.bounds, [*made.obstacles, *burning], 0.49 * passage))) == 1
 
 
 def test_there_are_as_many_fires_as_asked_for_unless_they_find_no_room():

@@ -50,7 +50,11 @@ def test_every_solid_shape_has_its_rows_and_every_row_its_owner_and_kind(seed):
     rng = np.random.default_rng(seed)
     shapes, fires = drawn(rng)
     burning, loads = rng.random(len(fires)) < 0.5, [k for k in range(len(shapes)) if rng.random() < 0.3]
-    statics = Statics.of(BOUNDS, shapes, fires, burning, sight=10.0, touch=5.0, loads=loads)
+    codes = [LOAD if k in loads else OBSTACLE for k in range(len(shapes))] + [FIRE] * len(fires)
+    discs = [disc((x, y), radius) for x, y, radius in fires]
+    statics = Statics.of(BOUNDS, [*shapes, *discs], codes, sight=10.0, touch=5.0, loads=loads, apart=len(fires))
+    seen = [*codes[: len(shapes)], *np.where(burning, FIRE, OBSTACLE)]
+    statics.show(seen)
     edges, discs, m = statics.edges, statics.discs, len(statics.edges)
     border = shapely.box(*BOUNDS).exterior.coords
     assert rows_as_lines(edges[:4]) == sorted(tuple(sorted(e)) for e in pairwise(border))
@@ -73,13 +77,13 @@ def test_every_solid_shape_has_its_rows_and_every_row_its_owner_and_kind(seed):
             left = (ax + bx) / 2 - 1e-6 * (by - ay) / length, (ay + by) / 2 + 1e-6 * (bx - ax) / length
             assert shape.geometry.contains(shapely.Point(left))
     assert next(rings, None) is None
-    assert statics.first_source == len(discs) - len(fires)
-    assert discs[statics.first_source :].tolist() == fires.tolist()
-    of_fires = slice(m + statics.first_source, None)
+    assert statics.first_apart == len(discs) - len(fires)
+    assert discs[statics.first_apart :].tolist() == fires.tolist()
+    of_fires = slice(m + statics.first_apart, None)
     assert statics.owner[of_fires].tolist() == list(range(len(fires)))
     assert (statics.body[of_fires] == FIRE).all()
     assert statics.kind[of_fires].tolist() == [FIRE if burns else OBSTACLE for burns in burning]
-    statics.mark_hot(~burning)
+    statics.show([*codes[: len(shapes)], *np.where(burning, OBSTACLE, FIRE)])
     assert statics.kind[of_fires].tolist() == [OBSTACLE if burns else FIRE for burns in burning]
     assert (statics.body[of_fires] == FIRE).all()
     assert (statics.kind[: of_fires.start] == statics.body[: of_fires.start]).all()
@@ -97,8 +101,10 @@ def test_a_cell_lists_what_can_be_seen_or_touched_from_it_also_once_a_load_has_m
     rng = np.random.default_rng(seed)
     shapes, fires = drawn(rng)
     loads = [len(shapes) - 1]
+    discs = [disc((x, y), radius) for x, y, radius in fires]
+    codes = [*[OBSTACLE] * (len(shapes) - 1), LOAD, *[FIRE] * len(fires)]
     statics = Statics.of(
-        BOUNDS, shapes, fires, np.ones(len(fires), bool), sight=sight, touch=touch, loads=loads, slack=slack
+        BOUNDS, [*shapes, *discs], codes, sight=sight, touch=touch, loads=loads, slack=slack, apart=len(fires)
     )
     lines = [shapely.LineString(row.reshape(2, 2)) for row in statics.edges]
     bodies = [*lines, *(shapely.Point(x, y).buffer(r) for x, y, r in statics.discs)]
@@ -129,7 +135,7 @@ def test_marks_have_rows_of_their_own_and_solids_none_among_them():
 
 @pytest.mark.parametrize(("reach", "cells"), [(1.0, 100), (1000.0, 1)])
 def test_an_empty_world_has_a_grid_of_cells_as_wide_as_can_be_touched(reach, cells):
-    statics = Statics.of((0, 0, 10, 10), [], np.empty((0, 3)), np.empty(0, bool), sight=1.0, touch=reach)
+    statics = Statics.of((0, 0, 10, 10), [], [], sight=1.0, touch=reach)
     assert statics.grid.cells == cells
     assert len(statics.touched.items) == 0
     assert set(statics.seen.items.tolist()) == {0, 1, 2, 3}
