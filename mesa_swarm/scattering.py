@@ -177,7 +177,7 @@ class Wander(Process):
         if len(tables) > 1:
             raise InvalidValueError("bodies of Wander are of several models; expected a process for each model")
         if tables:
-            TABLES[self] = ref(*tables.values())
+            TABLES[self] = ref(listed[0].table)
         self.ids = np.array([body.unique_id for body in listed], np.int64)
         self.azimuth = np.full(len(listed), math.nan)
 

@@ -8,10 +8,11 @@ from mesa_swarm.composer import composer
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.extras import missing
 from mesa_swarm.fire.constants import FireConstants, design_constants
-from mesa_swarm.fire.fires import Fire, Fires
+from mesa_swarm.fire.fires import Fires
 from mesa_swarm.fire.part import FiresPart
 from mesa_swarm.gallery import find_model
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.parts import delegate
 from mesa_swarm.streams import Seed
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import Map
@@ -131,26 +132,7 @@ class SwarmModel(EngineModel, shows_all=True):
     def fire_constants(self, constants: FireConstants) -> None:
         self.parts.fires.set_constants(constants)
 
-    def add_fire(
-        self,
-        position: Sequence[float],
-        *,
-        radius: float | None = None,
-        area: float | None = None,
-        temperature: float = 1.0,
-    ) -> Fire:
-        """Add a fire and return its agent.
-
-        Parameters
-        ----------
-        position : (x, y)
-            Within the map.
-        radius, area : float
-            Either or both; area = (radius / 10) ** 2 unless both are given.
-        temperature : float
-            Above 0, at most 1.
-        """
-        return self.parts.fires.add_fire(position, radius, area, temperature)
+    add_fire = delegate("fires", FiresPart.add_fire)
 
     def record(
         self,

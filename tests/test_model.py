@@ -1,5 +1,6 @@
 """The model: the same seed gives the same bits everywhere, and looking changes nothing."""
 
+import inspect
 import math
 import os
 import subprocess
@@ -214,3 +215,13 @@ def test_what_is_not_a_seed_is_refused_on_one_line(rng):
     with pytest.raises(InvalidValueError, match=r"^rng is .*expected a whole number") as caught:
         SwarmModel(rng=rng)
     assert "\n" not in str(caught.value)
+
+
+def test_a_method_that_a_part_answers_has_the_signature_and_the_docstring_of_the_part():
+    model = SwarmModel(rng=1)
+    for method, of_part in (
+        (model.add_body, model.parts.bodies.add_body),
+        (model.add_fire, model.parts.fires.add_fire),
+    ):
+        assert inspect.signature(method) == inspect.signature(of_part)
+        assert inspect.getdoc(method) == inspect.getdoc(of_part)

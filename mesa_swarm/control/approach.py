@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,7 +18,35 @@ TARGETS = (*KINDS, HEAT, GOAL)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Approach(Memoryless):
+class Steering(Memoryless):
+    """Base of `Approach` and `Retreat`: a target, and how far from straight ahead the robot drives straight on."""
+
+    target: str = "robot"
+    critical_angle_degrees: float = 20.0
+    name: str
+    sign: ClassVar[float]
+    goes: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_name("name", self.name)
+        check_choice("target", self.target, TARGETS)
+        check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
+
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that sense such things."""
+        towards, critical = self.sign * directions(senses, self.target), math.radians(self.critical_angle_degrees)
+        go_towards(towards, senses.max_speed, senses.radius, critical, command, layer, index)
+
+    def reason(self, moment: Moment) -> Reason:
+        """Return what it goes to, or away from."""
+        where = {HEAT: "where it is hot", GOAL: "the goal that it heard"}
+        seeing = moment.seeing(KINDS.index(self.target)) if self.target in KINDS else ()
+        return Reason(f"{self.goes} {where.get(self.target, f'each {self.target} that it sees')}", tuple(seeing))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Approach(Steering):
     """Drive towards all things of a kind that are sensed, near ones most; turn on the spot while they are not ahead.
 
     The direction is that of the sum of ``1 / (1 + r)`` over the proximity sensors that see such a thing, r being the
@@ -46,27 +75,13 @@ class Approach(Memoryless):
     20.0
     """
 
-    target: str = "robot"
-    critical_angle_degrees: float = 20.0
     name: str = "Approach"
-
-    def __post_init__(self) -> None:
-        """Check every value."""
-        check_name("name", self.name)
-        check_choice("target", self.target, TARGETS)
-        check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
-
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that sense such things."""
-        steer(directions(senses, self.target), self.critical_angle_degrees, senses, command, layer, index)
-
-    def reason(self, moment: Moment) -> Reason:
-        """Return what it goes to."""
-        return Reason(f"it goes to {in_words(self.target)}", sensors_of(moment, self.target))
+    sign: ClassVar[float] = 1.0
+    goes: ClassVar[str] = "it goes to"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Retreat(Memoryless):
+class Retreat(Steering):
     """Drive away from all things of a kind that are sensed; the opposite of `Approach`, with its parameters.
 
     Examples
@@ -75,23 +90,9 @@ class Retreat(Memoryless):
     'Retreat'
     """
 
-    target: str = "robot"
-    critical_angle_degrees: float = 20.0
     name: str = "Retreat"
-
-    def __post_init__(self) -> None:
-        """Check every value."""
-        check_name("name", self.name)
-        check_choice("target", self.target, TARGETS)
-        check_number("critical_angle_degrees", self.critical_angle_degrees, minimum=0, maximum=180)
-
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that sense such things."""
-        steer(-directions(senses, self.target), self.critical_angle_degrees, senses, command, layer, index)
-
-    def reason(self, moment: Moment) -> Reason:
-        """Return what it drives away from."""
-        return Reason(f"it goes away from {in_words(self.target)}", sensors_of(moment, self.target))
+    sign: ClassVar[float] = -1.0
+    goes: ClassVar[str] = "it goes away from"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -119,16 +120,6 @@ class Halt(Memoryless):
         return Reason("it is to stand")
 
 
-def in_words(target: str) -> str:
-    """Return a target in words."""
-    return {HEAT: "where it is hot", GOAL: "the goal that it heard"}.get(target, f"each {target} that it sees")
-
-
-def sensors_of(moment: Moment, target: str) -> tuple[int, ...]:
-    """Return the proximity sensors that see such a thing."""
-    return tuple(moment.seeing(KINDS.index(target))) if target in KINDS else ()
-
-
 def directions(senses: Senses, target: str) -> np.ndarray:
     """Return where each robot senses a target, as vectors (n, 2) in its own frame, (0, 0) for nothing."""
     if target == GOAL:
@@ -139,19 +130,6 @@ def directions(senses: Senses, target: str) -> np.ndarray:
     else:
         sum_of_things(senses.distance, senses.kind, senses.bearing, senses.design, KINDS.index(target), found)
     return found
-
-
-def steer(
-    towards: np.ndarray,
-    critical_angle_degrees: float,
-    senses: Senses,
-    command: np.ndarray,
-    layer: np.ndarray,
-    index: int,
-) -> None:
-    """Write the commands of robots with a direction (n, 2) other than (0, 0) that no earlier layer drives."""
-    critical = math.radians(critical_angle_degrees)
-    go_towards(towards, senses.max_speed, senses.radius, critical, command, layer, index)
 
 
 @compiled

@@ -1,6 +1,7 @@
 """Avoid: turn away from what is near (thesis 5.2.2)."""
 
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -18,6 +19,7 @@ LOADS = ("always", "never")
 FRONTS = ("tendency", "random", "back up")
 SIDES = ("last", "ignore both")
 LONGEST_MANOEUVRE = 1_000_000
+SENSED = attrgetter("distance", "kind", "hot", "max_speed", "design", "forward")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,54 +97,16 @@ class Avoid(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that are near something."""
-        tendency = senses.tendency
+        sensed, tendency = SENSED(senses), senses.tendency
+        near = float(self.distance), FIRES.index(self.fires), self.loads == "always"
+        inner = -1.0 if self.turn == "stationary" else 0.0  # the inner wheel's share of speed in a turn
         if self.front == "random":
             tendency = np.where(self._rng.random(len(tendency)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
         if self.front == "back up":
-            self._back_up(senses, command, layer, index)
-        avoid(
-            senses.distance,
-            senses.kind,
-            senses.hot,
-            tendency,
-            senses.max_speed,
-            senses.design,
-            senses.forward,
-            float(self.distance),
-            FIRES.index(self.fires),
-            self.loads == "always",
-            self.sides == "ignore both",
-            self._inner,
-            command,
-            layer,
-            index,
-        )
-
-    @property
-    def _inner(self) -> float:
-        """The inner wheel's share of speed in a turn."""
-        return -1.0 if self.turn == "stationary" else 0.0
-
-    def _back_up(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Drive the robots that back up or turn, and those that begin to."""
-        swarm, name = self._left  # type: ignore[attr-defined]
-        back_up(
-            senses.distance,
-            senses.kind,
-            senses.hot,
-            senses.tendency,
-            senses.max_speed,
-            senses.design,
-            senses.forward,
-            float(self.distance),
-            FIRES.index(self.fires),
-            self.loads == "always",
-            (self.back_steps + self.turn_steps, self.turn_steps, self._inner),
-            swarm.columns[name],
-            command,
-            layer,
-            index,
-        )
+            swarm, name = self._left  # type: ignore[attr-defined]
+            manoeuvre = self.back_steps + self.turn_steps, self.turn_steps, inner
+            back_up(*sensed, tendency, *near, manoeuvre, swarm.columns[name], command, layer, index)
+        avoid(*sensed, tendency, *near, self.sides == "ignore both", inner, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which sensor decided: of those that were activated, the last of front, left, right."""
@@ -168,7 +132,7 @@ class Avoid(Memoryless):
 
 @compiled
 def avoid(
-    distance, kind, hot, tendency, max_speed, design, forward, near, fires, loads, ignores_both, inner,
+    distance, kind, hot, max_speed, design, forward, tendency, near, fires, loads, ignores_both, inner,
     command, layer, index,
 ):  # fmt: skip
     """Write the turns of robots that no earlier layer drives; `inner` is the inner wheel's share of speed."""
@@ -195,22 +159,9 @@ def avoid(
 
 @compiled
 def back_up(
-    distance,
-    kind,
-    hot,
-    tendency,
-    max_speed,
-    design,
-    forward,
-    near,
-    fires,
-    loads,
-    manoeuvre,
-    left,
-    command,
-    layer,
-    index,
-):
+    distance, kind, hot, max_speed, design, forward, tendency, near, fires, loads, manoeuvre, left,
+    command, layer, index,
+):  # fmt: skip
     """Write the commands of robots that back up and turn; `manoeuvre` is its steps, those of the turn, and `inner`."""
     steps, turn_steps, inner = manoeuvre
     for i in range(layer.shape[0]):

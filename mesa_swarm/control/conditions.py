@@ -47,6 +47,7 @@ class Condition:
     """
 
     code: ClassVar[int] = OWN
+    form: ClassVar[str] = "{0.__class__.__name__}"  # of its words
     probability: float = 1.0
 
     def __init_subclass__(cls) -> None:
@@ -71,7 +72,7 @@ class Condition:
     @property
     def words(self) -> str:
         """What it states of the readings, such as "robot within 30"; "" for nothing."""
-        return type(self).__name__
+        return self.form.format(self)
 
     @property
     def label(self) -> str:
@@ -99,11 +100,7 @@ class Chance(Condition):
     """
 
     code: ClassVar[int] = CHANCE
-
-    @property
-    def words(self) -> str:
-        """What it states of the readings."""
-        return ""
+    form: ClassVar[str] = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -240,11 +237,7 @@ class OnMark(Condition):
     """
 
     code: ClassVar[int] = ON_MARK
-
-    @property
-    def words(self) -> str:
-        """What it states of the readings."""
-        return "on a mark"
+    form: ClassVar[str] = "on a mark"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -258,11 +251,7 @@ class OffMark(Condition):
     """
 
     code: ClassVar[int] = OFF_MARK
-
-    @property
-    def words(self) -> str:
-        """What it states of the readings."""
-        return "off marks"
+    form: ClassVar[str] = "off marks"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -287,6 +276,7 @@ class HeatSensed(Condition):
     """
 
     code: ClassVar[int] = HEAT_SENSED
+    form: ClassVar[str] = "heat > {0.above:.3g}"
     above: float = 0.0
 
     def __post_init__(self) -> None:
@@ -298,11 +288,6 @@ class HeatSensed(Condition):
     def parameters(self) -> tuple[float, float, float]:
         """The limit."""
         return (float(self.above), 0.0, 0.0)
-
-    @property
-    def words(self) -> str:
-        """What it states of the readings."""
-        return f"heat > {self.above:.3g}"
 
 
 CONDITIONS: tuple[type[Condition], ...] = (Chance, HeatSensed, OffMark, OnMark, RobotsSeen, Seen, Unseen)

@@ -55,21 +55,10 @@ class Follow(Memoryless):
         """Drive the robots that see another ahead."""
         nearest = np.empty(len(layer), np.int64)
         nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
-        follow(
-            nearest,
-            senses.distance,
-            senses.bearing,
-            senses.design,
-            senses.max_speed,
-            senses.radius,
-            math.radians(self.critical_angle_degrees),
-            math.inf if self.gap is None else float(self.gap),
-            float(self.chase_speed),
-            float(self.cruise_speed),
-            command,
-            layer,
-            index,
-        )
+        sensed = nearest, senses.distance, senses.bearing, senses.design, senses.max_speed, senses.radius
+        gap = math.inf if self.gap is None else float(self.gap)
+        rule = math.radians(self.critical_angle_degrees), gap, float(self.chase_speed), float(self.cruise_speed)
+        follow(*sensed, *rule, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robot it follows, and whether it must catch up."""

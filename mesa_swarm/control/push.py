@@ -59,22 +59,9 @@ class Push(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see a load."""
-        push(
-            senses.distance,
-            senses.kind,
-            senses.bearing,
-            senses.design,
-            senses.heard_goal,
-            senses.max_speed,
-            senses.radius,
-            senses.tendency,
-            self.side == "anywhere",
-            float(self.clearance),
-            math.radians(self.critical_angle_degrees),
-            command,
-            layer,
-            index,
-        )
+        sensed = senses.distance, senses.kind, senses.bearing, senses.design, senses.heard_goal
+        rule = self.side == "anywhere", float(self.clearance), math.radians(self.critical_angle_degrees)
+        push(*sensed, senses.max_speed, senses.radius, senses.tendency, *rule, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return whether it pushes or goes round, and why."""

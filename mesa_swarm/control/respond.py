@@ -61,18 +61,10 @@ class Respond(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that were called."""
-        respond(
-            senses.heard_from if self.to == "state" else senses.heard_goal,
-            senses.hot,
-            senses.fire,
-            senses.max_speed,
-            senses.radius,
-            float(self.near),
-            math.radians(self.critical_angle_degrees),
-            command,
-            layer,
-            index,
-        )
+        target = senses.heard_from if self.to == "state" else senses.heard_goal
+        robots = senses.hot, senses.fire, senses.max_speed, senses.radius
+        critical = math.radians(self.critical_angle_degrees)
+        respond(target, *robots, float(self.near), critical, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return where the call came from."""

@@ -95,8 +95,25 @@ class FiresPart(Part):
             )
         self.constants = constants
 
-    def add_fire(self, position: Sequence[float], radius: float | None, area: float | None, temperature: float) -> Fire:
-        """Add a fire and return its agent; see `SwarmModel.add_fire`."""
+    def add_fire(
+        self,
+        position: Sequence[float],
+        *,
+        radius: float | None = None,
+        area: float | None = None,
+        temperature: float = 1.0,
+    ) -> Fire:
+        """Add a fire and return its agent.
+
+        Parameters
+        ----------
+        position : (x, y)
+            Within the map.
+        radius, area : float
+            Either or both; area = (radius / 10) ** 2 unless both are given.
+        temperature : float
+            Above 0, at most 1.
+        """
         bodies = self.model.parts.bodies
         point = bodies.checked_point(position)
         if radius is None and area is None:

@@ -218,13 +218,48 @@ class BodiesPart(Part):
         return [self.table.agents[row] for row in np.flatnonzero(self.table.mode != FIXED).tolist()]
 
     def add_kind(self, name: str) -> int:
-        """Declare a kind of bodies before there is any, and return its code in readings."""
+        """Declare a kind of bodies before there is any, and return its code in readings.
+
+        The first body of a kind declares it as well, see `add_body`. A gripper or a sensor for a misspelt kind is
+        refused when robots with it are added or take their first step; of any other unknown kind there is a warning.
+
+        Parameters
+        ----------
+        name : str
+            A name of your own, one word; one that is known already stays as it is.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is not one word, or one kind too many.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> model.add_kind("wolf"), model.kinds[-1], model.add_kind("wolf")
+        (4, 'wolf', 4)
+        """
         if name not in self.kinds:
             self.know_kind(self.checked_kind("" if name is None else name, ""))
         return self.kinds.index(name)
 
     def kind_code(self, name: str) -> int:
-        """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with."""
+        """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with.
+
+        Raises
+        ------
+        UnknownNameError
+            If the kind was not declared, and no body of it was added.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> puck = model.add_body(disc((100, 100), 5), kind="puck")
+        >>> model.kind_code("puck")
+        4
+        """
         if name not in self.kinds:
             cure = f"; declare it by model.add_kind({shortened(name)})" if isinstance(name, str) else ""
             raise UnknownNameError(unknown_name("kind", name, self.kinds, beside=len(cure)) + cure)
@@ -240,7 +275,42 @@ class BodiesPart(Part):
         resistance: float | None = None,
         temperature: float | None = None,
     ) -> Body:
-        """Add a body that robots see and bump into, and return its agent."""
+        """Add a body that robots see and bump into, and return its agent.
+
+        Parameters
+        ----------
+        shape : Shape
+            From `disc`, `rectangle` or `polygon`.
+        kind : str
+            What sensors see: a name of your own, or "obstacle", "load"; by default "load" for pushed bodies, else
+            "obstacle". See `kinds`.
+        mode : str
+            "driven": it goes where ``body.position = (x, y)``, ``body.heading = h`` or ``body.move_to(...)`` puts it.
+            "fixed": an obstacle. "pushed": a load, which robots push; needs `resistance`.
+        agent : mesa.Agent, optional
+            For a driven body, which then follows the agent's `position` or `pos`, and its `heading` if it has
+            one, in each step. A body whose agent was removed from the model is removed as well.
+        resistance : float
+            See `add_load`.
+        temperature : float, optional
+            Of a body that radiates heat, 0 to 1, as `RadiationSensor` reads it; see `Body.temperature`.
+
+        Raises
+        ------
+        InvalidValueError
+            If a driven body is a mark on the ground, overlaps a load, or has its centre outside the map.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+        >>> predator = model.add_body(disc((120, 100), 5), kind="predator")
+        >>> predator.position = (115, 100)
+        >>> model.sense()
+        >>> float(robot.distance[0]), model.kinds[robot.kind[0]]
+        (5.0, 'predator')
+        """
         mode = check_choice("mode", mode, ADDED)
         _check_shape("body", shape)
         name = self.checked_kind(kind, KINDS[LOAD] if mode == "pushed" else KINDS[OBSTACLE])
@@ -267,7 +337,29 @@ class BodiesPart(Part):
         return body
 
     def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
-        """Ask for poses of driven bodies, all at once: the quick way for many."""
+        """Ask for poses of driven bodies, all at once: the quick way for many.
+
+        Parameters
+        ----------
+        bodies : sequence of Driven
+            From `add_body`, of this model.
+        poses : array_like, shape (m, 3)
+            x, y, heading of each; the centres on the map.
+
+        Raises
+        ------
+        InvalidValueError
+            If a body is not a driven one of this model, or a pose is wrong; none has moved then.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> sheep = [model.add_body(disc((x, 100), 5), kind="sheep") for x in (100, 200, 300)]
+        >>> model.run(1).move_bodies(sheep, [(body.position[0], 102, 0.0) for body in sheep])
+        >>> model.run(1).movers.position[:, 1]
+        array([102., 102., 102.])
+        """
         table = self.table
         chosen = list(bodies) if isinstance(bodies, Iterable) else [bodies]
         if not all(isinstance(body, Driven) and body.model is self.model for body in chosen):
@@ -295,7 +387,23 @@ class BodiesPart(Part):
         table.aim_heading[rows] = wrapped_all(aims[:, 2])
 
     def attach(self, robot: Robot, body: Body) -> None:
-        """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it."""
+        """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it.
+
+        Raises
+        ------
+        InvalidValueError
+            If the robot carries something already, or the body is not a driven one that is free and follows no agent.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel, disc
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
+        >>> puck = model.add_body(disc((110, 100), 2), kind="puck")
+        >>> model.attach(robot, puck)
+        >>> puck.position, model.release(robot), puck.position.round(3)
+        (array([100., 100.]), True, array([107., 100.]))
+        """
         if not isinstance(robot, Robot) or robot.model is not self.model:
             raise InvalidValueError(f"robot is {shortened(robot)}; expected one of model.robots")
         robot.alive()
@@ -309,7 +417,11 @@ class BodiesPart(Part):
         self.made.scene = None
 
     def release(self, robot: Robot) -> bool:
-        """Put down in front of a robot what it carries, and return whether there was room and something to put down."""
+        """Put down in front of a robot what it carries, and return whether there was room and something to put down.
+
+        The place is the nearest to straight ahead, within 60 degrees, where the body is on the map and touches nothing,
+        nor is in the way of a body that was sent elsewhere.
+        """
         body = self.carried_by(robot)
         if body is None:
             return False
@@ -356,12 +468,40 @@ class BodiesPart(Part):
                 self.swarm.disturbed = True
 
     def add_obstacle(self, shape: Shape) -> Obstacle:
-        """Add an obstacle or a ground mark and return its agent."""
+        """Add an obstacle or a ground mark and return its agent.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, disc
+        >>> SwarmModel(rng=1).add_obstacle(disc((100, 100), 30)).contact
+        True
+        """
         _check_shape("obstacle", shape)
         return self.add_fixed(shape, KINDS[OBSTACLE])
 
     def add_load(self, shape: Shape, *, resistance: float) -> Load:
-        """Add a body that robots can push, together if need be, and return its agent."""
+        """Add a body that robots can push, together if need be, and return its agent.
+
+        Parameters
+        ----------
+        shape : Shape
+            At first: within the map, free of obstacles, fires and other loads. Robots there are moved to free space
+            nearby in the next step.
+        resistance : float
+            How many robots' full pushes it withstands, above 0: it moves only when pushed harder than that. A
+            robot that drives straight into it at its greatest speed gives one full push.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is a mark on the ground, overlaps anything but robots, or is not within the map.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel, rectangle
+        >>> SwarmModel(rng=1).add_load(rectangle((100, 100), (140, 120)), resistance=2.5).position
+        array([120., 110.])
+        """
         _check_shape("load", shape)
         return self.add_pushed(shape, checked_resistance(resistance), KINDS[LOAD])
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter, driver
 from mesa_swarm.control.behaviour import Behaviour
+from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key, Team, robots_of
-from mesa_swarm.errors import BehaviourError, InvalidValueError, asked, shortened
+from mesa_swarm.errors import BehaviourError, InvalidValueError, asked, check_count, shortened
 from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
 from mesa_swarm.physics.own_devices import clear_actions
@@ -18,7 +19,9 @@ from mesa_swarm.physics.radio import send_goals
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
-from mesa_swarm.robots.snapshots import Snapshots
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
+from mesa_swarm.trigger import Trigger
 
 # Columns that arbiters and layers write.
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
@@ -219,11 +222,74 @@ class ControlPart(Part):
         self._note_memory()
         self.model.parts.replan()
 
-    def watch(self, snapshots: Snapshots) -> None:
-        """Store what robots know and do in the next steps."""
-        self.snapshots = snapshots
+    def watch(
+        self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS
+    ) -> Snapshots:
+        """Store what robots know and do in the next steps, and return the store.
+
+        Watching again begins with an empty store; `last=None` stores every step, and memory grows without end.
+
+        Parameters
+        ----------
+        last : int or None
+            How many snapshots to store; the oldest are dropped.
+        every : int
+            Steps from one to the next.
+        columns : tuple of str
+            Of the swarm, those that `explain` needs by default.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> snapshots = model.watch(last=50)
+        >>> len(model.run(60).watched)
+        50
+        """
+        self.snapshots = Snapshots(self.swarm, last=last, every=every, columns=columns)
         self._note_memory()
         self.model.parts.replan()
+        return self.snapshots
+
+    def explain(self, robot: Robot, step: int | None = None) -> Explanation:
+        """Return why a robot did what it did in the last step, or in another stored one; call `watch` first.
+
+        Parameters
+        ----------
+        robot : Robot
+            One of `model.robots`.
+        step : int, optional
+
+        Returns
+        -------
+        Explanation
+            As a text one sentence: what the robot did, the layer that won, the readings that triggered it.
+
+        Raises
+        ------
+        InvalidValueError
+            If `watch` was not called, columns are missing, control is None, or the step is not stored.
+        RemovedRobotError
+            If the robot was removed.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, poses=[(765, 300, 0.0)], tendency="left")
+        >>> model.control = Subsumption(Avoid(distance=10.5), Explore())
+        >>> snapshots = model.watch()
+        >>> print(model.run(1).explain(robot))
+        step 1: robot 5 turns left while moving; Avoid: front sensor 10.0 (an obstacle) < 10.5
+        """
+        if not isinstance(robot, Robot) or robot.model is not self.model:
+            raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots")
+        row, snapshots = robot.alive(), check_watched(self.snapshots, DECISIONS, "explain")
+        if self.arbiter is None:
+            raise InvalidValueError("control is None, which explains nothing; set model.control")
+        wanted = int(snapshots.steps[-1]) if step is None else check_count("step", step)
+        return explanation(self.arbiter, self.swarm, snapshots, row, wanted, self.model.kinds)
 
     def _note_memory(self) -> None:
         """Let snapshots store what explains the decisions of the control."""

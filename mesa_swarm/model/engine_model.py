@@ -2,7 +2,7 @@
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
@@ -10,7 +10,6 @@ import mesa
 import numpy as np
 
 from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.team import Key
 from mesa_swarm.errors import (
     InvalidValueError,
@@ -22,7 +21,7 @@ from mesa_swarm.errors import (
 )
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.kernels.plan import Plan
-from mesa_swarm.model.bodies import ADDED, BodiesPart
+from mesa_swarm.model.bodies import BodiesPart
 from mesa_swarm.model.common import with_common
 from mesa_swarm.model.control import ControlPart
 from mesa_swarm.model.events import EventLog, EventsPart
@@ -38,7 +37,7 @@ from mesa_swarm.model.mesa_model import (
     seed_sequence,
 )
 from mesa_swarm.model.observers import Observers
-from mesa_swarm.model.parts import AnyPart, Parts
+from mesa_swarm.model.parts import AnyPart, Parts, delegate
 from mesa_swarm.model.processes import Process, ProcessesPart
 from mesa_swarm.model.radio import RadioPart
 from mesa_swarm.model.robots import RobotsPart
@@ -50,21 +49,19 @@ from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.physics.threads import checked_threads
 from mesa_swarm.progress import progress_bar
-from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale, scale_or_none
 from mesa_swarm.robots.robot import Robot, remove_together
-from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
+from mesa_swarm.robots.snapshots import Snapshots
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Seed, Streams
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, next_id, uncollected
 from mesa_swarm.world.bodies import Body, Load, Obstacle
-from mesa_swarm.world.fields import Field, NamedFields, ScalarField
+from mesa_swarm.world.fields import NamedFields
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import Driven, Movers
-from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import FIRE
 
 ENGINES: dict[str, type[Engine]] = {"compiled": CompiledEngine, "shapely": ShapelyEngine}
@@ -296,59 +293,9 @@ class EngineModel(MesaModel):
         self.swarm.listed[id(found)] = found
         return found
 
-    def add_robots(
-        self,
-        design: RobotDesign,
-        n: int | None = None,
-        *,
-        poses: Iterable[Sequence[float]] | None = None,
-        tendency: str | Sequence[str] | None = None,
-        group: str = "",
-    ) -> list[Robot]:
-        """Add robots at free random poses, or at given ones, and return their handles.
+    add_robots = delegate("robots", RobotsPart.add_robots)
 
-        Parameters
-        ----------
-        design : RobotDesign
-            Its radius at least 4e-9 of the largest coordinate of the map and of what is solid, and at least 1e-12.
-        n : int
-            How many, at free random places with random headings; they never overlap anything.
-        poses : iterable of (x, y, heading), instead of n
-            Within the map. Robots that overlap anything are moved to free space nearby in the next step.
-        tendency : "left", "right" or a sequence of these, optional
-            The side to which each turns from what is straight ahead; by default drawn by chance.
-        group : str
-            The name of a group, by which `model.control` may have an arbiter for them; "" for none.
-
-        Raises
-        ------
-        PlacementError
-            If they do not fit; the message names how many would.
-        InvalidValueError
-            If neither or both of n and poses are given, a pose is not on the map, the robots are too small for their
-            coordinates, or the control is not for such a drive.
-        UnknownNameError
-            If the design has a part for a field that the model does not have; add the field first.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT3, SwarmModel
-        >>> SwarmModel(rng=1).add_robots(AGENT3, poses=[(100, 200, 0.0)])[0].position
-        array([100., 200.])
-        """
-        return self.parts.robots.add_robots(design, n, poses, tendency, group)
-
-    def remove_robots(self, robots: Iterable[Robot]) -> None:
-        """Take robots out of the model, between two steps.
-
-        Raises
-        ------
-        InvalidValueError
-            If they are not robots of this model.
-        RemovedRobotError
-            If one of them is gone already.
-        """
-        self.parts.robots.remove_robots(robots)
+    remove_robots = delegate("robots", RobotsPart.remove_robots)
 
     def remove_all_agents(self) -> None:
         """Take all agents out of the model, between two steps; robots at once, which is much quicker."""
@@ -397,239 +344,32 @@ class EngineModel(MesaModel):
         """
         return self.parts.bodies.kinds
 
-    def add_kind(self, name: str) -> int:
-        """Declare a kind of bodies before there is any, and return its code in readings.
+    add_kind = delegate("bodies", BodiesPart.add_kind)
 
-        The first body of a kind declares it as well, see `add_body`. A gripper or a sensor for a misspelt kind is
-        refused when robots with it are added or take their first step; of any other unknown kind there is a warning.
+    kind_code = delegate("bodies", BodiesPart.kind_code)
 
-        Parameters
-        ----------
-        name : str
-            A name of your own, one word; one that is known already stays as it is.
+    add_body = delegate("bodies", BodiesPart.add_body)
 
-        Raises
-        ------
-        InvalidValueError
-            If it is not one word, or one kind too many.
+    move_bodies = delegate("bodies", BodiesPart.move_bodies)
 
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> model.add_kind("wolf"), model.kinds[-1], model.add_kind("wolf")
-        (4, 'wolf', 4)
-        """
-        return self.parts.bodies.add_kind(name)
+    attach = delegate("bodies", BodiesPart.attach)
 
-    def kind_code(self, name: str) -> int:
-        """Return the code of a kind in readings: what a rule compares ``me.kind[s]`` with.
+    release = delegate("bodies", BodiesPart.release)
 
-        Raises
-        ------
-        UnknownNameError
-            If the kind was not declared, and no body of it was added.
+    carried_by = delegate("bodies", BodiesPart.carried_by)
 
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel, disc
-        >>> model = SwarmModel(rng=1)
-        >>> puck = model.add_body(disc((100, 100), 5), kind="puck")
-        >>> model.kind_code("puck")
-        4
-        """
-        return self.parts.bodies.kind_code(name)
+    add_obstacle = delegate("bodies", BodiesPart.add_obstacle)
 
-    def add_body(
-        self,
-        shape: Shape,
-        *,
-        kind: str | None = None,
-        mode: str = ADDED[0],
-        agent: mesa.Agent | None = None,
-        resistance: float | None = None,
-        temperature: float | None = None,
-    ) -> Body:
-        """Add a body that robots see and bump into, and return its agent.
-
-        Parameters
-        ----------
-        shape : Shape
-            From `disc`, `rectangle` or `polygon`.
-        kind : str
-            What sensors see: a name of your own, or "obstacle", "load"; by default "load" for pushed bodies, else
-            "obstacle". See `kinds`.
-        mode : str
-            "driven": it goes where ``body.position = (x, y)``, ``body.heading = h`` or ``body.move_to(...)`` puts it.
-            "fixed": an obstacle. "pushed": a load, which robots push; needs `resistance`.
-        agent : mesa.Agent, optional
-            For a driven body, which then follows the agent's `position` or `pos`, and its `heading` if it has
-            one, in each step. A body whose agent was removed from the model is removed as well.
-        resistance : float
-            See `add_load`.
-        temperature : float, optional
-            Of a body that radiates heat, 0 to 1, as `RadiationSensor` reads it; see `Body.temperature`.
-
-        Raises
-        ------
-        InvalidValueError
-            If a driven body is a mark on the ground, overlaps a load, or has its centre outside the map.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT9, SwarmModel, disc
-        >>> model = SwarmModel(rng=1)
-        >>> (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
-        >>> predator = model.add_body(disc((120, 100), 5), kind="predator")
-        >>> predator.position = (115, 100)
-        >>> model.sense()
-        >>> float(robot.distance[0]), model.kinds[robot.kind[0]]
-        (5.0, 'predator')
-        """
-        return self.parts.bodies.add_body(
-            shape, kind=kind, mode=mode, agent=agent, resistance=resistance, temperature=temperature
-        )
-
-    def move_bodies(self, bodies: Sequence[Body], poses: Sequence[Sequence[float]] | np.ndarray) -> None:
-        """Ask for poses of driven bodies, all at once: the quick way for many.
-
-        Parameters
-        ----------
-        bodies : sequence of Driven
-            From `add_body`, of this model.
-        poses : array_like, shape (m, 3)
-            x, y, heading of each; the centres on the map.
-
-        Raises
-        ------
-        InvalidValueError
-            If a body is not a driven one of this model, or a pose is wrong; none has moved then.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel, disc
-        >>> model = SwarmModel(rng=1)
-        >>> sheep = [model.add_body(disc((x, 100), 5), kind="sheep") for x in (100, 200, 300)]
-        >>> model.run(1).move_bodies(sheep, [(body.position[0], 102, 0.0) for body in sheep])
-        >>> model.run(1).movers.position[:, 1]
-        array([102., 102., 102.])
-        """
-        self.parts.bodies.move_bodies(bodies, poses)
-
-    def attach(self, robot: Robot, body: Body) -> None:
-        """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it.
-
-        Raises
-        ------
-        InvalidValueError
-            If the robot carries something already, or the body is not a driven one that is free and follows no agent.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT9, SwarmModel, disc
-        >>> model = SwarmModel(rng=1)
-        >>> (robot,) = model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
-        >>> puck = model.add_body(disc((110, 100), 2), kind="puck")
-        >>> model.attach(robot, puck)
-        >>> puck.position, model.release(robot), puck.position.round(3)
-        (array([100., 100.]), True, array([107., 100.]))
-        """
-        self.parts.bodies.attach(robot, body)
-
-    def release(self, robot: Robot) -> bool:
-        """Put down in front of a robot what it carries, and return whether there was room and something to put down.
-
-        The place is the nearest to straight ahead, within 60 degrees, where the body is on the map and touches nothing,
-        nor is in the way of a body that was sent elsewhere.
-        """
-        return self.parts.bodies.release(robot)
-
-    def carried_by(self, robot: Robot) -> Driven | None:
-        """Return the body that a robot carries, or None."""
-        return self.parts.bodies.carried_by(robot)
-
-    def add_obstacle(self, shape: Shape) -> Obstacle:
-        """Add an obstacle or a ground mark and return its agent.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel, disc
-        >>> SwarmModel(rng=1).add_obstacle(disc((100, 100), 30)).contact
-        True
-        """
-        return self.parts.bodies.add_obstacle(shape)
-
-    def add_load(self, shape: Shape, *, resistance: float) -> Load:
-        """Add a body that robots can push, together if need be, and return its agent.
-
-        Parameters
-        ----------
-        shape : Shape
-            At first: within the map, free of obstacles, fires and other loads. Robots there are moved to free space
-            nearby in the next step.
-        resistance : float
-            How many robots' full pushes it withstands, above 0: it moves only when pushed harder than that. A
-            robot that drives straight into it at its greatest speed gives one full push.
-
-        Raises
-        ------
-        InvalidValueError
-            If it is a mark on the ground, overlaps anything but robots, or is not within the map.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel, rectangle
-        >>> SwarmModel(rng=1).add_load(rectangle((100, 100), (140, 120)), resistance=2.5).position
-        array([120., 110.])
-        """
-        return self.parts.bodies.add_load(shape, resistance=resistance)
+    add_load = delegate("bodies", BodiesPart.add_load)
 
     @property
     def fields(self) -> NamedFields:
         """The scalar fields by name, in the order in which they were added."""
         return self.parts.fields.named()
 
-    def add_field(self, field: Field) -> ScalarField:
-        """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
+    add_field = delegate("fields", FieldsPart.add_field)
 
-        Raises
-        ------
-        InvalidValueError
-            If the model has a field of this name, or it would have too many cells or sub-steps.
-
-        Examples
-        --------
-        >>> from mesa_swarm import Field, SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> trail = model.add_field(Field("trail", cell=10.0, diffusion=0.1, evaporation=0.01))
-        >>> trail.deposit((400, 300), 5.0)
-        >>> round(model.run(1).fields["trail"].total, 3)
-        4.95
-        """
-        return self.parts.fields.add_field(field)
-
-    def remove_field(self, name: str) -> ScalarField:
-        """Take a scalar field out of the model, between two steps, and return it with its last values.
-
-        Rows of a recording have no picture of it from then on.
-
-        Raises
-        ------
-        UnknownNameError
-            If the model has no field of this name.
-        InvalidValueError
-            If a robot has a sensor or an actuator for it.
-
-        Examples
-        --------
-        >>> from mesa_swarm import Field, SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> trail = model.add_field(Field("trail"))
-        >>> trail.deposit((400, 300), 5.0)
-        >>> model.remove_field("trail").total, len(model.fields)
-        (5.0, 0)
-        """
-        return self.parts.fields.remove_field(name)
+    remove_field = delegate("fields", FieldsPart.remove_field)
 
     @property
     def state(self) -> State:
@@ -655,79 +395,16 @@ class EngineModel(MesaModel):
         """What happens in each step besides robots, in the order in which it was added."""
         return tuple(self.parts.processes.numbered.values())
 
-    def add_process(self, process: Process) -> Process:
-        """Add what happens in each step besides robots, after contacts are resolved, and return it.
+    add_process = delegate("processes", ProcessesPart.add_process)
 
-        Parameters
-        ----------
-        process : Process
-            Any object with ``step(model)``. Its attributes are part of the model's state.
-
-        Raises
-        ------
-        InvalidValueError
-            If it has no `step`, was added before, or refuses this model.
-
-        Examples
-        --------
-        >>> from mesa_swarm import SwarmModel
-        >>> class Rain:
-        ...     amount = 0
-        ...
-        ...     def step(self, model):
-        ...         self.amount += 2
-        >>> model = SwarmModel(rng=1)
-        >>> rain = model.add_process(Rain())
-        >>> model.run(3).processes[0].amount
-        6
-        """
-        return self.parts.processes.add_process(process)
-
-    def remove_process(self, process: Process) -> None:
-        """Remove a process; what it has changed stays.
-
-        Raises
-        ------
-        InvalidValueError
-            If it is not one of `processes`.
-        """
-        self.parts.processes.remove_process(process)
+    remove_process = delegate("processes", ProcessesPart.remove_process)
 
     @property
     def events(self) -> EventLog:
         """What happened, as arrays: `step`, `name`, `unique_id` and `value`; see `event`."""
         return self.parts.events.log
 
-    def event(self, name: str, *, robot: Robot | None = None, value: float = 1.0) -> None:
-        """Note that something happened in this step: it is counted, hashed, stored, recorded, and shown in replays.
-
-        Parameters
-        ----------
-        name : str
-            One line of text, the same for events of one kind.
-        robot : Robot, optional
-            To which, or by which, it happened.
-        value : float
-            How much, any finite number.
-
-        Raises
-        ------
-        InvalidValueError
-            If a value is not permitted, or the robot is of another model.
-        RemovedRobotError
-            If the robot was removed.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT9, SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> (robot,) = model.add_robots(AGENT9, 1)
-        >>> model.event("delivered", robot=robot, value=2.0)
-        >>> model.event("delivered")
-        >>> len(model.events), model.events.value, model.events.count("delivered")
-        (2, array([2., 1.]), 2)
-        """
-        self.parts.events.note(name, robot, value)
+    event = delegate("events", EventsPart.event)
 
     @property
     def imperfections(self) -> Imperfections | None:
@@ -920,9 +597,7 @@ class EngineModel(MesaModel):
             call()
         self._collect()
 
-    def sense(self) -> None:
-        """Read all sensors for the current poses; reading twice gives the same."""
-        self.parts.robots.sense()
+    sense = delegate("robots", RobotsPart.sense)
 
     def run(self, steps: int, progress: bool = False) -> Self:
         """Take this many steps, fewer if the model stops running, and return the model.
@@ -1006,77 +681,14 @@ class EngineModel(MesaModel):
         """The deepest contact of every robot that collided in the last step."""
         return Contacts.of(self.swarm, self.obstacle_list, {FIRE: self.parts.bodies.fires()})
 
-    def watch(
-        self, last: int | None = 100, *, every: int | Trigger = 1, columns: tuple[str, ...] = DECISIONS
-    ) -> Snapshots:
-        """Store what robots know and do in the next steps, and return the store.
-
-        Watching again begins with an empty store; `last=None` stores every step, and memory grows without end.
-
-        Parameters
-        ----------
-        last : int or None
-            How many snapshots to store; the oldest are dropped.
-        every : int
-            Steps from one to the next.
-        columns : tuple of str
-            Of the swarm, those that `explain` needs by default.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT9, SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> snapshots = model.watch(last=50)
-        >>> len(model.run(60).watched)
-        50
-        """
-        self.parts.control.watch(Snapshots(self.swarm, last=last, every=every, columns=columns))
-        return self.watched  # type: ignore[return-value]
+    watch = delegate("control", ControlPart.watch)
 
     @property
     def watched(self) -> Snapshots | None:
         """What `watch` stores, None without it."""
         return self.parts.control.snapshots
 
-    def explain(self, robot: Robot, step: int | None = None) -> Explanation:
-        """Return why a robot did what it did in the last step, or in another stored one; call `watch` first.
-
-        Parameters
-        ----------
-        robot : Robot
-            One of `model.robots`.
-        step : int, optional
-
-        Returns
-        -------
-        Explanation
-            As a text one sentence: what the robot did, the layer that won, the readings that triggered it.
-
-        Raises
-        ------
-        InvalidValueError
-            If `watch` was not called, columns are missing, control is None, or the step is not stored.
-        RemovedRobotError
-            If the robot was removed.
-
-        Examples
-        --------
-        >>> from mesa_swarm import AGENT9, SwarmModel
-        >>> from mesa_swarm.control import Avoid, Explore, Subsumption
-        >>> model = SwarmModel(rng=1)
-        >>> (robot,) = model.add_robots(AGENT9, poses=[(765, 300, 0.0)], tendency="left")
-        >>> model.control = Subsumption(Avoid(distance=10.5), Explore())
-        >>> snapshots = model.watch()
-        >>> print(model.run(1).explain(robot))
-        step 1: robot 5 turns left while moving; Avoid: front sensor 10.0 (an obstacle) < 10.5
-        """
-        if not isinstance(robot, Robot) or robot.model is not self:
-            raise InvalidValueError(f"robot is {shortened(robot)}; expected one of this model's robots")
-        row, snapshots = robot.alive(), check_watched(self.watched, DECISIONS, "explain")
-        if self.control is None:
-            raise InvalidValueError("control is None, which explains nothing; set model.control")
-        wanted = int(snapshots.steps[-1]) if step is None else check_count("step", step)
-        return explanation(self.control, self.swarm, snapshots, row, wanted, self.kinds)
+    explain = delegate("control", ControlPart.explain)
 
     def state_hash(self) -> str:
         """Return a fingerprint of all numbers that steps read or write: equal for equal runs, in any number of threads.

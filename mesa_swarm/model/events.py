@@ -144,8 +144,35 @@ class EventsPart(Part):
         """Return nothing: events are collected data, of which only new ones are stored."""
         return {}
 
-    def note(self, name: str, robot: Robot | None, value: float) -> None:
-        """Note that something happened in this step; see `SwarmModel.event`."""
+    def event(self, name: str, *, robot: Robot | None = None, value: float = 1.0) -> None:
+        """Note that something happened in this step: it is counted, hashed, stored, recorded, and shown in replays.
+
+        Parameters
+        ----------
+        name : str
+            One line of text, the same for events of one kind.
+        robot : Robot, optional
+            To which, or by which, it happened.
+        value : float
+            How much, any finite number.
+
+        Raises
+        ------
+        InvalidValueError
+            If a value is not permitted, or the robot is of another model.
+        RemovedRobotError
+            If the robot was removed.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT9, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> (robot,) = model.add_robots(AGENT9, 1)
+        >>> model.event("delivered", robot=robot, value=2.0)
+        >>> model.event("delivered")
+        >>> len(model.events), model.events.value, model.events.count("delivered")
+        (2, array([2., 1.]), 2)
+        """
         unique_id = WITHOUT_ROBOT
         if robot is not None:
             if not isinstance(robot, Robot) or robot.model is not self.model:

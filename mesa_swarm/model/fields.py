@@ -89,7 +89,22 @@ class FieldsPart(Part):
         return NamedFields(self.live)
 
     def add_field(self, field: Field) -> ScalarField:
-        """Add a scalar field, empty at first, and return it; see `SwarmModel.add_field`."""
+        """Add a scalar field, empty at first, and return it; it advances in each step, after contacts are resolved.
+
+        Raises
+        ------
+        InvalidValueError
+            If the model has a field of this name, or it would have too many cells or sub-steps.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail", cell=10.0, diffusion=0.1, evaporation=0.01))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> round(model.run(1).fields["trail"].total, 3)
+        4.95
+        """
         if not isinstance(field, Field):
             raise InvalidValueError(f'field is {shortened(field)}; expected a Field such as Field("trail")')
         if field.name in self.live:
@@ -99,7 +114,26 @@ class FieldsPart(Part):
         return live
 
     def remove_field(self, name: str) -> ScalarField:
-        """Take a scalar field out of the model, between two steps; see `SwarmModel.remove_field`."""
+        """Take a scalar field out of the model, between two steps, and return it with its last values.
+
+        Rows of a recording have no picture of it from then on.
+
+        Raises
+        ------
+        UnknownNameError
+            If the model has no field of this name.
+        InvalidValueError
+            If a robot has a sensor or an actuator for it.
+
+        Examples
+        --------
+        >>> from mesa_swarm import Field, SwarmModel
+        >>> model = SwarmModel(rng=1)
+        >>> trail = model.add_field(Field("trail"))
+        >>> trail.deposit((400, 300), 5.0)
+        >>> model.remove_field("trail").total, len(model.fields)
+        (5.0, 0)
+        """
         field = self.named()[name]
         self._check_unused(field.name)
         self.live, field.removed = {other: live for other, live in self.live.items() if live is not field}, True

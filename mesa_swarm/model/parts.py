@@ -1,7 +1,8 @@
 """The parts of a model in their order, and the loops over them."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 10**15
 AnyPart = TypeVar("AnyPart", bound=Part)
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 METHODS = ("bind", "columns", "stages", "store", "restore", "replace", "shown")
 
 
@@ -185,3 +188,16 @@ class Parts(Mapping[str, Part]):
             for name, column in part.columns().items():
                 if column.rows == rows:
                     part.replace(name, np.delete(column.array, gone, axis=0))
+
+
+def delegate(
+    part: str, method: Callable[Concatenate[Any, Arguments], Result]
+) -> Callable[Concatenate[Any, Arguments], Result]:
+    """Return a method of a model that calls that of a standing part, with its name, parameters and docstring."""
+    name = method.__name__
+
+    @wraps(method)
+    def call(model: Any, /, *arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
+        return getattr(getattr(model.parts, part), name)(*arguments, **named)
+
+    return call

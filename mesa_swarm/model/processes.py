@@ -103,7 +103,31 @@ class ProcessesPart(Part):
                 object.__setattr__(process, name, value)
 
     def add_process(self, process: Process) -> Process:
-        """Add what happens in each step, and return it; see `SwarmModel.add_process`."""
+        """Add what happens in each step besides robots, after contacts are resolved, and return it.
+
+        Parameters
+        ----------
+        process : Process
+            Any object with ``step(model)``. Its attributes are part of the model's state.
+
+        Raises
+        ------
+        InvalidValueError
+            If it has no `step`, was added before, or refuses this model.
+
+        Examples
+        --------
+        >>> from mesa_swarm import SwarmModel
+        >>> class Rain:
+        ...     amount = 0
+        ...
+        ...     def step(self, model):
+        ...         self.amount += 2
+        >>> model = SwarmModel(rng=1)
+        >>> rain = model.add_process(Rain())
+        >>> model.run(3).processes[0].amount
+        6
+        """
         if isinstance(process, type) or not callable(asked(process, "step")):
             raise InvalidValueError(
                 f"process is {shortened(process)}; expected an object with step(model), see Process"
@@ -122,7 +146,13 @@ class ProcessesPart(Part):
             self.numbered = {number: process, **self.numbered}
 
     def remove_process(self, process: Process) -> None:
-        """Remove a process; what it has changed stays."""
+        """Remove a process; what it has changed stays.
+
+        Raises
+        ------
+        InvalidValueError
+            If it is not one of `processes`.
+        """
         others = {number: other for number, other in self.numbered.items() if other is not process}
         if len(others) == len(self.numbered):
             raise InvalidValueError(f"process is {shortened(process)}; expected one of model.processes")

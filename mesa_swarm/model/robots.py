@@ -216,12 +216,43 @@ class RobotsPart(Part):
     def add_robots(
         self,
         design: RobotDesign,
-        n: int | None,
-        poses: Iterable[Sequence[float]] | None,
-        tendency: str | Sequence[str] | None,
-        group: str,
+        n: int | None = None,
+        *,
+        poses: Iterable[Sequence[float]] | None = None,
+        tendency: str | Sequence[str] | None = None,
+        group: str = "",
     ) -> list[Robot]:
-        """Add robots at free random poses, or at given ones, and return their handles; see `SwarmModel.add_robots`."""
+        """Add robots at free random poses, or at given ones, and return their handles.
+
+        Parameters
+        ----------
+        design : RobotDesign
+            Its radius at least 4e-9 of the largest coordinate of the map and of what is solid, and at least 1e-12.
+        n : int
+            How many, at free random places with random headings; they never overlap anything.
+        poses : iterable of (x, y, heading), instead of n
+            Within the map. Robots that overlap anything are moved to free space nearby in the next step.
+        tendency : "left", "right" or a sequence of these, optional
+            The side to which each turns from what is straight ahead; by default drawn by chance.
+        group : str
+            The name of a group, by which `model.control` may have an arbiter for them; "" for none.
+
+        Raises
+        ------
+        PlacementError
+            If they do not fit; the message names how many would.
+        InvalidValueError
+            If neither or both of n and poses are given, a pose is not on the map, the robots are too small for their
+            coordinates, or the control is not for such a drive.
+        UnknownNameError
+            If the design has a part for a field that the model does not have; add the field first.
+
+        Examples
+        --------
+        >>> from mesa_swarm import AGENT3, SwarmModel
+        >>> SwarmModel(rng=1).add_robots(AGENT3, poses=[(100, 200, 0.0)])[0].position
+        array([100., 200.])
+        """
         self._check_addable(design, group)
         if (n is None) == (poses is None):
             raise InvalidValueError("add_robots takes either n or poses; give exactly one of them")
@@ -252,7 +283,15 @@ class RobotsPart(Part):
         bodies.check_resolved(design.radius, (body.shape for body in bodies.listed))
 
     def remove_robots(self, robots: Iterable[Robot]) -> None:
-        """Take robots out of the model, between two steps; see `SwarmModel.remove_robots`."""
+        """Take robots out of the model, between two steps.
+
+        Raises
+        ------
+        InvalidValueError
+            If they are not robots of this model.
+        RemovedRobotError
+            If one of them is gone already.
+        """
         try:
             chosen = list(robots)
         except TypeError:  # not iterable

@@ -86,8 +86,8 @@ def room_of(statics: Statics, bodies: BodyTable, pushed: np.ndarray, sent: np.nd
     discs = statics.discs[still[len(statics.edges) :]]
     forms, driven = ([cast(Form, bodies.forms[row]) for row in rows[indices].tolist()] for indices in (pushed, sent))
     # Shapes are in normal form.
-    bodies = [shapely.normalize(form.outline) for form in (*forms, *driven)]
-    solids = [*lines, *shapely.points(discs[:, :2]), *bodies, *(form.core for form in forms)]
+    solid_bodies = [shapely.normalize(form.outline) for form in (*forms, *driven)]
+    solids = [*lines, *shapely.points(discs[:, :2]), *solid_bodies, *(form.core for form in forms)]
     none = [0.0] * len(forms)
     radius = [*[0.0] * len(lines), *discs[:, 2], *(form.radius for form in (*forms, *driven)), *none, *none]
     outlines = outlines_of([*solids, *(form.heart for form in forms)], radius)

@@ -113,11 +113,20 @@ class Moving:
             [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[disc_row, 2]]
         )
         self.items = np.concatenate([edges, discs])
-        lists = self._lists(bounds, touch), float(touch), self._lists(bounds, sight), float(sight)
-        m, still = len(bodies), (rows, self.start, self.start_heading)
+        m = len(bodies)
         columns = bodies.position, bodies.heading, bodies.aim, bodies.aim_heading, bodies.blocked, bodies.reach
         scratch = np.empty((m, 2)), np.empty(m), np.zeros(m, np.bool_)
-        self.arrays = MoverArrays(*columns, *still, *scratch, outlines, self.items, self.body_of, *lists)
+        begun = *columns, rows, self.start, self.start_heading
+        self.arrays = MoverArrays(
+            *(*begun, *scratch),
+            outlines=outlines,
+            items=self.items,
+            body_of=self.body_of,
+            touched=self._lists(bounds, touch),
+            touch=float(touch),
+            seen=self._lists(bounds, sight),
+            sight=float(sight),
+        )
         self._block = Block(self.arrays)
         self._listed_for_sight = False
         self.place()

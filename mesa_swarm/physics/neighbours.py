@@ -18,7 +18,7 @@ from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
 from mesa_swarm.world.bodies import CARRIED
-from mesa_swarm.world.statics import FIRE, KINDS, NOTHING, ROBOT
+from mesa_swarm.world.statics import KINDS, NOTHING, ROBOT
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"
@@ -187,6 +187,5 @@ def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
     table, kinds = model.parts.bodies.table, model.kinds
     code = kinds.index(kind) if kind in kinds else NOTHING
     rows = np.flatnonzero((table.kind == code) & (table.seen == code) & (table.mode != CARRIED))
-    # What is numbered apart hides nothing: no item of `owners` has these indices.
-    number = np.where(table.kind == FIRE, len(table) + np.arange(len(table)), np.cumsum(table.kind != FIRE) - 1)[rows]
+    number = table.numbers[rows]
     return {"places": table.position[rows], "number": number, "bodies": number, "lamps": np.empty(0)}

@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import shapely
@@ -313,9 +313,8 @@ class BodyTable:
             return
         for name, column in self._room.items():
             self._room[name] = column[order]
-        self.agents[:], self.forms[:], self._shown[:] = (
-            [rows[row] for row in order] for rows in (self.agents, self.forms, self._shown)
-        )
+        for rows in cast(list[list], [self.agents, self.forms, self._shown]):
+            rows[:] = [rows[row] for row in order]
         for row, agent in enumerate(self.agents):
             agent.row = row
         self._others = None
@@ -331,6 +330,12 @@ class BodyTable:
         if self._others is None:
             self._others = [self.agents[row] for row in np.flatnonzero(self.kind != FIRE).tolist()]
         return self._others
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Indices in `others`, shape (m,); of fires, which hide nothing, numbers that no item of `Statics` has."""
+        is_fire = self.kind == FIRE
+        return np.where(is_fire, len(self) + np.arange(len(self)), np.cumsum(~is_fire) - 1)
 
     @property
     def seen(self) -> np.ndarray:
