@@ -89,7 +89,7 @@ class Fires:
     @property
     def rows(self) -> np.ndarray:
         """Rows of the fires in the table of bodies."""
-        return np.array([fire.row for fire in self.agents], np.int64)
+        return read_only(np.array([fire.row for fire in self.agents], np.int64))
 
     @property
     def columns(self) -> dict[str, np.ndarray]:

@@ -73,7 +73,7 @@ class Movers:
     @property
     def carried(self) -> np.ndarray:
         """Whether a robot carries each, shape (m,)."""
-        return self.mode == CARRIED
+        return read_only(self.mode == CARRIED)
 
     @property
     def poses(self) -> tuple[np.ndarray, ...]:
