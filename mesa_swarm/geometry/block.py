@@ -55,6 +55,10 @@ class Block:
         self._values = values
         self.numbers = np.array(_numbers_of(values), NUMBER)
 
+    def replace(self, values: Any) -> None:
+        """Take other values of the same types, in the same numbers, to which blocks may refer."""
+        self._values, self.numbers[:] = values, _numbers_of(values)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how a copy is made: of copies of the arrays, so that it refers to these."""
         return Block, (self._values,)

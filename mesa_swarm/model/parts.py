@@ -82,8 +82,8 @@ class Parts(Mapping[str, Part]):
 
     @property
     def plan(self) -> Plan:
-        """The stages of the step, made anew when parts or robots' columns have changed."""
-        version = self._model.swarm.version
+        """The stages of the step, made anew when parts, robots' columns or bodies have changed."""
+        version = self._model.swarm.version, self.bodies.scene()
         if self._plan is None or self._plan.version != version:
             self._plan = Plan.of(self._by_name.values(), version, lambda: self._model.completed)
         return self._plan

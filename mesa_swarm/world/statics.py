@@ -113,9 +113,10 @@ class Statics:
             first_source=len(discs) - len(sources),
         )
 
-    def mark_hot(self, hot: np.ndarray) -> None:
-        """Update the kinds that sensors see: cold sources of heat are obstacles."""
-        self.kind[len(self.edges) + self.first_source :] = np.where(hot, SOURCE, OBSTACLE)
+    @property
+    def seen_as(self) -> np.ndarray:
+        """The kinds as which sensors see sources of heat: cold ones are obstacles."""
+        return self.kind[len(self.edges) + self.first_source :]
 
     def rows_of(self, index: int) -> np.ndarray:
         """Return the items of a shape."""
