@@ -10,7 +10,7 @@ from mesa_swarm.fire.burning import Burning, HeatArrays, burn_all
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.geometry.block import Block
-from mesa_swarm.kernels.part import Column, Context, Itself, Kernel, Prepared, Part, Phase, Role, Stage
+from mesa_swarm.kernels.part import Column, Context, Itself, Kernel, Part, Phase, Prepared, Role, Stage
 from mesa_swarm.model.robots import check_stored
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA

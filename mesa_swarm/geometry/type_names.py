@@ -18,6 +18,7 @@ ByteRows = Annotated[np.ndarray, "uint8[2C]"]
 Codes = Annotated[np.ndarray, "int8[1C]"]
 CodeRows = Annotated[np.ndarray, "int8[2C]"]
 Flags = Annotated[np.ndarray, "bool[1C]"]
+FlagRows = Annotated[np.ndarray, "bool[2C]"]
 NUMBERS = {float: types.float64, int: types.int64}
 
 

@@ -26,13 +26,13 @@ class Plan(NamedTuple):
     >>> print(EngineModel(rng=1).plan)
     phase    part       what                                    how
     sense    bodies     bodies follow their agents              Python
-    sense    robots     robots read their sensors               compiled: sense_proximity
+    sense    robots     robots read their sensors               compiled: sense_proximity; Python: no proximity sensors
     move     bodies     driven bodies begin their ways          compiled: place_items
-    move     robots     robots move, and contacts are resolved  compiled: travel_pieces
+    move     robots     robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
     resolve  bodies     bodies rest, and are carried along      Python
     process  fields     fields diffuse and evaporate            compiled: advance_fields
     process  processes  processes take place                    Python
-    collect  robots     collisions are counted                  Python
+    collect  robots     collisions are counted                  compiled: count_collided
     besides: datacollector after each step
     """
 
