@@ -1,5 +1,6 @@
 """Kernels of stages: called in the order of the plan they do what a step does, and the plan names why there is none."""
 
+import math
 import pickle
 from collections import Counter
 from copy import deepcopy
@@ -10,7 +11,10 @@ import pytest
 from numba import types
 
 from mesa_swarm import AGENT9, Field, Lamp, Map, SwarmModel, disc, rectangle
-from mesa_swarm.control import Avoid, Explore, Subsumption
+from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum
+from mesa_swarm.control.arbiter import decide_layers
+from mesa_swarm.errors import BehaviourError
+from mesa_swarm.fire.burning import Burning
 from mesa_swarm.gallery import find_model
 from mesa_swarm.kernels.part import Phase
 from mesa_swarm.kernels.plan import due
@@ -19,11 +23,11 @@ from mesa_swarm.physics import engine as engine_module
 from mesa_swarm.physics.packed import LIST
 
 SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
-FIELDS, PROCESSES = "fields diffuse and evaporate", "processes take place"
+DECIDE, FIELDS, PROCESSES = "layers decide", "fields diffuse and evaporate", "processes take place"
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
 # How often each kernel returned each code.
 CODES: Counter = Counter()
-USED: dict = {}
+KERNELS: list = []
 
 
 def step_by_kernels(model):
@@ -37,7 +41,7 @@ def step_by_kernels(model):
             due(stage, lambda: model.completed)()
             continue
         function, block, _, attend = stage.kernel
-        USED[function.__name__] = function
+        KERNELS.append(stage.kernel)
         while code := function(block, model.steps, 0, len(model.swarm)):
             CODES[function.__name__, code] += 1
             attend(code)
@@ -83,11 +87,11 @@ def with_fields():
 
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
-    "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, MOVE, COUNT, FIELDS}),
-    "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, MOVE, COUNT, FIELDS, PROCESSES}),
+    "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
+    "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
-    "fields": (with_fields, {SENSE, MOVE, COUNT, FIELDS}),
-    "own map": (on_own_map, {SENSE, MOVE, COUNT, FIELDS}),
+    "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
+    "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
 }
 
 
@@ -174,11 +178,69 @@ def test_a_step_that_lacks_room_for_pairs_after_a_piece_goes_on_with_the_next(ru
 
 def test_each_kernel_is_compiled_for_one_signature(run):
     models = [find_model("fire_fighting")(rng=1) for _ in range(2)]
+    KERNELS.clear()
     run(models, 1)
-    assert {"sense_devices", "move_robots", "advance_fields", "burn_all", "count_collided"} <= USED.keys()
-    for function in USED.values():
+    decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
+    functions = {*decided, *(kernel.function for kernel in KERNELS)}
+    names = {function.__name__ for function in functions}
+    assert {"avoid_all", "fight_all", "go_straight_all", "sense_devices", "move_robots", "advance_fields"} <= names
+    for function in functions:
         assert function.signatures == [SIGNATURE]
         assert types.unliteral(function.overloads[SIGNATURE].signature.return_type) == types.int64
+
+
+def test_a_parameter_of_a_layer_that_is_set_between_steps_counts_from_the_next_on(run):
+    models = [find_model("collision_avoidance")(n_robots=5, rng=1) for _ in range(2)]
+    run(models, 2)
+    for speed in (0.5, 0.0):
+        for model in models:
+            model.control.layers[-1].speed = speed
+            assert model.plan.stages  # which looks at what was set by hand
+        run(models, 3)
+    straight = models[1].swarm.layer == len(models[1].control.layers) - 1
+    assert (models[1].swarm.command[straight] == 0.0).all()
+
+
+def test_a_layer_that_commands_nan_is_named_by_an_error_whichever_way_a_step_is_taken(monkeypatch):
+    words = []
+    for step in (EngineModel.step, step_by_kernels):
+        model = find_model("collision_avoidance")(n_robots=5, rng=1)
+        model.control.layers[-1].speed = math.nan
+        monkeypatch.setattr(EngineModel, "step", step)
+        with pytest.raises(BehaviourError, match="commanded NaN to robot") as caught:
+            model.step()
+        words.append(str(caught.value))
+    assert words[0] == words[1]
+
+
+class OwnAvoid(Avoid):
+    """A layer that decides in its own way."""
+
+    def decide(self, senses, command, layer, index):
+        command[:], layer[:] = 0.25, index
+
+
+class SlowBurning(Burning):
+    """What burns in each other step."""
+
+    def step(self, model):
+        if model.steps % 2:
+            super().step(model)
+
+
+def test_derived_classes_that_do_otherwise_have_no_kernel(run):
+    def make():
+        model = SwarmModel(map="openspace_fire", rng=1)
+        model.add_robots(AGENT9, 5)
+        model.control = Subsumption(OwnAvoid(), Explore())
+        model.remove_process(model.processes[0])
+        model.add_process(SlowBurning())
+        return model
+
+    models = make(), make()
+    run(models, 5)
+    assert not {DECIDE, PROCESSES} & stages_with_kernels(models[1])
+    assert (models[1].swarm.command == 0.25).all()
 
 
 def loaded(model):
@@ -197,12 +259,28 @@ def imperfect(model):
     model.imperfections = model.imperfections or find_model("collision_avoidance")(imperfections=0.5).imperfections
 
 
+def turning(model):
+    model.control = Subsumption(Avoid(), Explore(turn_interval=5))
+
+
+def acting(model):
+    model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 1)
+    model.control = Subsumption(Avoid(front="random"), Explore())
+
+
+def summing(model):
+    model.control = VectorSum(Avoid(), Explore())
+
+
 # What changes a model, and why which stage has no kernel then.
 REASONS = {
     "loads": ({}, loaded, {MOVE: "loads"}),
     "driven bodies": ({}, driven, {SENSE: "driven bodies", MOVE: "driven bodies"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
+    "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
+    "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
+    "weights": ({}, summing, {DECIDE: "VectorSum"}),
     "slip": ({"slip": 0.5}, bool, {SENSE: "imperfections", MOVE: "imperfections"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
 }
@@ -215,7 +293,7 @@ def test_the_plan_names_why_a_stage_has_no_kernel(arguments, change, reasons, mo
     model.add_robots(AGENT9, 3)
     change(model)
     named = {stage.name: stage.python for _, stage in model.plan.stages if stage.kernel is None}
-    assert {name: named.get(name) for name in (SENSE, MOVE) if name in named} == reasons
+    assert {name: named.get(name) for name in (SENSE, DECIDE, MOVE) if name in named} == reasons
     assert all(reason in str(model.plan) for reason in reasons.values())
 
 

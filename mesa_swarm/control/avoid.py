@@ -1,12 +1,16 @@
 """Avoid: turn away from what is near (thesis 5.2.2)."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.control.layer import Memoryless, Senses
+from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
 from mesa_swarm.errors import check_choice, check_count, check_name, check_number
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import CodeRows, Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm
@@ -95,27 +99,37 @@ class Avoid(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that are near something."""
-        tendency = senses.tendency
+        arguments = self._arguments(senses, command, layer, index)
         if self.front == "random":
-            tendency = np.where(self._rng.random(len(tendency)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
+            sides = np.where(self._rng.random(len(layer)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
+            arguments = arguments._replace(tendency=sides)
         if self.front == "back up":
             self._back_up(senses, command, layer, index)
-        avoid(
-            senses.distance,
-            senses.kind,
-            senses.hot,
-            tendency,
-            senses.max_speed,
-            senses.design,
-            senses.forward,
-            float(self.distance),
-            FIRES.index(self.fires),
-            self.loads == "always",
-            self.sides == "ignore both",
-            self._inner,
-            command,
-            layer,
-            index,
+        avoid(*arguments)
+
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
+        """Return what `decide` does, where that is without random numbers and memory."""
+        if self.front != "tendency":
+            return None
+        return kernel_with(avoid_all, self._arguments(senses, command, layer, index))
+
+    def _arguments(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> "AvoidArrays":
+        return AvoidArrays(
+            distance=senses.distance,
+            kind=senses.kind,
+            hot=senses.hot,
+            tendency=senses.tendency,
+            max_speed=senses.max_speed,
+            design=senses.design,
+            forward=senses.forward,
+            near=float(self.distance),
+            fires=FIRES.index(self.fires),
+            loads=self.loads == "always",
+            ignores_both=self.sides == "ignore both",
+            inner=self._inner,
+            command=command,
+            layer=layer,
+            place=index,
         )
 
     @property
@@ -164,6 +178,33 @@ class Avoid(Memoryless):
         ]
         both = self.sides == "ignore both" and {*moment.forward[1:]} <= {*near}
         return [s for s in near if s == moment.forward[0]] if both else near
+
+
+class AvoidArrays(NamedTuple):
+    """The arguments of `avoid`, in its order."""
+
+    distance: RealRows
+    kind: CodeRows
+    hot: Flags
+    tendency: Reals
+    max_speed: Reals
+    design: Integers
+    forward: IntegerRows
+    near: float
+    fires: int
+    loads: bool
+    ignores_both: bool
+    inner: float
+    command: RealRows
+    layer: Integers
+    place: int
+
+
+@compiled(nogil=True)
+def avoid_all(block, step, first, last):
+    """Do what `avoid` does, for all rows."""
+    avoid(*unpack(block, AvoidArrays))
+    return 0
 
 
 @compiled

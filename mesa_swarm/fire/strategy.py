@@ -2,12 +2,16 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.control.layer import Memoryless, Senses
+from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
 from mesa_swarm.errors import InvalidValueError, check_choice, check_name, check_number
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import CodeRows, Flags, Integers, RealRows, Reals, RealTables
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -55,24 +59,31 @@ class FightFire(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see, fight, or wait for a fire."""
-        fight(
-            senses.distance,
-            senses.kind,
-            senses.heat,
-            senses.hot,
-            senses.fire,
-            senses.max_speed,
-            senses.radius,
-            senses.design,
-            senses.bearing,
-            senses.sensors,
-            self.strategy == "B",
-            math.radians(self.critical_angle_degrees),
-            command,
-            layer,
-            index,
-            senses.task,
-            senses.goal,
+        fight(*self._arguments(senses, command, layer, index))
+
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel:
+        """Return what `decide` does."""
+        return kernel_with(fight_all, self._arguments(senses, command, layer, index))
+
+    def _arguments(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> "FightArrays":
+        return FightArrays(
+            distance=senses.distance,
+            kind=senses.kind,
+            heat=senses.heat,
+            hot=senses.hot,
+            fire=senses.fire,
+            max_speed=senses.max_speed,
+            radius=senses.radius,
+            design=senses.design,
+            bearing=senses.bearing,
+            sensors=senses.sensors,
+            returns=self.strategy == "B",
+            critical_angle=math.radians(self.critical_angle_degrees),
+            command=command,
+            layer=layer,
+            place=index,
+            task=senses.task,
+            goal=senses.goal,
         )
 
     def reason(self, moment: Moment) -> Reason:
@@ -85,6 +96,35 @@ class FightFire(Memoryless):
         if moment.columns["fire"] >= 0:
             return Reason(f"it puts out a fire{where}", tuple(seeing))
         return Reason(f"it goes to a fire{where}", tuple(seeing))
+
+
+class FightArrays(NamedTuple):
+    """The arguments of `fight`, in its order."""
+
+    distance: RealRows
+    kind: CodeRows
+    heat: Reals
+    hot: Flags
+    fire: Integers
+    max_speed: Reals
+    radius: Reals
+    design: Integers
+    bearing: RealRows
+    sensors: RealTables
+    returns: bool
+    critical_angle: float
+    command: RealRows
+    layer: Integers
+    place: int
+    task: Integers
+    goal: RealRows
+
+
+@compiled(nogil=True)
+def fight_all(block, step, first, last):
+    """Do what `fight` does, for all rows."""
+    fight(*unpack(block, FightArrays))
+    return 0
 
 
 @compiled

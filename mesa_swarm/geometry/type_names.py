@@ -19,7 +19,7 @@ Codes = Annotated[np.ndarray, "int8[1C]"]
 CodeRows = Annotated[np.ndarray, "int8[2C]"]
 Flags = Annotated[np.ndarray, "bool[1C]"]
 FlagRows = Annotated[np.ndarray, "bool[2C]"]
-NUMBERS = {float: types.float64, int: types.int64}
+NUMBERS = {float: types.float64, int: types.int64, bool: types.boolean}
 
 
 def in_words(kind: Any) -> str:
@@ -67,8 +67,8 @@ def types_in_words(words: str) -> tuple[Any, ...]:
 def declared_type(annotation: Any) -> Any:
     """Return the type that an annotation of a named tuple declares.
 
-    It is float, int, one of the arrays above, or a tuple or a named tuple of these. What may be None as well is None: a
-    block does not hold it.
+    It is float, int, bool, one of the arrays above, or a tuple or a named tuple of these. What may be None as well is
+    None: a block does not hold it.
 
     Examples
     --------

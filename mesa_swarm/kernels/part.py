@@ -79,7 +79,8 @@ class Kernel(NamedTuple):
     function : compiled function
         Of one signature.
     block : int64 ndarray
-        Addresses and shapes of arrays, and numbers, see `geometry.block`: valid as long as the plan that has it.
+        Addresses and shapes of arrays, and numbers, see `geometry.block`: valid as long as the plan that has it, and no
+        parameter is set by hand; `model.plan` is made anew with these.
     kept : object
         What the block refers to, which has to live as long.
     attend : callable, optional
@@ -96,6 +97,15 @@ class Kernel(NamedTuple):
         """Call the function for n robots until it is done; `step` counts from 1."""
         while code := self.function(self.block, step, 0, n):
             self.attend(code)  # type: ignore[misc]
+
+
+def kernel_of(thing: Any, method: str, *arguments: Any) -> Kernel | None:
+    """Return what ``kernel_for(*arguments)`` of an object does, which does the same as a method of it, else None.
+
+    None as well where a derived class has another such method.
+    """
+    owner = next((kind for kind in type(thing).__mro__ if {method, "kernel_for"} & vars(kind).keys()), object)
+    return thing.kernel_for(*arguments) if "kernel_for" in vars(owner) else None
 
 
 class Prepared:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any, Protocol, runtime_checkable
 
 from mesa_swarm.errors import InvalidValueError, asked, shortened
-from mesa_swarm.kernels.part import Itself, Part, Phase, Stage
+from mesa_swarm.kernels.part import Itself, Part, Phase, Stage, kernel_of
 from mesa_swarm.model.state import Checkpointed, attributes_of, fingerprint, refuse_attributes, state_of
 from mesa_swarm.model.state_hash import described_process
 
@@ -62,8 +62,7 @@ class ProcessesPart(Part):
     def stages(self) -> Iterator[Stage]:
         """Advance all processes, one after the other; by a kernel where there is one process, which has it."""
         processes = [*self.numbered.values()]
-        kernel_for: Any = asked(processes[0], "kernel_for") if len(processes) == 1 else None
-        kernel = kernel_for(self.model) if callable(kernel_for) else None
+        kernel = kernel_of(processes[0], "step", self.model) if len(processes) == 1 else None
         names = "" if kernel else ", ".join(dict.fromkeys(type(process).__name__ for process in processes))
         yield Stage(Phase.PROCESS, self.advance, "processes take place", kernel, python=names)
 
