@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numba import types
 
-from mesa_swarm import AGENT9, Field, Lamp, Map, SwarmModel, disc, rectangle
+from mesa_swarm import AGENT9, AGENT_FIRE, Field, Lamp, Map, Radio, SwarmModel, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum
 from mesa_swarm.control.arbiter import decide_layers
 from mesa_swarm.errors import BehaviourError
+from mesa_swarm.fire import FightFire
 from mesa_swarm.fire.burning import Burning
 from mesa_swarm.gallery import find_model
 from mesa_swarm.kernels.part import Phase
@@ -23,7 +24,12 @@ from mesa_swarm.physics import engine as engine_module
 from mesa_swarm.physics.packed import LIST
 
 SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
-DECIDE, FIELDS, PROCESSES = "layers decide", "fields diffuse and evaporate", "processes take place"
+HEAR, DECIDE, FIELDS, PROCESSES = (
+    "robots hear each other",
+    "layers decide",
+    "fields diffuse and evaporate",
+    "processes take place",
+)
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
 # How often each kernel returned each code.
 CODES: Counter = Counter()
@@ -85,10 +91,20 @@ def with_fields():
     return model
 
 
+def in_touch():
+    """Return a world in which robots hear of fires, and go where others fight them; one beacon stands in a corner."""
+    model = SwarmModel(map="openspace_fire", rng=5, communication=Radio(range=200, occlusion=True, beacons=[(20, 20)]))
+    model.add_obstacle(rectangle((300, 200), (320, 400)))
+    model.add_robots(AGENT_FIRE, 12)
+    model.control = Subsumption(Avoid(fires="never"), FightFire(), Explore())
+    return model
+
+
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
     "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
     "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
+    "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
     "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
     "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
@@ -278,6 +294,8 @@ REASONS = {
     "driven bodies": ({}, driven, {SENSE: "driven bodies", MOVE: "driven bodies"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
+    "losses": ({"communication": Radio(range=9, loss_probability=0.1)}, bool, {HEAR: "broadcasts that are lost"}),
+    "messages": ({"communication": Radio(range=9, message=("x",))}, bool, {HEAR: "messages"}),
     "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
     "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
     "weights": ({}, summing, {DECIDE: "VectorSum"}),
@@ -293,7 +311,7 @@ def test_the_plan_names_why_a_stage_has_no_kernel(arguments, change, reasons, mo
     model.add_robots(AGENT9, 3)
     change(model)
     named = {stage.name: stage.python for _, stage in model.plan.stages if stage.kernel is None}
-    assert {name: named.get(name) for name in (SENSE, DECIDE, MOVE) if name in named} == reasons
+    assert {name: named.get(name) for name in (SENSE, HEAR, DECIDE, MOVE) if name in named} == reasons
     assert all(reason in str(model.plan) for reason in reasons.values())
 
 
