@@ -290,7 +290,7 @@ def summing(model):
 
 # What changes a model, and why which stage has no kernel then.
 REASONS = {
-    "loads": ({}, loaded, {MOVE: "loads"}),
+    "loads": ({}, loaded, {SENSE: "loads", MOVE: "loads"}),
     "driven bodies": ({}, driven, {SENSE: "driven bodies", MOVE: "driven bodies"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),

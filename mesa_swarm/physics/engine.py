@@ -224,14 +224,17 @@ class CompiledEngine(Engine):
             "no robots": not len(swarm),
             "drives": len(swarm) > 0 and self._moving is None,
             "wheels that slip": swarm.table.slips,
-            "loads": surroundings.room is not None,
             **self._reasons(swarm, surroundings),
             **due,
         }
         return _fields(self._moving, reasons, "travel_pieces")
 
     def _reasons(self, swarm: Swarm, surroundings: Surroundings) -> dict[str, bool]:
-        return {"driven bodies": surroundings.moving is not None, "threads": self._parts(len(swarm)) > 1}
+        return {
+            "loads": surroundings.room is not None,
+            "driven bodies": surroundings.moving is not None,
+            "threads": self._parts(len(swarm)) > 1,
+        }
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
         """Write position, heading and the contact columns."""
