@@ -2,17 +2,21 @@
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.errors import InvalidValueError, asked, check_name, check_number, shortened
+from mesa_swarm.geometry.block import Block, Call, address_of, call_at, unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.part import Kernel, kernel_of
+from mesa_swarm.physics.radio import send_goals
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import no_longer
+from mesa_swarm.robots.drive import limit_command, no_longer
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Streams
@@ -201,6 +205,71 @@ class Subsumption(Arbiter):
         self.clear(layer)
         for index, part in enumerate(self.layers):
             part.decide(senses, command, layer, index)
+
+    def kernels_of_layers(self, senses: Senses, swarm: Swarm) -> list[Kernel | None]:
+        """Return the kernel of each layer, None of those that have none."""
+        command, layer = swarm.columns["command"], swarm.columns["layer"]
+        return [kernel_of(one, "decide", senses, command, layer, index) for index, one in enumerate(self.layers)]
+
+    def kernel_for(self, senses: Senses, swarm: Swarm, sends: bool, attend: Callable[[int], None]) -> Kernel:
+        """Return what decides on these columns, where all layers have kernels."""
+        layers, columns = self.kernels_of_layers(senses, swarm), swarm.columns
+        calls = [Block(Call(address_of(kernel.function), kernel.block)).numbers for kernel in layers if kernel]
+        given = {name: columns[name] for name in DecideArrays._fields if name in columns}
+        block = Block(DecideArrays(layers=np.array(calls), sideways=senses.sideways, sends=sends, **given))
+        return Kernel(decide_layers, block.numbers, (block, layers), attend)
+
+
+# The code that a kernel returns where a layer has commanded NaN.
+NAN = 1
+
+
+class DecideArrays(NamedTuple):
+    """What `decide_layers` takes: `Call` of each layer in its rows, columns of the swarm, whether goals are sent."""
+
+    layers: IntegerRows
+    task: Integers
+    goal: RealRows
+    last_command: RealRows
+    command: RealRows
+    layer: Integers
+    max_speed: Reals
+    design: Integers
+    sideways: Flags
+    sends: bool
+    position: RealRows
+    heading: Reals
+    sent_goal: RealRows
+
+
+@compiled(nogil=True)
+def decide_layers(block, step, first, last):
+    """Let each layer of a `Subsumption` decide, limit what they command, and send goals: for all rows, as layers do."""
+    d = unpack(block, DecideArrays)
+    layers, command, layer = d.layers, d.command, d.layer
+    begin_decisions(d.task, d.goal, d.last_command, command)
+    for i in range(last):
+        layer[i] = -1
+        for w in range(command.shape[1]):
+            command[i, w] = 0.0
+    for k in range(layers.shape[0]):
+        call = unpack(layers[k], Call)
+        call_at(call.address, call.block, step, first, last)
+    if limit_command(command, d.max_speed, d.design, d.sideways) >= 0:
+        return NAN
+    if d.sends:
+        send_goals(d.position, d.heading, d.goal, d.sent_goal)
+    return 0
+
+
+@compiled
+def begin_decisions(task, goal, last_command, command):
+    """Clear tasks and goals, and remember the last commands."""
+    for i in range(task.shape[0]):
+        task[i] = -1
+        goal[i, 0], goal[i, 1] = math.nan, math.nan
+        for w in range(command.shape[1]):
+            last_command[i, w] = command[i, w]
 
 
 HEAVIEST = 1e6

@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.control.layer import Memoryless, Senses
+from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
 from mesa_swarm.errors import check_choice, check_count, check_name, check_number
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import CodeRows, Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm
@@ -20,6 +24,8 @@ FRONTS = ("tendency", "random", "back up")
 SIDES = ("last", "ignore both")
 LONGEST_MANOEUVRE = 1_000_000
 SENSED = attrgetter("distance", "kind", "hot", "max_speed", "design", "forward")
+# How many of the first arguments `avoid` and `back_up` have both.
+SHARED = 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,16 +103,27 @@ class Avoid(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that are near something."""
-        sensed, tendency = SENSED(senses), senses.tendency
-        near = float(self.distance), FIRES.index(self.fires), self.loads == "always"
-        inner = -1.0 if self.turn == "stationary" else 0.0  # the inner wheel's share of speed in a turn
+        arguments = self._arguments(senses, command, layer, index)
         if self.front == "random":
-            tendency = np.where(self._rng.random(len(tendency)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
+            sides = np.where(self._rng.random(len(layer)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
+            arguments = arguments._replace(tendency=sides)
         if self.front == "back up":
             swarm, name = self._left  # type: ignore[attr-defined]
-            manoeuvre = self.back_steps + self.turn_steps, self.turn_steps, inner
-            back_up(*sensed, tendency, *near, manoeuvre, swarm.columns[name], command, layer, index)
-        avoid(*sensed, tendency, *near, self.sides == "ignore both", inner, command, layer, index)
+            manoeuvre = self.back_steps + self.turn_steps, self.turn_steps, arguments.inner
+            back_up(*arguments[:SHARED], manoeuvre, swarm.columns[name], command, layer, index)
+        avoid(*arguments)
+
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
+        """Return what `decide` does, where that is without random numbers and memory."""
+        if self.front != "tendency":
+            return None
+        return kernel_with(avoid_all, self._arguments(senses, command, layer, index))
+
+    def _arguments(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> "AvoidArrays":
+        inner = -1.0 if self.turn == "stationary" else 0.0  # the inner wheel's share of speed in a turn
+        near = float(self.distance), FIRES.index(self.fires), self.loads == "always"
+        turn = self.sides == "ignore both", inner
+        return AvoidArrays(*(*SENSED(senses), senses.tendency, *near, *turn, command, layer, index))
 
     def reason(self, moment: Moment) -> Reason:
         """Return which sensor decided: of those that were activated, the last of front, left, right."""
@@ -128,6 +145,33 @@ class Avoid(Memoryless):
         ]
         both = self.sides == "ignore both" and {*moment.forward[1:]} <= {*near}
         return [s for s in near if s == moment.forward[0]] if both else near
+
+
+class AvoidArrays(NamedTuple):
+    """The arguments of `avoid`, in its order."""
+
+    distance: RealRows
+    kind: CodeRows
+    hot: Flags
+    max_speed: Reals
+    design: Integers
+    forward: IntegerRows
+    tendency: Reals
+    near: float
+    fires: int
+    loads: bool
+    ignores_both: bool
+    inner: float
+    command: RealRows
+    layer: Integers
+    place: int
+
+
+@compiled(nogil=True)
+def avoid_all(block, step, first, last):
+    """Do what `avoid` does, for all rows."""
+    avoid(*unpack(block, AvoidArrays))
+    return 0
 
 
 @compiled

@@ -2,13 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.layer import Senses, kernel_with
 from mesa_swarm.errors import check_count, check_name, check_number
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import Integers, RealRows, Reals
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -61,11 +64,34 @@ class Explore:
             turn_on_the_spot(turn, senses.radius, senses.max_speed, command, layer, index)
         go_straight(senses.max_speed, float(self.speed), command, layer, index)
 
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel | None:
+        """Return what `decide` does where robots never turn by chance."""
+        if self.turn_interval:
+            return None
+        return kernel_with(go_straight_all, StraightArrays(senses.max_speed, float(self.speed), command, layer, index))
+
     def reason(self, moment: Moment) -> Reason:
         """Return whether it turns by chance."""
         left, right = moment.command
         turns = self.turn_interval > 0 and left == -right != 0.0
         return Reason("a random turn is due" if turns else "nothing else wants to drive")
+
+
+class StraightArrays(NamedTuple):
+    """The arguments of `go_straight`, in its order."""
+
+    max_speed: Reals
+    share: float
+    command: RealRows
+    layer: Integers
+    place: int
+
+
+@compiled(nogil=True)
+def go_straight_all(block, step, first, last):
+    """Do what `go_straight` does, for all rows."""
+    go_straight(*unpack(block, StraightArrays))
+    return 0
 
 
 @compiled

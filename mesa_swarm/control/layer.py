@@ -6,11 +6,13 @@ error is part of the model (PHYSICS 3).
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
+from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.devices import reserve
 from mesa_swarm.robots.swarm import Swarm
@@ -121,6 +123,9 @@ class Layer(Protocol):
     forward and sideways. It is then refused for robots with a drive of the other kind. ``numbers`` is how many numbers
     of a command it writes, 2 by default: it is refused for drives that take more or fewer. A layer for drives of all
     kinds declares None.
+
+    A layer whose `decide` only calls a compiled function may return that with its arguments by
+    ``kernel_for(senses, command, layer, index)``, a `mesa_swarm.kernels.part.Kernel`, or None; see `Avoid`.
     """
 
     @property
@@ -135,6 +140,12 @@ class Layer(Protocol):
 
         There it may also write what the robot is to broadcast: `senses.task` and `senses.goal`.
         """
+
+
+def kernel_with(function: Any, arguments: NamedTuple) -> Kernel:
+    """Return the kernel of a function and a block of these arguments."""
+    block = Block(arguments)
+    return Kernel(function, block.numbers, block)
 
 
 class Memoryless:

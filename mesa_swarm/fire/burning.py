@@ -1,11 +1,37 @@
 """Burning: one step of all fires and of the heat in all robots (appendix B of the thesis, corrected)."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import Codes, Flags, Integers, RealRows, Reals
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.world.statics import FIRE, OBSTACLE
 
 NO_FIRE = -1
+
+
+class HeatArrays(NamedTuple):
+    """The arguments of `burn`, and the kinds as which sensors see the fires."""
+
+    position: RealRows
+    radius: Reals
+    rows: Integers
+    place: RealRows
+    reach: Reals
+    area: Reals
+    constants: tuple[float, float, float, float, float, float]
+    extinguish_range: float
+    heat_of: Reals
+    out: Flags
+    out_step: Integers
+    fighters: Integers
+    temperature: Reals
+    heat: Reals
+    hot: Flags
+    fire: Integers
+    seen_as: Codes
 
 
 class Burning:
@@ -36,30 +62,26 @@ class Burning:
 
     def step(self, model: Any) -> None:
         """Let the fires of a model burn for one step."""
-        parts = model.parts
-        part, scene, columns = parts.fires, parts.bodies.scene(), model.swarm.columns
-        fires, bodies, c = part.fires.own, scene.bodies, part.constants
-        went_out = burn(
-            columns["position"],
-            columns["radius"],
-            scene.rows[len(scene.rows) - scene.apart :],
-            bodies.position,
-            bodies.radius,
-            fires["area"],
-            (c.k1, c.k2, c.k3, c.k4, c.leave, c.join),
-            part.extinguish_range,
-            model.steps,
-            bodies.temperature,
-            fires["out"],
-            fires["out_step"],
-            fires["robots"],
-            columns["temperature"],
-            columns["heat"],
-            columns["hot"],
-            columns["fire"],
-        )
-        if went_out:
-            scene.statics.show(bodies.seen[scene.rows])
+        self.kernel_for(model).run(model.steps, len(model.swarm))
+
+    def kernel_for(self, model: Any) -> Kernel:
+        """Return what lets the fires of a model burn."""
+        return model.parts.fires.burning()
+
+
+@compiled(nogil=True)
+def burn_all(block, step, first, last):
+    """Do what `burn` does for all rows, as each fire counts its robots; a fire that is out is seen as an obstacle."""
+    h = unpack(block, HeatArrays)
+    out, seen_as = h.out, h.seen_as
+    went_out = burn(
+        h.position, h.radius, h.rows, h.place, h.reach, h.area, h.constants, h.extinguish_range, step,
+        h.heat_of, out, h.out_step, h.fighters, h.temperature, h.heat, h.hot, h.fire,
+    )  # fmt: skip
+    if went_out:
+        for f in range(out.shape[0]):
+            seen_as[f] = OBSTACLE if out[f] else FIRE
+    return 0
 
 
 @compiled

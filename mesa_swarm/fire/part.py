@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.fire.burning import Burning
+from mesa_swarm.fire.burning import Burning, HeatArrays, burn_all
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire, Fires
-from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
+from mesa_swarm.geometry.block import Block
+from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.model.robots import check_stored
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA
@@ -38,7 +39,7 @@ class FiresPart(Part):
     def __init__(
         self, model: Any, constants: FireConstants, extinguish_range: float, history_every: int | Trigger
     ) -> None:
-        self.model = model
+        self.model, self.made = model, Prepared()
         self.set_constants(constants)
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every, model.parts.bodies.table)
@@ -140,6 +141,32 @@ class FiresPart(Part):
     def begin_burning(self) -> None:
         """Add the process with which fires burn, before all others."""
         self.model.parts.processes.put_first(Burning(), BURNING)
+
+    def burning(self) -> Kernel:
+        """Return what lets fires burn for a step, made anew when arrays, bodies or constants have changed."""
+        scene, swarm, made = self.model.parts.bodies.scene(), self.model.swarm, self.made
+        state = swarm.version, scene, self.constants, self.extinguish_range
+        if made.state != state:
+            robots, fires, bodies, c = swarm.columns, self.fires.own, scene.bodies, self.constants
+            arrays = HeatArrays(
+                position=robots["position"],
+                radius=robots["radius"],
+                rows=scene.rows[len(scene.rows) - scene.apart :].copy(),
+                place=bodies.position,
+                reach=bodies.radius,
+                area=fires["area"],
+                constants=(float(c.k1), float(c.k2), float(c.k3), float(c.k4), float(c.leave), float(c.join)),
+                extinguish_range=float(self.extinguish_range),
+                heat_of=bodies.temperature,
+                out=fires["out"],
+                out_step=fires["out_step"],
+                fighters=fires["robots"],
+                seen_as=scene.statics.seen_as,
+                **{name: robots[name] for name in OF_ROBOTS},
+            )
+            block = Block(arrays)
+            made.state, made.kernel = state, Kernel(burn_all, block.numbers, block)
+        return made.kernel  # type: ignore[return-value]
 
     def release_robots(self, index: int) -> None:
         """Release all robots from fires after one was put out by hand or removed."""

@@ -3,12 +3,16 @@
 import math
 from dataclasses import dataclass
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.control.layer import Memoryless, Senses
+from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
 from mesa_swarm.errors import InvalidValueError, check_choice, check_name, check_number
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import CodeRows, Flags, Integers, RealRows, Reals, RealTables
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -58,8 +62,15 @@ class FightFire(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see, fight, or wait for a fire."""
+        fight(*self._arguments(senses, command, layer, index))
+
+    def kernel_for(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> Kernel:
+        """Return what `decide` does."""
+        return kernel_with(fight_all, self._arguments(senses, command, layer, index))
+
+    def _arguments(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> "FightArrays":
         rule = self.strategy == "B", math.radians(self.critical_angle_degrees)
-        fight(*SENSED(senses), *rule, command, layer, index, senses.task, senses.goal)
+        return FightArrays(*(*SENSED(senses), *rule, command, layer, index, senses.task, senses.goal))
 
     def reason(self, moment: Moment) -> Reason:
         """Return what it does, at which fire."""
@@ -71,6 +82,35 @@ class FightFire(Memoryless):
         if moment.columns["fire"] >= 0:
             return Reason(f"it puts out a fire{where}", tuple(seeing))
         return Reason(f"it goes to a fire{where}", tuple(seeing))
+
+
+class FightArrays(NamedTuple):
+    """The arguments of `fight`, in its order."""
+
+    distance: RealRows
+    kind: CodeRows
+    heat: Reals
+    hot: Flags
+    fire: Integers
+    max_speed: Reals
+    radius: Reals
+    design: Integers
+    bearing: RealRows
+    sensors: RealTables
+    returns: bool
+    critical_angle: float
+    command: RealRows
+    layer: Integers
+    place: int
+    task: Integers
+    goal: RealRows
+
+
+@compiled(nogil=True)
+def fight_all(block, step, first, last):
+    """Do what `fight` does, for all rows."""
+    fight(*unpack(block, FightArrays))
+    return 0
 
 
 @compiled

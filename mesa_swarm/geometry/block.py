@@ -5,16 +5,20 @@ once; a compiled function that is given its array takes them out at the cost of 
 are those that a class, a `typing.NamedTuple`, declares; see `type_names.declared_type`.
 """
 
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from llvmlite import ir
 from numba import typeof, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-from mesa_swarm.geometry.type_names import declared_type, in_words
+from mesa_swarm.geometry.type_names import Integers, declared_type, in_words
 
 NUMBER = np.dtype(np.int64)
+# Of functions that can be called by their addresses: a block, a step, the first row and one past the last.
+SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
 
 
 class Block:
@@ -54,6 +58,10 @@ class Block:
             raise TypeError(f"a block got {given}; expected {declared}")
         self._values = values
         self.numbers = np.array(_numbers_of(values), NUMBER)
+
+    def replace(self, values: Any) -> None:
+        """Take other values of the same types, in the same numbers, to which blocks may refer."""
+        self._values, self.numbers[:] = values, _numbers_of(values)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how a copy is made: of copies of the arrays, so that it refers to these."""
@@ -98,6 +106,8 @@ class _Reader:
             return self._array(kind)
         if kind is types.none:
             return self.context.get_dummy_value()
+        if isinstance(kind, types.Boolean):
+            return self.builder.trunc(self._number(), ir.IntType(1))
         if isinstance(kind, types.Float):
             return self.builder.bitcast(self._number(), self.context.get_value_type(kind))
         return self._number()
@@ -119,3 +129,33 @@ class _Reader:
             strides.insert(0, builder.mul(strides[0], length))
         populate_array(array, data=address, shape=shape, strides=strides, itemsize=size, meminfo=None)
         return array._getvalue()
+
+
+class Call(NamedTuple):
+    """A call of a function of `SIGNATURE` by compiled functions: where its code is, and the numbers of its block."""
+
+    address: int
+    block: Integers
+
+
+def address_of(function: Any) -> int:
+    """Return where the code of a function of `SIGNATURE` is, which is compiled if it is not there."""
+    function.compile(SIGNATURE)
+    result = function.overloads[SIGNATURE]
+    return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+
+
+@intrinsic
+def call_at(typing_context: Any, address: Any, block: Any, step: Any, first: Any, last: Any) -> Any:
+    """Call the function at an address and return its code; for compiled functions."""
+
+    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        where, *arguments = given
+        kind = context.call_conv.get_function_type(types.int64, SIGNATURE)
+        function = builder.inttoptr(where, kind.as_pointer())
+        status, value = context.call_conv.call_function(builder, function, types.int64, SIGNATURE, arguments)
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
+        return value
+
+    return types.int64(types.int64, *SIGNATURE), code

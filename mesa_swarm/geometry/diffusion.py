@@ -6,14 +6,63 @@ closed: nothing passes it, and readings do not look through it. ``sides`` has bi
 (`EAST` ...) and `BLOCKED` where the centre lies within a wall; without walls it is of shape (0, 0).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.geometry.type_names import ByteRows, Flags, IntegerRows, Integers, RealRows
 
 EAST, WEST, NORTH, SOUTH, BLOCKED = 1, 2, 4, 8, 16
 OPEN = EAST | WEST | NORTH | SOUTH
 # Smaller values count as 0: what has spread far would otherwise become denormal numbers, which are slow.
 LEAST = 1e-250
+
+
+class FieldArrays(NamedTuple):
+    """A field that advances: arguments of `spread` for a sub-step, how many of these a step takes, whether it is empty.
+
+    What is remaining is multiplied in the last sub-step; a field that does not change takes none.
+    """
+
+    values: RealRows
+    x_share: float
+    y_share: float
+    remaining: float
+    sides: ByteRows
+    begins: Integers
+    cells: Integers
+    sub_steps: int
+    empty: Flags
+
+
+class FieldBlocks(NamedTuple):
+    """The numbers of a block of `FieldArrays` for each field."""
+
+    blocks: IntegerRows
+
+
+@compiled(nogil=True)
+def advance_fields(block, step, first, last):
+    """Advance all fields by a step, whichever rows of robots these are; see `kernels.part.Kernel`."""
+    blocks = unpack(block, FieldBlocks).blocks
+    for k in range(blocks.shape[0]):
+        advance_field(blocks[k])
+    return 0
+
+
+@compiled
+def advance_field(field):
+    """Advance a field, a block of `FieldArrays`, by a step."""
+    f = unpack(field, FieldArrays)
+    values, empty, remaining, sub_steps = f.values, f.empty, f.remaining, f.sub_steps
+    if empty[0]:
+        return
+    for k in range(sub_steps):
+        left = remaining if k == sub_steps - 1 else 1.0
+        spread(values, f.x_share, f.y_share, left, f.sides, f.begins, f.cells)
+    empty[0] = remaining == 0.0
 
 
 @compiled(nogil=True)

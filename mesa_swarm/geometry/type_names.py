@@ -13,10 +13,13 @@ Reals = Annotated[np.ndarray, "float64[1C]"]
 RealRows = Annotated[np.ndarray, "float64[2C]"]
 RealTables = Annotated[np.ndarray, "float64[3C]"]
 Integers = Annotated[np.ndarray, "int64[1C]"]
+IntegerRows = Annotated[np.ndarray, "int64[2C]"]
+ByteRows = Annotated[np.ndarray, "uint8[2C]"]
 Codes = Annotated[np.ndarray, "int8[1C]"]
 CodeRows = Annotated[np.ndarray, "int8[2C]"]
 Flags = Annotated[np.ndarray, "bool[1C]"]
-NUMBERS = {float: types.float64, int: types.int64}
+FlagRows = Annotated[np.ndarray, "bool[2C]"]
+NUMBERS = {float: types.float64, int: types.int64, bool: types.boolean}
 
 
 def in_words(kind: Any) -> str:
@@ -64,8 +67,8 @@ def types_in_words(words: str) -> tuple[Any, ...]:
 def declared_type(annotation: Any) -> Any:
     """Return the type that an annotation of a named tuple declares.
 
-    It is float, int, one of the arrays above, or a tuple or a named tuple of these. What may be None as well is None: a
-    block does not hold it.
+    It is float, int, bool, one of the arrays above, or a tuple or a named tuple of these. What may be None as well is
+    None: a block does not hold it.
 
     Examples
     --------

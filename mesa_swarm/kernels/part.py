@@ -71,11 +71,51 @@ class Column(NamedTuple):
 class Kernel(NamedTuple):
     """A compiled stage: a function ``int64 f(block, step, first, last)`` and the block of its arguments.
 
-    It returns a code, 0 if all went well; an exception never crosses it.
+    It advances rows `first` to `last` of the robots, 0 and n for all, and returns a code, 0 if it is done; an exception
+    never crosses it. A function that cannot be cut into ranges of rows states so, and takes all.
+
+    Parameters
+    ----------
+    function : compiled function
+        Of one signature.
+    block : int64 ndarray
+        Addresses and shapes of arrays, and numbers, see `geometry.block`: valid as long as the plan that has it, and no
+        parameter is set by hand; `model.plan` is made anew with these.
+    kept : object
+        What the block refers to, which has to live as long.
+    attend : callable, optional
+        Does in Python what the function could not, such as to make an array longer, after it has returned this code.
+        Then it is called again, and goes on.
     """
 
     function: Callable[[np.ndarray, int, int, int], int]
     block: np.ndarray
+    kept: Any = None
+    attend: Callable[[int], None] | None = None
+
+    def run(self, step: int, n: int) -> None:
+        """Call the function for n robots until it is done; `step` counts from 1."""
+        while code := self.function(self.block, step, 0, n):
+            self.attend(code)  # type: ignore[misc]
+
+
+def kernel_of(thing: Any, method: str, *arguments: Any) -> Kernel | None:
+    """Return what ``kernel_for(*arguments)`` of an object does, which does the same as a method of it, else None.
+
+    None as well where a derived class has another such method.
+    """
+    owner = next((kind for kind in type(thing).__mro__ if {method, "kernel_for"} & vars(kind).keys()), object)
+    return thing.kernel_for(*arguments) if "kernel_for" in vars(owner) else None
+
+
+class Prepared:
+    """What a part has made of its state, and makes anew where that has changed; a copy begins without."""
+
+    state: Any = None
+    kernel: Kernel | None = None
+
+    def __reduce__(self) -> tuple:
+        return type(self), ()
 
 
 class Stage(NamedTuple):
@@ -85,17 +125,17 @@ class Stage(NamedTuple):
     ----------
     phase : Phase
     call : callable
-        Of no arguments: does it.
+        Of no arguments: does it, by the kernel if there is one.
     name : str
         A few words for `print(model.plan)`.
     kernel : Kernel, optional
-        The same as one compiled function.
+        The same as one compiled function, where that does all of it.
     every : int
         Steps from one call to the next, counted from the beginning of the run.
     compiled : str
-        Names of the compiled functions that do the work, if they do.
+        Names of the compiled functions that do the work where there is no kernel, if they do.
     python : str
-        What of it makes Python due, such as a rule that could not be compiled; empty for nothing but the call.
+        What makes Python due, such as a rule that could not be compiled; empty for nothing but the call.
     """
 
     phase: Phase

@@ -1,7 +1,7 @@
 """The plan of a step: all stages in their order."""
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mesa_swarm.kernels.part import Part, Phase, Stage
 
@@ -13,8 +13,8 @@ class Plan(NamedTuple):
     ----------
     stages : tuple of (str, Stage)
         Each with the name of its part.
-    version : int
-        Of the robots' columns for which it was made.
+    version : tuple
+        Of the robots' columns, and the scene of bodies, for which it was made.
     calls, collecting : tuples of callables
         What a step calls before it is counted as completed, and afterwards.
     besides : tuple of str
@@ -26,24 +26,24 @@ class Plan(NamedTuple):
     >>> print(EngineModel(rng=1).plan)
     phase    part       what                                    how
     sense    bodies     bodies follow their agents              Python
-    sense    robots     robots read their sensors               compiled: sense_proximity
+    sense    robots     robots read their sensors               compiled: sense_proximity; Python: no proximity sensors
     move     bodies     driven bodies begin their ways          compiled: place_items
-    move     robots     robots move, and contacts are resolved  compiled: travel_pieces
+    move     robots     robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
     resolve  bodies     bodies rest, and are carried along      Python
-    process  fields     fields diffuse and evaporate            compiled: spread
+    process  fields     fields diffuse and evaporate            compiled: advance_fields
     process  processes  processes take place                    Python
-    collect  robots     collisions are counted                  Python
+    collect  robots     collisions are counted                  compiled: count_collided
     besides: datacollector after each step
     """
 
     stages: tuple[tuple[str, Stage], ...]
-    version: int
+    version: Any
     calls: tuple[Callable[[], None], ...]
     collecting: tuple[Callable[[], None], ...]
     besides: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, parts: Iterable[Part], version: int, completed: Callable[[], int]) -> "Plan":
+    def of(cls, parts: Iterable[Part], version: Any, completed: Callable[[], int]) -> "Plan":
         """Return the plan of these parts; `completed` returns how many steps were completed."""
         stages = [(part.name, stage) for part in parts for stage in part.stages()]
         stages.sort(key=lambda pair: pair[1].phase)  # stable: in the order of parts
@@ -63,7 +63,9 @@ class Plan(NamedTuple):
 
 def _row(part: str, stage: Stage) -> tuple[str, str, str, str]:
     every = "" if stage.every == 1 else f" every {stage.every} steps"
-    compiled = f"compiled: {stage.compiled}" if stage.compiled else ""
+    function: Any = stage.kernel and stage.kernel.function
+    names = function.__name__ if function else stage.compiled
+    compiled = f"compiled: {names}" if names else ""
     python = f"Python: {stage.python}" if stage.python else "" if compiled else "Python"
     return stage.phase.name.lower(), part, f"{stage.name}{every}", "; ".join(how for how in (compiled, python) if how)
 

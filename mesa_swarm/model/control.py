@@ -1,18 +1,18 @@
 """The part `control`: the arbiter that drives robots, its layers, and what is stored to explain their decisions."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
 
-from mesa_swarm.control.arbiter import Arbiter, driver
+from mesa_swarm.control.arbiter import Arbiter, Subsumption, begin_decisions, driver
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.errors import BehaviourError, InvalidValueError, asked, check_count, shortened
-from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
+from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
 from mesa_swarm.physics.own_devices import clear_actions
 from mesa_swarm.physics.radio import send_goals
@@ -37,14 +37,17 @@ def is_compiled(layer: Any) -> bool:
     return type(layer).__module__.startswith(OURS)
 
 
-class Known:
-    """What robots know, as arbiters take it; made anew when columns are replaced."""
+def is_frozen(layer: Any) -> bool:
+    """Return whether the parameters of a layer cannot be set after it was made."""
+    return getattr(getattr(layer, "__dataclass_params__", None), "frozen", False)
+
+
+class Known(Prepared):
+    """What robots know, as arbiters take it, made anew when columns are replaced; and the layers that may change."""
 
     senses: Senses | None = None
     version: int = -1
-
-    def __reduce__(self) -> tuple:
-        return type(self), ()
+    watched: Sequence[tuple[Any, dict[str, Any]]] = ()
 
 
 class ControlPart(Part):
@@ -114,7 +117,9 @@ class ControlPart(Part):
     def stages(self) -> Iterator[Stage]:
         """Decide; store what `watch` asks for."""
         if self.arbiter is not None:
-            yield Stage(Phase.DECIDE, self.decide, "layers decide", compiled="layers", python=self.in_python())
+            kernel = self.kernel()
+            due = "" if kernel else ", ".join(self.reasons())
+            yield Stage(Phase.DECIDE, self.decide, "layers decide", kernel, compiled="layers", python=due)
         if self.snapshots is not None:
             yield Stage(Phase.PROCESS, self.snapshots.note, "heat is stored to explain decisions", python="watch()")
             yield Stage(Phase.COLLECT, self.store_snapshot, "decisions are stored", python="watch()")
@@ -178,11 +183,9 @@ class ControlPart(Part):
             elif not type(layer).__module__.startswith(OURS):
                 yield f"layer {place}", layer, getattr(layer, "__dict__", {})
 
-    def in_python(self) -> str:
+    def in_python(self) -> list[str]:
         """Return the names of layers that are not compiled: rules that run as plain Python, classes of a user's."""
-        layers = getattr(self.arbiter, "layers", ())
-        plain = [layer for layer in layers if not is_compiled(layer)]
-        return ", ".join(dict.fromkeys(str(layer.name) for layer in plain))
+        return [str(layer.name) for layer in getattr(self.arbiter, "layers", ()) if not is_compiled(layer)]
 
     def arrays_of_layers(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the arrays that custom layers have as attributes, by the place of the layer."""
@@ -307,18 +310,53 @@ class ControlPart(Part):
         if isinstance(self.arbiter, Arbiter):
             self.arbiter.check_robots([(design, group)])
 
+    def kernel(self) -> Kernel | None:
+        """Return what decides, made anew when columns, layers or their parameters have changed; None if Python does."""
+        made, arbiter, channel = self.made, cast(Any, self.arbiter), self.model._parts.radio.channel
+        layers = getattr(arbiter, "layers", ())
+        state = self.swarm.version, arbiter, layers, channel
+        if made.state != state or any(vars(layer) != parameters for layer, parameters in made.watched):
+            made.state, made.kernel, made.watched = state, None, []
+            if not self.reasons():
+                made.kernel = arbiter.kernel_for(self._senses(), self.swarm, channel is not None, self._attend)
+                made.watched = [(layer, dict(vars(layer))) for layer in layers if not is_frozen(layer)]
+        return made.kernel
+
+    def reasons(self) -> list[str]:
+        """Return what makes Python due where robots decide: layers, or what they need besides commands."""
+        arbiter, table, channel = self.arbiter, self.swarm.table, self.model._parts.radio.channel
+        due = {
+            type(arbiter).__name__: type(arbiter) is not Subsumption,
+            "actuators": len(table.actions) > 0,
+            "drives of several kinds": table.mixed,
+            "messages": channel is not None and len(channel.radio.message) > 0,
+        }
+        reasons = [*self.in_python(), *(reason for reason, is_so in due.items() if is_so)]
+        if type(arbiter) is Subsumption:
+            pairs = zip(arbiter.layers, arbiter.kernels_of_layers(self._senses(), self.swarm), strict=True)
+            without = [layer for layer, kernel in pairs if kernel is None and is_compiled(layer)]
+            reasons += [f"{layer.name} has no kernel" for layer in without]
+        return [*dict.fromkeys(reasons)]
+
+    def _attend(self, code: int) -> None:
+        """Raise an error for the robot for which a layer has commanded NaN."""
+        columns, sideways = self.swarm.columns, self.swarm.table.sideways
+        wrong = limit_command(columns["command"], columns["max_speed"], columns["design"], sideways)
+        self._refuse(wrong, int(columns["layer"][wrong]))
+
     def decide(self) -> None:
         """Let every robot decide on what it knows."""
+        if (kernel := self.kernel()) is not None:
+            kernel.run(self.model.steps, len(self.swarm))
+            return
         swarm, control, channel = self.swarm, self.arbiter, self.model._parts.radio.channel
         columns, table = swarm.columns, swarm.table
         command, layer = columns["command"], columns["layer"]
-        columns["task"].fill(-1)
-        columns["goal"].fill(np.nan)
         if table.actions:
             clear_actions(swarm)
         if channel is not None:
             channel.begin_decision(swarm)
-        columns["last_command"][:] = command
+        begin_decisions(columns["task"], columns["goal"], columns["last_command"], command)
         control.decide(self._senses(), command, layer)  # type: ignore[union-attr]
         if table.mixed:
             clear_unused(command, columns["design"], table.numbers)

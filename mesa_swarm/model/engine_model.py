@@ -492,6 +492,7 @@ class EngineModel(MesaModel):
     @threads.setter
     def threads(self, threads: int) -> None:
         self.parts.robots.engine.threads = checked_threads(threads)
+        self.parts.replan()
 
     @property
     def collect_every(self) -> int:

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, shortened
-from mesa_swarm.kernels.part import Column, Context, Itself, Part, Phase, Stage
+from mesa_swarm.geometry.block import Block
+from mesa_swarm.geometry.diffusion import FieldBlocks, advance_fields
+from mesa_swarm.kernels.part import Column, Context, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.shapes import Shape
 
@@ -25,13 +27,14 @@ class FieldsPart(Part):
     first = ("declared",)
 
     def __init__(self, model: Any) -> None:
-        self.model = model
+        self.model, self.made = model, Prepared()
         self.live: dict[str, ScalarField] = {}
 
     def bind(self, context: Context) -> None:
         """Let fields look at their values again, which may have been written."""
         for field in self.live.values():
             field.restore(field.checkpoint())
+        self._made_anew()
 
     def columns(self) -> Mapping[str, Column]:
         """Return the values of each field."""
@@ -39,7 +42,7 @@ class FieldsPart(Part):
 
     def stages(self) -> Iterator[Stage]:
         """Advance all fields."""
-        yield Stage(Phase.PROCESS, self.advance, "fields diffuse and evaporate", compiled="spread")
+        yield Stage(Phase.PROCESS, self.advance, "fields diffuse and evaporate", self.kernel())
 
     def parameters(self) -> list[Field]:
         """Return the declarations of all fields."""
@@ -73,16 +76,32 @@ class FieldsPart(Part):
             self.live = {**self.live, field.name: known}
         for earlier in before.values():
             earlier.removed = self.live.get(earlier.name) is not earlier
+        self._made_anew()
 
     def advance(self) -> None:
         """Advance all fields by a step."""
-        for field in self.live.values():
-            field.advance()
+        if self.live:
+            self.kernel().run(self.model.steps, len(self.model.swarm))
+
+    def kernel(self) -> Kernel:
+        """Return what advances all fields, made anew when these or their walls have changed."""
+        if self.made.kernel is None:
+            blocks = [field.block() for field in self.live.values()]
+            rows = np.array([block.numbers for block in blocks], np.int64).reshape(len(blocks), -1 if blocks else 0)
+            every = Block(FieldBlocks(rows))
+            self.made.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
+        return self.made.kernel
+
+    def _made_anew(self) -> None:
+        """Let the kernel be made anew."""
+        self.made.kernel = None
+        self.model.parts.replan()
 
     def walls_changed(self) -> None:
         """Let fields find anew what stops them."""
         for field in self.live.values():
             field.walls_changed()
+        self._made_anew()
 
     def named(self) -> NamedFields:
         """Return the fields by name, to be read only."""
@@ -111,6 +130,7 @@ class FieldsPart(Part):
             raise InvalidValueError(f"the model has a field {field.name} already; expected another name")
         live = ScalarField(field, self.model.map.bounds, self._walls)
         self.live = {**self.live, field.name: live}
+        self._made_anew()
         return live
 
     def remove_field(self, name: str) -> ScalarField:
@@ -137,6 +157,7 @@ class FieldsPart(Part):
         field = self.named()[name]
         self._check_unused(field.name)
         self.live, field.removed = {other: live for other, live in self.live.items() if live is not field}, True
+        self._made_anew()
         return field
 
     def _check_unused(self, name: str) -> None:

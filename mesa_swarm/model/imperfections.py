@@ -56,6 +56,7 @@ class ImperfectionsPart(Part):
         if imperfections is not None and not isinstance(imperfections, Imperfections):
             raise InvalidValueError(f"imperfections is {shortened(imperfections)}; expected Imperfections(...) or None")
         swarm, self.effect = self.model.swarm, None
+        self.model.parts.replan()
         self.model.parts.robots.forget_readings()
         swarm.drop_body_columns()
         swarm.battery_life = 0.0 if imperfections is None else float(imperfections.battery)

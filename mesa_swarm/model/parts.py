@@ -85,9 +85,10 @@ class Parts(Mapping[str, Part]):
 
     @property
     def plan(self) -> Plan:
-        """The stages of the step, made anew when parts or robots' columns have changed."""
-        version = self._model.swarm.version
-        if self._plan is None or self._plan.version != version:
+        """The stages of the step, made anew when parts, robots' columns or bodies have changed."""
+        version, scene = self._model.swarm.version, self.bodies.made.scene
+        if self._plan is None or scene is None or self._plan.version != (version, scene):
+            version = version, self.bodies.scene()
             self._plan = Plan.of(self._by_name.values(), version, lambda: self._model.completed)
         return self._plan
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any, Protocol, runtime_checkable
 
 from mesa_swarm.errors import InvalidValueError, asked, shortened
-from mesa_swarm.kernels.part import Itself, Part, Phase, Stage
+from mesa_swarm.kernels.part import Itself, Part, Phase, Stage, kernel_of
 from mesa_swarm.model.state import Checkpointed, attributes_of, fingerprint, refuse_attributes, state_of
 from mesa_swarm.model.state_hash import described_process
 
@@ -17,7 +17,8 @@ class Process(Protocol):
     arrays and random generators are hashed, stored and resumed. A class with other attributes has two more methods,
     `checkpoint`, which returns all on which a later step depends, as plain values and arrays by name, and `restore`,
     which takes it back. A class may have a method ``check_model(model)``, which raises an error if a model lacks what
-    the process needs; it is called before the process is added.
+    the process needs; it is called before the process is added. One whose `step` only runs a compiled function may
+    return it by ``kernel_for(model)``, a `mesa_swarm.kernels.part.Kernel`.
 
     `resume` makes a process that no constructor adds without the constructor of its class, which has to be in the
     module of the model's class, to derive from `Process` or declare ``resumable = True``, and to declare its attributes
@@ -59,9 +60,11 @@ class ProcessesPart(Part):
         self.numbered: dict[int, Process] = {}
 
     def stages(self) -> Iterator[Stage]:
-        """Advance all processes, one after the other."""
-        names = ", ".join(dict.fromkeys(type(process).__name__ for process in self.numbered.values()))
-        yield Stage(Phase.PROCESS, self.advance, "processes take place", python=names)
+        """Advance all processes, one after the other; by a kernel where there is one process, which has it."""
+        processes = [*self.numbered.values()]
+        kernel = kernel_of(processes[0], "step", self.model) if len(processes) == 1 else None
+        names = "" if kernel else ", ".join(dict.fromkeys(type(process).__name__ for process in processes))
+        yield Stage(Phase.PROCESS, self.advance, "processes take place", kernel, python=names)
 
     def parameters(self) -> list:
         """Return the state of processes, and what they are besides."""
@@ -137,13 +140,13 @@ class ProcessesPart(Part):
         check = asked(process, "check_model")
         if callable(check):
             check(self.model)
-        self.numbered = {**self.numbered, max(self.numbered, default=0) + 1: process}
+        self.have({**self.numbered, max(self.numbered, default=0) + 1: process})
         return process
 
     def put_first(self, process: Process, number: int) -> None:
         """Add a process before all others, unless there is one of this number: below 1, where those of users begin."""
         if number not in self.numbered:
-            self.numbered = {number: process, **self.numbered}
+            self.have({number: process, **self.numbered})
 
     def remove_process(self, process: Process) -> None:
         """Remove a process; what it has changed stays.
@@ -156,7 +159,12 @@ class ProcessesPart(Part):
         others = {number: other for number, other in self.numbered.items() if other is not process}
         if len(others) == len(self.numbered):
             raise InvalidValueError(f"process is {shortened(process)}; expected one of model.processes")
-        self.numbered = others
+        self.have(others)
+
+    def have(self, numbered: dict[int, Process]) -> None:
+        """Have these processes, in this order."""
+        self.numbered = numbered
+        self.model.parts.replan()
 
     def advance(self) -> None:
         """Advance what changes in each step besides robots."""

@@ -55,7 +55,11 @@ class RadioPart(Part):
     def stages(self) -> Iterator[Stage]:
         """Exchange what was published after the previous step."""
         if self.channel is not None:
-            yield Stage(Phase.EXCHANGE, self.exchange, "robots hear each other", compiled="hear_states, hear_goals")
+            scene = self.model.parts.bodies.scene()
+            due = ", ".join(reason for reason, is_so in self.channel.reasons(scene).items() if is_so)
+            kernel = None if due else self.channel.kernel(self.model.swarm, scene)
+            compiled = "hear_states, hear_goals"
+            yield Stage(Phase.EXCHANGE, self.exchange, "robots hear each other", kernel, compiled=compiled, python=due)
 
     def parameters(self) -> Radio | None:
         """Return the radio."""

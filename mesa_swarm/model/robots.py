@@ -7,12 +7,14 @@ from typing import Any, cast
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_name, check_number, shortened
+from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.kernels.part import Column, Part, Phase, Role, Stage
+from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Role, Stage
 from mesa_swarm.model.state import checked_state
 from mesa_swarm.model.state_hash import described_designs
 from mesa_swarm.physics.engine import Engine
 from mesa_swarm.physics.own_devices import OwnDevices
+from mesa_swarm.physics.packed import CountArrays, count_collided
 from mesa_swarm.robots.actuators import Actuator
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import Device
@@ -54,12 +56,6 @@ def role_of(name: str) -> Role:
     return "index" if name in INDICES else "parameter" if name in OF_PARAMETERS else "state"
 
 
-class Sensed:
-    """What was read last, and this step's draws for errors of sensors: made anew where a model is copied."""
-
-    state: tuple | None = None
-
-
 class RobotsPart(Part):
     """The robots of a model.
 
@@ -70,8 +66,8 @@ class RobotsPart(Part):
         What computes sensing and contact.
     turn_angle : float, rad
         A robot that meets a flat side at more than this from its normal is turned parallel to it.
-    collisions, total_collisions : int
-        Robots that overlapped anything in the last step; the sum of these over all steps.
+    counts : int64 ndarray, shape (2,)
+        `collisions` and `total_collisions`.
     noise : tuple or None
         A step, the state of the stream before it, and the draws for errors of sensors in it.
     """
@@ -80,9 +76,27 @@ class RobotsPart(Part):
 
     def __init__(self, model: Any, engine: Engine, turn_angle: float) -> None:
         self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle
-        self.collisions = self.total_collisions = 0
+        self.counts = np.zeros(2, np.int64)
         self.noise: tuple | None = None
-        self.devices, self.made = OwnDevices(), Sensed()
+        self.devices, self.made = OwnDevices(), Prepared()
+
+    @property
+    def collisions(self) -> int:
+        """How many robots overlapped anything in the last step."""
+        return int(self.counts[0])
+
+    @collisions.setter
+    def collisions(self, collisions: int) -> None:
+        self.counts[0] = collisions
+
+    @property
+    def total_collisions(self) -> int:
+        """The sum of these over all steps."""
+        return int(self.counts[1])
+
+    @total_collisions.setter
+    def total_collisions(self, collisions: int) -> None:
+        self.counts[1] = collisions
 
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of the swarm that no other part has."""
@@ -96,17 +110,16 @@ class RobotsPart(Part):
 
     def stages(self) -> Iterator[Stage]:
         """Sense, act, move."""
-        yield Stage(
-            Phase.SENSE,
-            self.sense,
-            "robots read their sensors",
-            compiled="sense_proximity",
-            python=self._of_class(Sensor),
-        )
-        if self.swarm.table.actions:
+        swarm, parts = self.swarm, self.model.parts
+        scene, imperfect = parts.bodies.scene(), {"imperfections": parts.imperfections.effect is not None}
+        due = {**imperfect, self._of_class(Sensor): len(swarm.table.readings) > 0}
+        sensing, moving = self.engine.sensing, self.engine.moving
+        yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **sensing(swarm, scene, due))
+        if swarm.table.actions:
             yield Stage(Phase.ACT, self.act, "actuators do what they are set to", python=self._of_class(Actuator))
-        yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", compiled="travel_pieces")
-        yield Stage(Phase.COLLECT, self.count_collisions, "collisions are counted")
+        fields = moving(swarm, scene, self.turn_angle, imperfect)
+        yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", **fields)
+        yield Stage(Phase.COLLECT, self.count_collisions, "collisions are counted", self.counting())
 
     def _of_class(self, kind: type) -> str:
         """Return the names of custom devices of a class that robots have."""
@@ -135,6 +148,7 @@ class RobotsPart(Part):
             elif value is not None:
                 _check_noise(value)
             setattr(self, name, value)
+        self.model.parts.replan()  # of which the angle is a part
 
     def mark(self) -> dict[str, Any]:
         """Return the columns that handles set, and wheel commands, which persist where no controller decides."""
@@ -193,8 +207,15 @@ class RobotsPart(Part):
 
     def count_collisions(self) -> None:
         """Count the robots that overlapped anything in this step."""
-        self.collisions = int(np.count_nonzero(self.swarm.columns["collided"]))
-        self.total_collisions += self.collisions
+        self.counting().run(self.model.steps, len(self.swarm))
+
+    def counting(self) -> Kernel:
+        """Return what counts collisions, made anew when the column is another one."""
+        kernel, collided = self.made.kernel, self.swarm.columns["collided"]
+        if kernel is None or kernel.kept[0] is not collided:
+            block = Block(CountArrays(collided, self.counts))
+            kernel = self.made.kernel = Kernel(count_collided, block.numbers, (collided, block))
+        return kernel
 
     def _noise_draws(self, step: int) -> np.ndarray | None:
         """Return this step's draws for the sensors' errors, the same for every reading of the step."""

@@ -8,11 +8,13 @@ import numpy as np
 from mesa_swarm.geometry.block import Block, unpack
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import GridNumbers, cell_index, cells_of, sort_into_cells
-from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
+from mesa_swarm.geometry.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.contact import ContactArrays
-from mesa_swarm.physics.motion import largest_of
+from mesa_swarm.physics.motion import copy_places, largest_of
 
-PAIRS_PER_ROBOT, FEWEST_PAIRS = 2, 64
+FEWEST_PAIRS = 64
+# In the state of pairs.
+SIZE, LISTED = 0, 1
 
 
 class CrowdArrays(NamedTuple):
@@ -53,26 +55,55 @@ class CrowdArrays(NamedTuple):
         return cls(position, radius, number, grid, *sorted_arrays, places, before, free, contacts, rows)
 
 
+class PairArrays(NamedTuple):
+    """Room for pairs of robots near each other (m, 2); how many there are, and whether they are of present places."""
+
+    room: IntegerRows
+    state: Integers
+
+
 class Crowd:
     """The robots in the order of cells, and the pairs of robots near each other.
 
     Attributes
     ----------
     arrays : CrowdArrays
-    pairs : int64 ndarray, shape (m, 2)
-        The pairs that were within the margin where robots were sorted.
+    near : PairArrays
     """
 
     def __init__(self, grid: GridNumbers, position: np.ndarray, radius: np.ndarray, number: np.ndarray) -> None:
         self.arrays = CrowdArrays.of(grid, position, radius, number)
         self._block = Block(self.arrays)
-        self.pairs = np.empty((0, 2), np.int64)
+        self.near = PairArrays(_room_for(len(position)), np.zeros(2, np.int64))
+        self._pairs = Block(self.near)
         self._rooms: dict[int, np.ndarray] = {}
 
     @property
     def block(self) -> np.ndarray:
         """The arrays as compiled functions take them: the numbers of a block."""
         return self._block.numbers
+
+    @property
+    def block_of_pairs(self) -> np.ndarray:
+        """The numbers of a block of `near`, which stay where they are when there is more room."""
+        return self._pairs.numbers
+
+    @property
+    def pairs(self) -> np.ndarray:
+        """The pairs (m, 2) that were within the margin where robots were sorted."""
+        return self.near.room[: self.near.state[SIZE]]
+
+    @pairs.setter
+    def pairs(self, pairs: np.ndarray) -> None:
+        self.near.state[SIZE] = len(pairs)
+        if len(pairs) >= len(self.near.room):
+            self.make_room()
+        self.near.room[: len(pairs)] = pairs
+
+    def make_room(self) -> None:
+        """Make room for as many pairs as were counted; those that there were are dropped."""
+        self.near = self.near._replace(room=_room_for(int(self.near.state[SIZE])))
+        self._pairs.replace(self.near)
 
     def sort(self) -> None:
         """Sort the robots by the cells in which they are now."""
@@ -81,6 +112,7 @@ class Crowd:
     def list_pairs(self, margin: float) -> None:
         """List the pairs within this margin of each other."""
         self.pairs = near_pairs(self.arrays.listed, self.arrays.radii, margin, self.arrays.grid)
+        self.near.state[LISTED] = True
 
     def pairs_from(self, first: int, last: int, find: Callable[..., int], *given: Any) -> np.ndarray:
         """Return the pairs of rows [first, last): ``find(*given, first, last, room)`` writes them.
@@ -89,11 +121,26 @@ class Crowd:
         """
         room = self._rooms.get(first)
         if room is None:
-            room = np.empty((FEWEST_PAIRS + PAIRS_PER_ROBOT * (last - first), 2), np.int64)
+            room = _room_for(last - first)
         while (count := find(*given, first, last, room)) >= len(room):
-            room = np.empty((FEWEST_PAIRS + 2 * count, 2), np.int64)
+            room = _room_for(count)
         self._rooms[first] = room
         return room[:count]
+
+
+def _room_for(count: int) -> np.ndarray:
+    return np.empty((FEWEST_PAIRS + 2 * count, 2), np.int64)
+
+
+@compiled
+def put_pairs(pairs, near):
+    """Count pairs, and copy them into the room for them if it is large enough, which is returned."""
+    room = near.room
+    near.state[SIZE] = len(pairs)
+    if len(pairs) > len(room):
+        return False
+    copy_places(pairs, room)
+    return True
 
 
 @compiled

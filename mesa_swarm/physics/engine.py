@@ -1,16 +1,30 @@
 """The compiled engine: what sensing and moving do to the swarm's columns."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.grid import Grid
-from mesa_swarm.physics.crowd import Crowd
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.physics.crowd import LISTED, Crowd
 from mesa_swarm.physics.loads import push_all, stuck_loads, take_back
 from mesa_swarm.physics.motion import achieved_motion, slip_of
-from mesa_swarm.physics.packed import WheelArrays, move_packed, sense_packed
+from mesa_swarm.physics.packed import (
+    ONLY,
+    SETTLE,
+    DeviceArrays,
+    MoveArrays,
+    SenseArrays,
+    move_robots,
+    move_robots_and_movers,
+    sense_devices,
+    sense_robots,
+    sense_robots_and_movers,
+)
 from mesa_swarm.physics.sensing import (
     EyeArrays,
     err,
@@ -19,11 +33,11 @@ from mesa_swarm.physics.sensing import (
     sense_proximity,
     sense_radiation,
 )
-from mesa_swarm.physics.separation import MARGIN, SETTLED
+from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.settle import settle
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
-from mesa_swarm.physics.travel import Blocks, RobotArrays, get_apart, travel, travel_together
+from mesa_swarm.physics.travel import Blocks, RobotArrays, travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
 from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slipped_wheels
 from mesa_swarm.robots.swarm import Swarm
@@ -34,6 +48,8 @@ CELLS_PER_ROBOT = 4
 FEWEST_ROWS = 10_000
 CONTACT_COLUMNS = ("contact_kind", "contact_index", "contact_normal", "contact_depth")
 Rows = list[tuple[Drive, Any]]
+# Of a block that there is not.
+NO_NUMBERS = np.empty(0, np.int64)
 
 
 class Engine(ABC):
@@ -60,6 +76,16 @@ class Engine(ABC):
 
         `motion` (n, 3) is along the body: ahead, to the left, map units a step, and the turn, rad.
         """
+
+    def sensing(self, swarm: Swarm, surroundings: Surroundings, due: Mapping[str, bool]) -> dict[str, Any]:
+        """Return the fields of the stage that senses: its kernel, or what makes Python `due`, and what is compiled."""
+        return {"python": "the Shapely twin"}
+
+    def moving(
+        self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, due: Mapping[str, bool]
+    ) -> dict[str, Any]:
+        """Return the fields of the stage that moves robots, likewise."""
+        return {"python": "the Shapely twin"}
 
     @abstractmethod
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
@@ -121,19 +147,25 @@ class CompiledEngine(Engine):
 
     def __init__(self) -> None:
         super().__init__()
-        self._listed = False  # whether pairs are those of the present places
-        self._plain: Block | None = None  # of robots that `move_packed` can move
+        self._moving: Kernel | None = None  # of robots that `move_robots` can move
+        self._turn_angle = np.zeros(1)
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
         """Write the columns distance, kind, radiation and line."""
         self._prepare(swarm, surroundings)
         columns, table = swarm.columns, swarm.table
-        position, heading, design = columns["position"], columns["heading"], columns["design"]
         if columns["distance"].shape[1]:
             old = (columns["distance"].copy(), columns["kind"].copy()) if table.slow else None
             self._sense_proximity(swarm, surroundings, step, draws)
             if old:
                 hold_readings(swarm, step, *old)
+        if self._sensing.function is not sense_devices or self._parts(len(swarm)) > 1:
+            self._sense_devices(swarm, surroundings)
+
+    def _sense_devices(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        """Write the columns radiation and line, where the kernel does not."""
+        columns, table = swarm.columns, swarm.table
+        position, heading, design = columns["position"], columns["heading"], columns["design"]
         if columns["radiation"].shape[1]:
             robots = position, heading, design, table.radiation
             sense_radiation(*robots, self._heat.numbers, columns["radiation"])
@@ -151,18 +183,54 @@ class CompiledEngine(Engine):
     ) -> None:
         """Write position, heading, slip and the contact columns, of plain robots without loads in one call."""
         self._prepare(swarm, surroundings)
-        self._list_pairs()
-        if self._plain is None or draws is not None or surroundings.room is not None or self._parts(len(swarm)) > 1:
+        n = len(swarm)
+        if self._moving is None or draws is not None or surroundings.room is not None or self._parts(n) > 1:
+            self._list_pairs()
             super().move(swarm, surroundings, driven, turn_angle, draws)
             return
         begin_way(surroundings)
-        crowd, wheels, blocks = self._crowd, self._plain.numbers, self._blocks
-        piece, pieces, state = move_packed(0, 0, crowd.pairs, turn_angle, driven, wheels, *blocks)
-        while state != SETTLED:
-            crowd.pairs = get_apart(state, crowd.pairs, blocks)
-            piece, pieces, state = move_packed(piece + 1, pieces, crowd.pairs, turn_angle, driven, wheels, *blocks)
-        if driven is not swarm.columns["command"]:
+        self._turn_angle[ONLY] = turn_angle
+        if driven is swarm.columns["command"]:
+            self._moving.run(0, n)
+        else:
+            self._driven[:] = driven
+            self._moving_driven.run(0, n)
             write_slip(swarm, driven, self._rolled)
+
+    def sensing(self, swarm: Swarm, surroundings: Surroundings, due: Mapping[str, bool]) -> dict[str, Any]:
+        """Return the kernel that reads proximity sensors, where that is all."""
+        self._prepare(swarm, surroundings)
+        columns, table = swarm.columns, swarm.table
+        reasons = {
+            "no proximity sensors": not columns["distance"].shape[1],
+            "errors of sensors": table.noisy,
+            "readings that are held": table.slow,
+            **self._reasons(swarm, surroundings),
+            **due,
+        }
+        return _fields(self._sensing, reasons, "sense_proximity")
+
+    def moving(
+        self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, due: Mapping[str, bool]
+    ) -> dict[str, Any]:
+        """Return the kernel that moves plain robots."""
+        self._prepare(swarm, surroundings)
+        self._turn_angle[ONLY] = turn_angle
+        reasons = {
+            "no robots": not len(swarm),
+            "drives": len(swarm) > 0 and self._moving is None,
+            "wheels that slip": swarm.table.slips,
+            **self._reasons(swarm, surroundings),
+            **due,
+        }
+        return _fields(self._moving, reasons, "travel_pieces")
+
+    def _reasons(self, swarm: Swarm, surroundings: Surroundings) -> dict[str, bool]:
+        return {
+            "loads": surroundings.room is not None,
+            "driven bodies": surroundings.moving is not None,
+            "threads": self._parts(len(swarm)) > 1,
+        }
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
         """Write position, heading and the contact columns."""
@@ -181,35 +249,31 @@ class CompiledEngine(Engine):
 
     def _list_pairs(self) -> None:
         """List the pairs of robots near each other, unless sensing has."""
-        if not self._listed:
+        if not self._crowd.near.state[LISTED]:
             self._crowd.sort()
             self._crowd.list_pairs(self._margin)
-        self._listed = False  # from here on they are elsewhere
+        self._crowd.near.state[LISTED] = False  # from here on they are elsewhere
 
     def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        columns, table, statics = swarm.columns, swarm.table, surroundings.statics
-        self._look(len(swarm), surroundings)
-        self._listed = True
-        distance, kind = columns["distance"], columns["kind"]
-        if table.exposed or swarm.disturbed:
-            walls = statics.edges, statics.kind, statics.rings, statics.bounds
-            robots = columns["position"], columns["heading"], columns["design"], table.proximity, table.counts
-            sense_inside(*robots, *walls, distance, kind)
-        if draws is not None:
-            err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
-
-    def _look(self, n: int, surroundings: Surroundings) -> None:
-        """Write the readings without error, and list the pairs of robots near each other."""
-        crowd, parts = self._crowd, self._parts(n)
+        columns, table, n = swarm.columns, swarm.table, len(swarm)
         if surroundings.moving is not None:
             surroundings.moving.look()
-        given = self._eyes.numbers, crowd.block, self._blocks.movers
-        if parts == 1:
-            crowd.pairs = crowd.pairs_from(0, n, sense_packed, *given)
-            return
+        if self._parts(n) == 1:
+            self._sensing.run(step, n)
+        else:
+            self._sense_together(swarm, n)
+        if draws is not None:
+            err(columns["distance"], columns["design"], table.proximity, table.noise, draws, step, columns["error"])
+
+    def _sense_together(self, swarm: Swarm, n: int) -> None:
+        """Do what the kernel does, the rows of robots in ranges."""
+        crowd, given = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
         crowd.sort()
         found = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *given))
         crowd.pairs = np.concatenate(found)
+        crowd.near.state[LISTED] = True
+        if swarm.table.exposed or swarm.disturbed:
+            sense_inside(*self._inside)
 
     def _parts(self, n: int) -> int:
         """Return into how many ranges n rows are cut."""
@@ -226,8 +290,7 @@ class CompiledEngine(Engine):
         self._margin = MARGIN * float(swarm.radius.min(initial=largest))
         cell = max(2 * largest + self._margin, 1e-9)
         grid = Grid.over(surroundings.bounds, cell, FEWEST_CELLS + CELLS_PER_ROBOT * n)
-        where = columns["position"], columns["radius"], columns["number"]
-        self._crowd, self._listed = Crowd(grid.numbers, *where), False
+        self._crowd = Crowd(grid.numbers, columns["position"], columns["radius"], columns["number"])
         self._eyes = Block(
             EyeArrays(
                 largest_radius=largest,
@@ -252,11 +315,68 @@ class CompiledEngine(Engine):
         self._robots, self._statics = Block(robots), Block(surroundings.still)
         movers = None if surroundings.moving is None else surroundings.moving.block
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
+        self._make_sensing(swarm, surroundings)
         is_plain = not (table.limited or table.mixed or table.slides)
-        self._plain = None
+        self._moving = None
         if is_plain and [type(drive) for drive, _ in self._drives] == [DifferentialDrive]:
-            self._rolled = np.zeros((n, 2))
-            self._plain = Block(WheelArrays(columns["slip"], self._rolled, np.zeros((n, 2)), np.zeros(n)))
+            self._make_moving(swarm, surroundings)
+
+    def _make_sensing(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        """Make the kernel that senses."""
+        columns, table, movers, statics = swarm.columns, swarm.table, self._blocks.movers, surroundings.statics
+        robots = columns["position"], columns["heading"], columns["design"], table.proximity, table.counts
+        walls = statics.edges, statics.kind, statics.rings, statics.bounds
+        self._inside = *robots, *walls, columns["distance"], columns["kind"]
+        blocks = self._eyes.numbers, self._crowd.block, NO_NUMBERS if movers is None else movers
+        where = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
+        arrays = SenseArrays(*blocks, *where, *self._inside)
+        block, function = Block(arrays), sense_robots if movers is None else sense_robots_and_movers
+        radiation, line, marks = columns["radiation"], columns["line"], surroundings.marks
+        widths = columns["distance"].shape[1], radiation.shape[1] + line.shape[1]
+        if all(widths) and movers is None:
+            heat = table.radiation, self._heat.numbers, radiation
+            marked = table.line, marks.edges, marks.rings, marks.discs, line
+            block, function = Block(DeviceArrays(arrays, *heat, *marked)), sense_devices
+        self._sensing = Kernel(function, block.numbers, block, lambda code: self._crowd.make_room())
+
+    def _make_moving(self, swarm: Swarm, surroundings: Surroundings) -> None:
+        """Make the kernels that move robots by their commands, or by what else drives their wheels."""
+        n, columns, crowd, movers = len(swarm), swarm.columns, self._crowd, self._blocks.movers
+        self._rolled, self._driven = np.zeros((n, 2)), np.zeros((n, 2))
+        arrays = MoveArrays(
+            driven=columns["command"],
+            turn_angle=self._turn_angle,
+            margin=self._margin,
+            disturbed=swarm.disturbances,
+            progress=np.zeros(2, np.int64),
+            slip=columns["slip"],
+            rolled=self._rolled,
+            start=np.zeros((n, 2)),
+            start_heading=np.zeros(n),
+            robots=self._robots.numbers,
+            crowd=crowd.block,
+            statics=self._statics.numbers,
+            movers=NO_NUMBERS if movers is None else movers,
+            pairs=crowd.block_of_pairs,
+        )
+        function = move_robots if movers is None else move_robots_and_movers
+        blocks = Block(arrays), Block(arrays._replace(driven=self._driven))
+        attend = partial(self._attend, swarm, surroundings)
+        self._moving, self._moving_driven = (Kernel(function, block.numbers, block, attend) for block in blocks)
+
+    def _attend(self, swarm: Swarm, surroundings: Surroundings, code: int) -> None:
+        """Do what `move_robots` cannot."""
+        if code == SETTLE:
+            self.settle(swarm, surroundings)
+            swarm.disturbed = False
+        else:
+            self._crowd.list_pairs(self._margin)
+
+
+def _fields(kernel: Kernel | None, due: Mapping[str, bool], compiled: str) -> dict[str, Any]:
+    """Return the fields of a stage: its kernel, unless something makes Python due."""
+    python = ", ".join(reason for reason, is_so in due.items() if is_so)
+    return {"python": python, "compiled": compiled} if python else {"kernel": kernel}
 
 
 def begin_way(surroundings: Surroundings) -> None:

@@ -1,56 +1,213 @@
-"""Sensing and moving of plain robots in one call each.
+"""Sensing and moving of plain robots in one call each: the kernels of these stages, see `kernels.part.Kernel`.
 
 In small worlds a step takes about as long as its calls from Python and the arrays that these pass.
 """
 
 from typing import NamedTuple
 
+import numpy as np
+
 from mesa_swarm.geometry.block import unpack
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import RealRows, Reals
-from mesa_swarm.physics.crowd import sort_by_cell
+from mesa_swarm.geometry.type_names import (
+    CodeRows,
+    Codes,
+    FlagRows,
+    Flags,
+    IntegerRows,
+    Integers,
+    RealRows,
+    Reals,
+    RealTables,
+)
+from mesa_swarm.physics.crowd import LISTED, SIZE, CrowdArrays, PairArrays, near_pairs, put_pairs, sort_by_cell
 from mesa_swarm.physics.motion import achieved_motion, copy_places, slip_of
-from mesa_swarm.physics.sensing import sense_proximity
+from mesa_swarm.physics.sensing import sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.separation import SETTLED
-from mesa_swarm.physics.travel import RobotArrays, travel_pieces
+from mesa_swarm.physics.travel import RobotArrays, get_apart, travel_pieces
 from mesa_swarm.robots.drive import motion_to_wheels, wheels_to_motion
 
+# Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room.
+DONE, LIST, SETTLE = 0, 1, 2
+# Places in arrays: of one number, of the progress of a step, of counts of collisions.
+ONLY, PIECE, PIECES, IN_STEP, IN_ALL = 0, 0, 1, 0, 1
+# NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
+FIRST = np.int64(0)
 
-class WheelArrays(NamedTuple):
-    """The column slip; the speeds at which wheels rolled, and the poses before the step, which are scratch."""
 
+class SenseArrays(NamedTuple):
+    """What `sense_robots` takes: the numbers of blocks, `movers` empty without driven bodies, and what is inside what.
+
+    Sensors are looked for inside walls where robots are disturbed, or where `exposed` are beyond their bodies: by
+    columns and tables of the swarm, and the edges, their kinds, rings and bounds of `Statics`.
+    """
+
+    eyes: Integers
+    crowd: Integers
+    movers: Integers
+    pairs: Integers
+    disturbed: Flags
+    exposed: int
+    position: RealRows
+    heading: Reals
+    design: Integers
+    sensors: RealTables
+    counts: Integers
+    edges: RealRows
+    static_kind: Codes
+    rings: IntegerRows
+    bounds: Reals
+    distance: RealRows
+    kind: CodeRows
+
+
+class DeviceArrays(NamedTuple):
+    """What `sense_devices` takes: besides proximity what `sense_radiation` and `sense_line` do."""
+
+    proximity: SenseArrays
+    radiation_sensors: RealTables
+    radiating: Integers
+    radiation: RealRows
+    mounts: RealTables
+    marks: RealRows
+    rings: IntegerRows
+    discs: RealRows
+    line: FlagRows
+
+
+class CountArrays(NamedTuple):
+    """What `count_collided` takes: the column collided, and the numbers of this step and of all."""
+
+    collided: Flags
+    counts: Integers
+
+
+class MoveArrays(NamedTuple):
+    """What `move_robots` takes.
+
+    The speeds at which wheels are driven; the angle at which robots turn along faces; the margin of pairs; whether
+    robots are disturbed; the piece of the step that is next, and how many pieces there are, while the step is
+    interrupted. Then the column slip; the speeds at which wheels rolled, and the poses before the step, which are
+    scratch; and the numbers of blocks, `movers` empty without driven bodies.
+    """
+
+    driven: RealRows
+    turn_angle: Reals
+    margin: float
+    disturbed: Flags
+    progress: Integers
     slip: RealRows
     rolled: RealRows
     start: RealRows
     start_heading: Reals
+    robots: Integers
+    crowd: Integers
+    statics: Integers
+    movers: Integers
+    pairs: Integers
 
 
 @compiled(nogil=True)
-def sense_packed(eyes, crowd, movers, first, last, pairs):
-    """Sort robots by cell, then do what `sense_proximity` does."""
-    sort_by_cell(crowd)
-    return sense_proximity(eyes, crowd, movers, first, last, pairs)
+def sense_robots(block, step, first, last):
+    """Sort robots by cell, write their readings without error, and list the pairs near each other: all rows at once."""
+    return _sense(unpack(block, SenseArrays), None, last)
 
 
 @compiled(nogil=True)
-def move_packed(piece, pieces, pairs, turn_angle, driven, wheels, robots, crowd, statics, movers):
-    """Move robots with two wheels that reach their speed at once, where there are no loads.
+def sense_robots_and_movers(block, step, first, last):
+    """Do what `sense_robots` does, in a world with driven bodies."""
+    s = unpack(block, SenseArrays)
+    return _sense(s, s.movers, last)
+
+
+@compiled(nogil=True)
+def sense_devices(block, step, first, last):
+    """Do what `sense_robots` does, and write what radiation and line sensors read, where no bodies are driven."""
+    d = unpack(block, DeviceArrays)
+    s = d.proximity
+    sense_radiation(s.position, s.heading, s.design, d.radiation_sensors, d.radiating, d.radiation)
+    sense_line(s.position, s.heading, s.design, d.mounts, d.marks, d.rings, d.discs, d.line)
+    return _sense(s, None, last)
+
+
+@compiled
+def _sense(s, movers, n):
+    sort_by_cell(s.crowd)
+    pairs = unpack(s.pairs, PairArrays)
+    count = sense_proximity(s.eyes, s.crowd, movers, FIRST, n, pairs.room)
+    pairs.state[SIZE] = count
+    if count >= pairs.room.shape[0]:
+        return LIST
+    pairs.state[LISTED] = True
+    if s.exposed or s.disturbed[ONLY]:
+        sense_inside(
+            s.position, s.heading, s.design, s.sensors, s.counts, s.edges, s.static_kind, s.rings, s.bounds,
+            s.distance, s.kind,
+        )  # fmt: skip
+    return DONE
+
+
+@compiled(nogil=True)
+def move_robots(block, step, first, last):
+    """Move robots with two wheels that reach their speed at once, where there are no loads: all rows, as they meet.
 
     What is driven becomes the motion, `travel_pieces` moves all, and the slip of what they have achieved is written.
     """
-    r, w = unpack(robots, RobotArrays), unpack(wheels, WheelArrays)
-    motion, collided, rolled = r.motion, r.collided, w.rolled
+    return _move(unpack(block, MoveArrays), None, last)
+
+
+@compiled(nogil=True)
+def move_robots_and_movers(block, step, first, last):
+    """Do what `move_robots` does, in a world with driven bodies."""
+    m = unpack(block, MoveArrays)
+    return _move(m, m.movers, last)
+
+
+@compiled
+def _move(m, movers, n):
+    if n == 0:
+        return DONE
+    if m.disturbed[ONLY]:
+        return SETTLE
+    driven, progress, crowd, statics = m.driven, m.progress, m.crowd, m.statics
+    r, near = unpack(m.robots, RobotArrays), unpack(m.pairs, PairArrays)
+    motion, collided, rolled, start, start_heading = r.motion, r.collided, m.rolled, m.start, m.start_heading
+    piece, pieces = progress[PIECE], progress[PIECES]
     if piece == 0:
+        if not near.state[LISTED]:
+            sort_by_cell(crowd)
+            c = unpack(crowd, CrowdArrays)
+            if not put_pairs(near_pairs(c.listed, c.radii, m.margin, c.grid), near):
+                return LIST
         wheels_to_motion(driven, r.radius, motion)
-        copy_places(r.position, w.start)
-        for i in range(len(collided)):
-            w.start_heading[i] = r.heading[i]
-    piece, pieces, state = travel_pieces(piece, pieces, pairs, turn_angle, robots, crowd, statics, movers)
-    if state == SETTLED:
-        achieved_motion(w.start, r.position, w.start_heading, r.extra_turn, collided, motion)
-        motion_to_wheels(motion, r.radius, rolled)
-        for i in range(len(collided)):
-            if not collided[i]:
-                rolled[i, 0], rolled[i, 1] = driven[i, 0], driven[i, 1]
-        slip_of(driven, rolled, w.slip)
-    return piece, pieces, state
+        copy_places(r.position, start)
+        for i in range(n):
+            start_heading[i] = r.heading[i]
+    progress[PIECE], near.state[LISTED] = 0, 0  # from here on robots are elsewhere
+    pairs, turn_angle, state = near.room[: near.state[SIZE]], m.turn_angle[ONLY], SETTLED + 1
+    while state != SETTLED:
+        piece, pieces, state = travel_pieces(piece, pieces, pairs, turn_angle, m.robots, crowd, statics, movers)
+        if state != SETTLED:
+            pairs, piece = get_apart(state, pairs, crowd, statics, movers), piece + 1
+            if not put_pairs(pairs, near):
+                progress[PIECE], progress[PIECES] = piece, pieces
+                return LIST
+    achieved_motion(start, r.position, start_heading, r.extra_turn, collided, motion)
+    motion_to_wheels(motion, r.radius, rolled)
+    for i in range(n):
+        if not collided[i]:
+            rolled[i, 0], rolled[i, 1] = driven[i, 0], driven[i, 1]
+    slip_of(driven, rolled, m.slip)
+    return DONE
+
+
+@compiled(nogil=True)
+def count_collided(block, step, first, last):
+    """Count the robots that have collided in this step, of all rows, and add them to those of all steps."""
+    c = unpack(block, CountArrays)
+    collided, counts, count = c.collided, c.counts, 0
+    for i in range(last):
+        count += collided[i]
+    counts[IN_STEP] = count
+    counts[IN_ALL] += count
+    return DONE

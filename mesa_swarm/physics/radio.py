@@ -1,20 +1,49 @@
 """Broadcasts: heard within a range, cut off by obstacles, lost at random."""
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry.block import Block, unpack
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.grid import Grid, cell_index, cells_of, sort_into_cells
+from mesa_swarm.geometry.grid import CellLists, Grid, GridNumbers, cell_index, cells_of, sort_into_cells
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
+from mesa_swarm.geometry.type_names import Integers, RealRows, Reals
+from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import HEARD, OF_HEARD, SEND, Radio
 from mesa_swarm.robots.swarm import Swarm
 
+NO_WORD = np.uint64(0)
 NO_OWNERS = np.empty(0, np.int64)
 GOLDEN, FIRST_FACTOR, SECOND_FACTOR = map(np.uint64, (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+
+
+class HearArrays(NamedTuple):
+    """What `hear_all` takes: arguments of `hear_states` and of `hear_goals`, and which of the two are called."""
+
+    position: RealRows
+    heading: Reals
+    number: Integers
+    layer: Integers
+    task: Integers
+    sent_goal: RealRows
+    beacons: RealRows
+    reach: float
+    occlusion: bool
+    grid: GridNumbers
+    edges: RealRows
+    discs: RealRows
+    touched: CellLists
+    heard_layer: Integers
+    heard_task: Integers
+    heard_from: RealRows
+    heard_goal: RealRows
+    states: bool
+    goals: bool
 
 
 class Channel:
@@ -24,11 +53,19 @@ class Channel:
         self.radio = radio
         self._beacons = np.array(radio.beacons, dtype=float).reshape(-1, 2)
         self._version = -1
+        self._kernel: Kernel | None = None
         self._surroundings: Surroundings | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what refers to arrays."""
+        return vars(self) | {"_version": -1, "_surroundings": None, "_kernel": None}
 
     def exchange(self, swarm: Swarm, surroundings: Surroundings, word: np.uint64) -> None:
         """Write the columns of what is heard; random bits decide what is lost."""
         if not len(swarm):
+            return
+        if not any(self.reasons(surroundings).values()):
+            self.kernel(swarm, surroundings).run(0, len(swarm))
             return
         self._prepare(swarm, surroundings)
         columns, radio = swarm.columns, self.radio
@@ -44,6 +81,37 @@ class Channel:
             hear_goals(position, heading, number, sent, self._beacons, limits, self._grid, obstacles, heard_goal)
         if radio.message:
             self._exchange_messages(columns, limits, obstacles)
+
+    def reasons(self, surroundings: Surroundings) -> dict[str, bool]:
+        """Return what makes Python due where robots hear each other."""
+        return {
+            "messages": len(self.radio.message) > 0,
+            "broadcasts that are lost": self.radio.loss_probability > 0,
+            "driven bodies": surroundings.moving is not None,
+        }
+
+    def kernel(self, swarm: Swarm, surroundings: Surroundings) -> Kernel:
+        """Return what writes what is heard of states and goals, where nothing is lost and no bodies are driven."""
+        self._prepare(swarm, surroundings)
+        if self._kernel is None:
+            statics, radio = surroundings.statics, self.radio
+            columns = {name: swarm.columns[name] for name in HearArrays._fields if name in swarm.columns}
+            block = Block(
+                HearArrays(
+                    beacons=self._beacons,
+                    reach=float(radio.range),
+                    occlusion=radio.occlusion,
+                    grid=self._grid,
+                    edges=statics.edges,
+                    discs=statics.discs[: statics.first_apart],
+                    touched=statics.touched,
+                    states=radio.state,
+                    goals=radio.goal,
+                    **columns,
+                )
+            )
+            self._kernel = Kernel(hear_all, block.numbers, block)
+        return self._kernel
 
     def begin_decision(self, swarm: Swarm) -> None:
         """Clear what robots sent before: they send what they set in each decision."""
@@ -70,7 +138,7 @@ class Channel:
             return
         most = FEWEST_CELLS + CELLS_PER_ROBOT * len(swarm)
         self._grid = Grid.over(surroundings.bounds, max(self.radio.range, 1e-9), most).numbers
-        self._version, self._surroundings = swarm.version, surroundings
+        self._version, self._surroundings, self._kernel = swarm.version, surroundings, None
 
 
 def obstacles_of(surroundings: Surroundings) -> tuple:
@@ -78,6 +146,23 @@ def obstacles_of(surroundings: Surroundings) -> tuple:
     statics, moving = surroundings.statics, surroundings.moving
     driven = None if moving is None else tuple(moving.arrays.touched)
     return statics.edges, statics.discs[: statics.first_apart], *statics.touched, driven
+
+
+@compiled(nogil=True)
+def hear_all(block, step, first, last):
+    """Write what all robots hear of states and goals."""
+    if last == 0:
+        return 0
+    h = unpack(block, HearArrays)
+    position, heading, number, grid = h.position, h.heading, h.number, h.grid
+    limits = h.reach, 0.0, NO_WORD, h.occlusion
+    obstacles = h.edges, h.discs, h.touched.grid, h.touched.start, h.touched.items, None
+    if h.states:
+        heard = h.heard_layer, h.heard_task, h.heard_from
+        hear_states(position, heading, number, h.layer, h.task, limits, grid, obstacles, *heard)
+    if h.goals:
+        hear_goals(position, heading, number, h.sent_goal, h.beacons, limits, grid, obstacles, h.heard_goal)
+    return 0
 
 
 @compiled

@@ -10,7 +10,7 @@ in memory. Row p of these is the robot in row ``order[p]`` of the swarm.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -102,29 +102,31 @@ def travel(pairs: np.ndarray, turn_angle: float, blocks: Blocks) -> np.ndarray:
     renewed. A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face.
     For how bodies move see `moving`.
     """
+    _, *bodies = blocks
     piece, pieces, state = travel_pieces(0, 0, pairs, turn_angle, *blocks)
     while state != SETTLED:
-        pairs = get_apart(state, pairs, blocks)
+        pairs = get_apart(state, pairs, *bodies)
         piece, pieces, state = travel_pieces(piece + 1, pieces, pairs, turn_angle, *blocks)
     return pairs
 
 
 def travel_together(share: Share, n: int, pairs: np.ndarray, turn_angle: float, blocks: Blocks) -> np.ndarray:
     """Do what `travel` does, the rows of n robots in ranges by ``share(n, rows)``."""
-    robots, crowd, statics, movers = blocks
+    robots, *bodies = blocks
+    crowd, _, movers = bodies
     pieces = count_all_pieces(robots, movers)
     for piece in range(pieces):
         begin_piece(piece, pieces, *blocks)
         share(n, partial(advance_rows, piece, pieces, *blocks))
-        state = _separate_together(share, n, pairs, (crowd, statics, movers))
+        state = _separate_together(share, n, pairs, bodies)
         if state != SETTLED:
-            pairs = get_apart(state, pairs, blocks)
+            pairs = get_apart(state, pairs, *bodies)
         turn_rows(turn_angle, robots, crowd)
     share(n, partial(finish_rows, robots, crowd))
     return pairs
 
 
-def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: tuple) -> int:
+def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: Sequence) -> int:
     """Separate robots as `separate_near` does."""
     crowd, *_ = bodies
     state, met = overlaps_of(crowd, pairs)
@@ -136,14 +138,14 @@ def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: tuple) -
     return finish_separation(*bodies, pairs, groups, met, later, MOST_SWEEPS, state)
 
 
-def get_apart(state: int, pairs: np.ndarray, blocks: Blocks) -> np.ndarray:
+@compiled(nogil=True, apart=True)
+def get_apart(state, pairs, crowd, statics, movers):
     """Separate robots that have to go far, or put back those that stay stuck, and return the pairs near each other."""
-    _, *bodies = blocks
     is_apart = False
     if state == STRAYED:
-        is_apart, pairs = separate(*bodies, pairs, MOST_SWEEPS)
+        is_apart, pairs = separate(crowd, statics, movers, pairs, MOST_SWEEPS)
     if not is_apart:
-        put_back(*bodies, pairs)
+        put_back(crowd, statics, movers, pairs)
     return pairs
 
 

@@ -75,12 +75,12 @@ def _restore_processes(model: EngineModel, stored: dict[int, str], facts: dict) 
         own = part.numbered.get(number)
         if own is None:
             own = _made(model, kind, "process", "step", check_process_class)
-            part.numbered = {**part.numbered, number: own}
+            part.have({**part.numbered, number: own})
             names = _names_of(facts, "processes", f"{number} ")
             check_made(own, () if isinstance(own, Checkpointed) else names)
         elif not _is_kind(type(own), kind):
             raise RecordingError(_odd(model, kind, "process"))
-    part.numbered = {number: part.numbered[number] for number in sorted(part.numbered)}
+    part.have({number: part.numbered[number] for number in sorted(part.numbered)})
 
 
 def _names_of(facts: dict, part: str, begin: str) -> list[str]:

@@ -370,7 +370,7 @@ def _take_processes(new: EngineModel, old: EngineModel, fresh: EngineModel) -> N
         mine = {**mine, number: kind.__new__(kind)}
     if mine.keys() < others.keys():
         raise InvalidValueError("the change makes a model with fewer processes; change parameters that leave them")
-    new.parts.processes.numbered = {number: mine[number] for number in others}
+    new.parts.processes.have({number: mine[number] for number in others})
 
 
 def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:

@@ -147,7 +147,7 @@ class Swarm:
         self.agents: list = []  # replaced, never changed in place
         self._identified: tuple[list | None, NDArray[np.int64]] = NOT_IDENTIFIED
         self.listed: WeakValueDictionary[int, Agents] = WeakValueDictionary()  # sets that refer to this list
-        self.disturbed = False
+        self.disturbances = np.zeros(1, np.bool_)  # also for compiled functions
         self.version = 0
         self.groups: tuple[str, ...] = ()
         self.regrouped = 0
@@ -180,6 +180,15 @@ class Swarm:
                 f"swarm.{name} cannot be replaced; change a robot by its handle, as in model.robots[0].heading = 0.5"
             )
         super().__setattr__(name, value)
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether robots may overlap anything since the last step: by hand, or as bodies have changed."""
+        return bool(self.disturbances[0])
+
+    @disturbed.setter
+    def disturbed(self, is_so: bool) -> None:
+        self.disturbances[0] = is_so
 
     def __len__(self) -> int:
         """How many robots there are."""

@@ -29,15 +29,17 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.diffusion import (
     BLOCKED,
     OPEN,
+    FieldArrays,
+    advance_field,
     block_disc,
     block_polygon,
     cells_at,
     deposit,
     look_up,
-    spread,
     withdraw,
 )
 from mesa_swarm.world.read_only import read_only
@@ -163,7 +165,7 @@ class ScalarField:
         self.changes = 0
         self.removed = False
         self._values = np.zeros((rows, columns))
-        self._is_empty = True
+        self._empty = np.ones(1, np.bool_)  # whether it is, also to compiled functions
         self._shapes = walls if declared.walls else tuple
         self._walls: _Walls | None = None
 
@@ -321,26 +323,27 @@ class ScalarField:
         return self.look_up(_checked_positions(positions))[1]
 
     def advance(self) -> None:
-        """Advance by one step; models call it."""
-        if self._is_empty:
-            return
-        declared, (_, _, width, height) = self.declared, self.frame
-        remaining = 1.0 - declared.evaporation
-        if remaining == 1.0 and declared.diffusion == 0.0:
-            return
-        share = declared.diffusion / self._sub_steps
-        walls = self._current_walls()
-        for left in reversed(range(self._sub_steps)):
-            spread(
-                self._values,
-                share / width**2,
-                share / height**2,
-                1.0 if left else remaining,
-                walls.sides,
-                walls.begins,
-                walls.cells,
+        """Advance by one step, without a model, which advances all of its fields at once."""
+        advance_field(self.block().numbers)
+
+    def block(self) -> Block:
+        """Return what `advance_field` takes, which is valid as long as the walls are."""
+        declared, (_, _, width, height), walls = self.declared, self.frame, self._current_walls()
+        remaining, share = 1.0 - declared.evaporation, declared.diffusion / self._sub_steps
+        changes = remaining < 1.0 or declared.diffusion > 0.0
+        return Block(
+            FieldArrays(
+                values=self._values,
+                x_share=share / width**2,
+                y_share=share / height**2,
+                remaining=remaining,
+                sides=walls.sides,
+                begins=walls.begins,
+                cells=walls.cells,
+                sub_steps=self._sub_steps if changes else 0,
+                empty=self._empty,
             )
-        self._is_empty = remaining == 0.0
+        )
 
     def add(self, points: np.ndarray, amounts: np.ndarray) -> None:
         """Add amounts at points of which the model knows that they are valid; beyond the border at the nearest cell."""
@@ -359,7 +362,7 @@ class ScalarField:
         if not self.declared.walls or (self._walls is not None and self._walls.is_of(self._shapes())):
             return
         self._walls = None
-        if self._is_empty:
+        if self._empty[0]:
             return
         covered = np.argwhere(self.blocked & (self._values > 0.0))
         if not len(covered):
@@ -385,7 +388,7 @@ class ScalarField:
         _check_amounts(f"values of field {self.name}", values, np.finfo(float).max)
         self._values[...] = values
         self.peak = peak
-        self._walls, self._is_empty = None, not values.any()
+        self._walls, self._empty[0] = None, not values.any()
 
     def _check_present(self) -> None:
         if self.removed:
@@ -393,7 +396,7 @@ class ScalarField:
 
     def _changed(self, largest: float) -> None:
         self.changes += 1
-        self._is_empty = self._is_empty and largest == 0.0
+        self._empty[0] &= largest == 0.0
         self.peak = max(self.peak, largest)
 
     def _current_walls(self) -> "_Walls":

@@ -114,6 +114,11 @@ class Statics:
         """Let sensors see the shapes as these kinds."""
         self.kind[:] = _kinds_of(self.shape, codes)
 
+    @property
+    def seen_as(self) -> np.ndarray:
+        """The kinds as which sensors see the shapes that are numbered apart."""
+        return self.kind[len(self.edges) + self.first_apart :]
+
     def rows_of(self, index: int) -> np.ndarray:
         """Return the items of a shape."""
         return np.flatnonzero(self.shape == index)

@@ -83,7 +83,7 @@ def test_every_solid_shape_has_its_rows_and_every_row_its_owner_and_kind(seed):
     assert statics.owner[of_fires].tolist() == list(range(len(fires)))
     assert (statics.body[of_fires] == FIRE).all()
     assert statics.kind[of_fires].tolist() == [FIRE if burns else OBSTACLE for burns in burning]
-    statics.show([*codes[: len(shapes)], *np.where(burning, OBSTACLE, FIRE)])
+    statics.seen_as[:] = np.where(burning, OBSTACLE, FIRE)
     assert statics.kind[of_fires].tolist() == [OBSTACLE if burns else FIRE for burns in burning]
     assert (statics.body[of_fires] == FIRE).all()
     assert (statics.kind[: of_fires.start] == statics.body[: of_fires.start]).all()
