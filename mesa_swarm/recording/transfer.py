@@ -216,7 +216,8 @@ def _take_standing_parts(new: EngineModel, old: EngineModel, fresh: EngineModel)
     """Copy the columns of each part, and what else is the run's of robots, machines and fires."""
     by_label = _by_label(new, old)
     for part in new.parts.standing():
-        _take_columns(part, old.parts[part.name], by_label)
+        if part is not new.parts.bodies:  # whose poses are taken over with them
+            _take_columns(part, old.parts[part.name], by_label)
         part.bind(new.parts.context())
     robots = old.parts.robots
     new.parts.robots.restore({n: value for n, value in robots.store().items() if n not in robots.settings})
