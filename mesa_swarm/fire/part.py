@@ -35,6 +35,7 @@ class FiresPart(Part):
     """
 
     name = "fires"
+    settings = ("constants", "extinguish_range")
 
     def __init__(
         self, model: Any, constants: FireConstants, extinguish_range: float, history_every: int | Trigger

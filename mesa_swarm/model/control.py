@@ -61,7 +61,7 @@ class ControlPart(Part):
     """
 
     name = "control"
-    first = ("arbiter",)
+    first = settings = ("arbiter",)
 
     def __init__(self, model: Any) -> None:
         self.model, self.swarm = model, model.swarm
@@ -69,9 +69,12 @@ class ControlPart(Part):
         self.snapshots: Snapshots | None = None
         self.made = Known()
 
-    def columns(self) -> Mapping[str, Column]:
-        """Return what the control has written, and the memory of arbiters and layers, by their names."""
-        columns, names = self.swarm.columns, self.names_of_memory()
+    def columns(self, by_label: bool = True) -> Mapping[str, Column]:
+        """Return what the control has written, and the memory of arbiters and layers, by their names.
+
+        Those of a team are named by the label of the arbiter too, unless `by_label` is False.
+        """
+        columns, names = self.swarm.columns, self.names_of_memory(by_label)
         written = {name: columns[name] for name in (*WRITTEN, *(name for name in columns if name.startswith(ACT)))}
         remembered = {name: columns[of_swarm] for of_swarm, name in names.items()}
         return {name: Column(column, "robots") for name, column in {**written, **remembered}.items()}
@@ -99,9 +102,9 @@ class ControlPart(Part):
             first += len(arbiter.layers)
         return prefixes
 
-    def names_of_memory(self) -> dict[str, str]:
+    def names_of_memory(self, by_label: bool = True) -> dict[str, str]:
         """Return the swarm's names of columns of memory, each with that by its layer: ``Explore.turn``."""
-        prefixes = {prefix: key for key, prefix in self.prefixes().items()}
+        prefixes = {prefix: key for key, prefix in self.prefixes(by_label).items()}
         longest_first = sorted(prefixes, key=len, reverse=True)
         found = {}
         for name in self.swarm.columns:

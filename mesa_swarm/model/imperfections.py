@@ -41,6 +41,7 @@ class ImperfectionsPart(Part):
 
     name = "imperfections"
     first = ("imperfections", "failing", "key")
+    settings = ("imperfections",)
 
     def __init__(self, model: Any) -> None:
         self.model = model

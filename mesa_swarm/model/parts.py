@@ -156,6 +156,10 @@ class Parts(Mapping[str, Part]):
         self.replan()
         return part
 
+    def standing(self) -> list[Part]:
+        """Return the parts that every model of a class has, in their order."""
+        return [part for name, part in self._by_name.items() if name in self._standing]
+
     def added(self) -> list[Part]:
         """Return the parts that were added, in their order."""
         return [part for name, part in self._by_name.items() if name not in self._standing]

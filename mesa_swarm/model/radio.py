@@ -23,7 +23,7 @@ class RadioPart(Part):
     """
 
     name = "radio"
-    first = ("radio",)
+    first = settings = ("radio",)
 
     def __init__(self, model: Any, radio: Radio | None) -> None:
         self.model = model

@@ -73,6 +73,7 @@ class RobotsPart(Part):
     """
 
     name = "robots"
+    settings = ("turn_angle",)
 
     def __init__(self, model: Any, engine: Engine, turn_angle: float) -> None:
         self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle

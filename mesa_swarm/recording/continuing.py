@@ -7,11 +7,11 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.robots import role_of
 from mesa_swarm.model.state import fingerprint
-from mesa_swarm.model.state_hash import NOT_HASHED
 from mesa_swarm.recording.attributes import own_attributes
 from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
-from mesa_swarm.recording.transfer import OF_PARAMETERS, changed_settings, take_over
+from mesa_swarm.recording.transfer import changed_settings, take_over
 from mesa_swarm.robots.robot import Robot
 
 # What a run changes of its fires: the other columns follow from the parameters.
@@ -117,7 +117,7 @@ def _of_start(model: EngineModel) -> Iterator[tuple[tuple, bytes]]:
     tables = {"robots": model.swarm.columns, "fires": model.fires.columns}
     yield ("robots",), str(len(model.swarm)).encode()
     for name, column in tables.pop("robots").items():
-        if name not in NOT_HASHED | OF_PARAMETERS:
+        if role_of(name) == "state":
             yield (name, column.shape), column.tobytes()
     for prefix, table in tables.items():
         yield from (((prefix, name), table[name].tobytes()) for name in OF_FIRES)
@@ -129,13 +129,14 @@ def _of_start(model: EngineModel) -> Iterator[tuple[tuple, bytes]]:
         yield ("state", name), fingerprint(value)
 
 
-def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> list[str]:
-    """Return the attributes and settings that the parameters would change, but that the run has changed itself."""
+def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bool:
+    """Return whether the parameters would change attributes or settings that the run has changed itself."""
     mine, now, first = map(own_attributes, (new, old, fresh))
     both = mine.keys() & now.keys() & first.keys()
-    hidden = [name for name in both if _differ(mine[name], first[name]) and _differ(now[name], first[name])]
     by_hand = changed_settings(old, fresh)
-    return [*hidden, *(name for name in changed_settings(new, fresh) if name in by_hand)]
+    return any(key in by_hand for key in changed_settings(new, fresh)) or any(
+        _differ(mine[name], first[name]) and _differ(now[name], first[name]) for name in both
+    )
 
 
 def _differ(one: Any, other: Any) -> bool:

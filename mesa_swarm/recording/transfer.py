@@ -1,7 +1,7 @@
 """The state of a run, carried over to a model that was made with other parameters."""
 
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping
 from copy import copy, deepcopy
 from dataclasses import fields, is_dataclass
 from hashlib import blake2b
@@ -17,8 +17,9 @@ from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team
 from mesa_swarm.errors import InvalidValueError, RecordingError, in_words, shortened
-from mesa_swarm.kernels.part import Part, made_of
+from mesa_swarm.kernels.part import Column, Part, made_of
 from mesa_swarm.model.bodies import CHANGING
+from mesa_swarm.model.control import ControlPart
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters
 from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of
@@ -34,22 +35,19 @@ from mesa_swarm.recording.devices import control_to_json
 from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.imperfections import Imperfections
-from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING, Swarm
+from mesa_swarm.robots.swarm import LASTING, Swarm
 from mesa_swarm.world.arena import next_id, set_next_id
 from mesa_swarm.world.bodies import FIXED, BodyTable
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.statics import FIRE
 
-# Columns that follow from parameters; all others are the state of the run.
-OF_PARAMETERS = frozenset({"number", "design", "radius", "max_speed"})
-# Those of them that are the run's where it has added or removed robots.
-MADE = frozenset({"number", "design"})
-# Settings that may be changed by hand between steps: such a change is kept, unless the parameters change it as well.
-SETTINGS = (
-    *("communication", "imperfections", "fire_constants", "extinguish_range", "scale", "collect_every", "threads"),
-)
-# Parts of a model to which its attributes may refer.
-PARTS = ("swarm", "space", "fires", "map", "rng", "random", "streams", "datacollector")
+# Columns that follow from the parameters, unless the run has added or removed anything.
+MADE = (("robots", "number"), ("robots", "design"))
+# Settings of the model itself; those of a standing part are its `settings`.
+SETTINGS = ("scale", "collect_every", "threads")
+CONTROL = ("control", "arbiter")
+# What else of a model may be referred to.
+OF_MODEL = ("swarm", "space", "fires", "map", "rng", "random", "streams", "datacollector")
 OURS = "mesa_swarm."
 # Columns of bodies that follow from parameters, unless the run has changed them by hand.
 BY_HAND = ("radius", "resistance", "temperature")
@@ -63,20 +61,24 @@ def take_over(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     follow from parameters. So do its robots and other objects, and what drives them: what was added, removed or
     replaced during the run is.
     """
-    remade = _take_objects(new, old, fresh)
+    if _take_objects(new, old, fresh):
+        for _, name in MADE:
+            new.swarm.columns[name][:] = old.swarm.columns[name]
     set_clock(new, old.steps)
     new.parts.set_completed(old.completed)
     new.running = old.running if old.running != fresh.running else new.running
-    new.collisions, new.total_collisions = old.collisions, old.total_collisions
     _take_kinds(new, old)
     _take_bodies(new, old, fresh)
     _take_settings(new, old, fresh)
-    _take_columns(new, old, OF_PARAMETERS - MADE if remade else OF_PARAMETERS)
-    _take_fires(new, old, fresh)
     _take_fields(new, old, fresh)
+    _take_processes(new, old, fresh)
+    _take_standing_parts(new, old, fresh)
     _take_randomness(new, old)
-    _take_values(new, old, fresh)
-    _take_added_parts(new, old, fresh)
+    carrier = _Carrier(new, old, fresh)
+    _take_added_parts(new, old, fresh, carrier)
+    _take_values(new, old, fresh, carrier)
+    carrier.finish()
+    new.events.replace({name: list(series) for name, series in old.events.series().items()})
     _take_collected(new, old, fresh)
     new.parts.bodies.changed()
     new.swarm.disturbed = old.swarm.disturbed
@@ -137,7 +139,9 @@ def _take_kinds(new: EngineModel, old: EngineModel) -> None:
 def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Put bodies where they are, and agents of other classes as well."""
     mine, table = new.parts.bodies.table, old.parts.bodies.table
-    moving, burns = table.mode != FIXED, table.kind == FIRE
+    begun = {body.unique_id for body in fresh.parts.bodies.table.agents}
+    added = np.array([body.unique_id not in begun for body in table.agents], bool)
+    moving, burns = (table.mode != FIXED) | added, table.kind == FIRE
     for name in CHANGING:
         if name in BY_HAND:
             rows = _changed_by_hand(name, table, fresh.parts.bodies.table) | (burns & (name == "temperature"))
@@ -164,49 +168,47 @@ def _changed_by_hand(name: str, table: BodyTable, first: BodyTable) -> np.ndarra
 # ---- settings and control
 
 
-def changed_settings(model: EngineModel, other: EngineModel) -> list[str]:
-    """Return the settings in which two models of the same class differ, `control` among them."""
-    names = [name for name in SETTINGS if _setting(model, name) != _setting(other, name)]
-    return names if _same_control(model.control, other.control) else [*names, "control"]
+def changed_settings(model: EngineModel, other: EngineModel) -> list[tuple[str, str]]:
+    """Return the settings in which two models of the same class differ, by the name of the part, "" for the model."""
+    mine, others = _settings(model), _settings(other)
+    return [key for key, value in mine.items() if _comparable(key, value) != _comparable(key, others[key])]
 
 
-def _setting(model: EngineModel, name: str) -> Any:
-    """Return a setting; imperfections that change nothing, as `Robot.fail` sets them, count as None."""
-    value = getattr(model, name)
-    return None if value == PERFECT else value
+def _settings(model: EngineModel) -> dict[tuple[str, str], Any]:
+    of_parts = {
+        (part.name, name): part.store()[name]
+        for part in model.parts.standing()
+        for name in getattr(part, "settings", ())
+    }
+    return {("", name): getattr(model, name) for name in SETTINGS} | of_parts
+
+
+def _comparable(key: tuple[str, str], value: Any) -> Any:
+    """Return what is equal for equal settings: what an arbiter is made of, None for what `Robot.fail` sets."""
+    if key != CONTROL:
+        return None if value == PERFECT else value
+    layers = getattr(value, "layers", ())
+    rules = [layer.rule.function.__code__ if isinstance(layer, Behaviour) else None for layer in layers]
+    return type(value), control_to_json(value), [type(layer) for layer in layers], rules
 
 
 def _take_settings(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
-    by_parameters = changed_settings(new, fresh)
-    by_hand = [name for name in changed_settings(old, fresh) if name not in by_parameters]
-    for name in by_hand:
-        if name != "control":
-            setattr(new, name, getattr(old, name))
-    if (
-        old.parts.imperfections.effect is not None
-        and new.parts.imperfections.effect is None
-        and old.imperfections == PERFECT
-    ):
-        new.imperfections = PERFECT
-    if FAILED_SENSORS in old.swarm.columns:
-        new.parts.imperfections.prepare_failures()
-    if new.parts.imperfections.effect is not None and old.parts.imperfections.effect is not None:
-        new.parts.imperfections.effect.key = old.parts.imperfections.effect.key
-    if "control" in by_hand:
-        new.control = old.control
+    by_hand = [key for key in changed_settings(old, fresh) if key not in changed_settings(new, fresh)]
+    values = _settings(old)
+    for part, name in by_hand:
+        if part:
+            new.parts[part].restore({name: values[part, name]})
+        else:
+            setattr(new, name, values[part, name])
+    if CONTROL in by_hand:
         _keep_fields(new.control, old.control)
-
-
-def _same_control(one: Arbiter | None, other: Arbiter | None) -> bool:
-    """Return whether two controls are made of the same arbiters, layers and rules."""
-    if type(one) is not type(other) or control_to_json(one) != control_to_json(other):
-        return False
-    pairs = zip(getattr(one, "layers", ()), getattr(other, "layers", ()), strict=True)
-    return all(type(layer) is type(same) and _same_rule(layer, same) for layer, same in pairs)
-
-
-def _same_rule(layer: Any, other: Any) -> bool:
-    return not isinstance(layer, Behaviour) or layer.rule.function.__code__ == other.rule.function.__code__
+    stored, effect = old.parts.imperfections.store(), new.parts.imperfections.effect
+    if effect is None and stored["imperfections"] != PERFECT and not stored["failing"]:
+        stored["key"] = None  # robots are ideal by the new parameters
+    new.parts.imperfections.restore({"failing": stored["failing"], "key": stored["key"]})
+    for name, declared in old.swarm.memory_columns.items():
+        if not name[:1].isdigit() and not name.startswith(LASTING):  # of no layer, arbiter or imperfection
+            new.swarm.remember(name, *declared)
 
 
 def _keep_fields(control: Any, old: Any) -> None:
@@ -218,22 +220,43 @@ def _keep_fields(control: Any, old: Any) -> None:
                     object.__setattr__(layer, field.name, getattr(was, field.name))
 
 
-# ---- columns
+# ---- parts
 
 
-def _take_columns(new: EngineModel, old: EngineModel, of_parameters: frozenset[str]) -> None:
-    renamed = _renamed_columns(new, old)
-    for name, declared in old.swarm.memory_columns.items():
-        if not name[:1].isdigit() and not name.startswith(LASTING):  # of no layer, arbiter or imperfection
-            new.swarm.remember(name, *declared)
-    for name, column in new.swarm.columns.items():
-        source = old.swarm.columns.get(renamed(name))
-        if name not in of_parameters and source is not None and source.shape == column.shape:
-            column[...] = source
-    _take_speeds(new, old)
-    _take_states(new, old)
+def _take_standing_parts(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
+    """Copy the columns of each part, and what else is the run's of robots, machines and fires."""
+    by_label = _by_label(new, old)
+    for part in new.parts.standing():
+        if part is not new.parts.bodies:  # whose poses are taken over with them
+            _take_columns(part, old.parts[part.name], by_label)
+        part.bind(new.parts.context())
+    robots = old.parts.robots
+    new.parts.robots.restore({n: value for n, value in robots.store().items() if n not in robots.settings})
     new.swarm.groups = (*old.swarm.groups, *(name for name in new.swarm.groups if name not in old.swarm.groups))
     new.swarm.regrouped += 1
+    _take_speeds(new, old)
+    _take_states(new, old, by_label)
+    _take_fires(new, old, fresh)
+
+
+def _take_columns(part: Part, was: Part, by_label: bool = True, *, all_of_them: bool = False) -> None:
+    """Copy the columns that are not parameters, of which those of another shape are left out, or refused."""
+    columns = _columns(part, by_label)
+    for name, (array, _, role, _) in _columns(was, by_label).items():
+        shape = columns[name].array.shape if name in columns else None
+        if role == "parameter" or (part.name, name) in MADE:
+            continue
+        if shape == array.shape:
+            columns[name].array[...] = array
+        elif all_of_them:
+            raise InvalidValueError(
+                f"the change makes part {part.name} with column {name} of shape {shape} instead of {array.shape}; "
+                "change only parameters that leave it"
+            )
+
+
+def _columns(part: Part, by_label: bool) -> Mapping[str, Column]:
+    return part.columns(by_label) if isinstance(part, ControlPart) else part.columns()
 
 
 def _take_speeds(new: EngineModel, old: EngineModel) -> None:
@@ -243,14 +266,15 @@ def _take_speeds(new: EngineModel, old: EngineModel) -> None:
     limit[:] = np.where(was != others, np.minimum(was, mine), limit)
 
 
-def _take_states(new: EngineModel, old: EngineModel) -> None:
+def _take_states(new: EngineModel, old: EngineModel, by_label: bool) -> None:
     """Give states of machines, which were copied as numbers, the numbers that they have by name in the new machines."""
-    others = dict(_machines(old, _by_label(new, old)))
-    for key, machine in _machines(new, _by_label(new, old)):
-        if key in others:
+    others = _arbiters(old, by_label)
+    for key, machine in _arbiters(new, by_label).items():
+        was = others.get(key)
+        if isinstance(machine, StateMachine) and isinstance(was, StateMachine):
             now, fired = (new.swarm.columns[name] for name in machine.noted)
-            now[:] = _numbered(now, others[key].state_names, machine.state_names)
-            if machine.transitions != others[key].transitions:
+            now[:] = _numbered(now, was.state_names, machine.state_names)
+            if machine.transitions != was.transitions:
                 fired.fill(-1)
 
 
@@ -265,29 +289,14 @@ def _numbered(now: np.ndarray, before: tuple[str, ...], after: tuple[str, ...]) 
     return np.array([after.index(name) if name in after else -1 for name in before], np.int64)[now]
 
 
-def _machines(model: EngineModel, by_label: bool) -> Iterator[tuple[tuple[str, int], StateMachine]]:
-    """Iterate over the state machines of a control, by their label and their place among those of the label."""
-    count = Counter[str]()
-    for label, arbiter in model.parts.control.labelled_arbiters():
-        key = label if by_label else ""
-        if isinstance(arbiter, StateMachine):
-            yield (key, count[key]), arbiter
-        count[key] += 1
+def _arbiters(model: EngineModel, by_label: bool) -> dict[tuple, Arbiter]:
+    keys = [key for key in model.parts.control.prefixes(by_label) if not key[1]]
+    return dict(zip(keys, (arbiter for _, arbiter in model.parts.control.labelled_arbiters()), strict=True))
 
 
-def _renamed_columns(new: EngineModel, old: EngineModel) -> Callable[[str], str]:
-    """Return a function of a column's name in one model that returns its name in the other, "" if it has none."""
-    mine, others = (model.parts.control.prefixes(_by_label(new, old)) for model in (new, old))
-    own = {prefix: key for key, prefix in mine.items()}
-    longest_first = sorted(own, key=len, reverse=True)
-
-    def renamed(name: str) -> str:
-        if not name[:1].isdigit():
-            return name
-        prefix = next((prefix for prefix in longest_first if name.startswith(f"{prefix}.")), "")
-        return others[own[prefix]] + name.removeprefix(prefix) if own.get(prefix) in others else ""
-
-    return renamed
+def _layers(model: EngineModel, by_label: bool) -> dict[tuple, Any]:
+    keys = [key for key in model.parts.control.prefixes(by_label) if key[1]]
+    return dict(zip(keys, getattr(model.control, "layers", ()), strict=True))
 
 
 def _by_label(new: EngineModel, old: EngineModel) -> bool:
@@ -295,25 +304,12 @@ def _by_label(new: EngineModel, old: EngineModel) -> bool:
     return isinstance(new.control, Team) and isinstance(old.control, Team)
 
 
-def _matching_layers(new: EngineModel, old: EngineModel) -> Iterator[tuple[Any, Any]]:
-    """Iterate over the layers of one model with those of another that are the same: of the same prefix's key."""
-    mine, others = (model.parts.control.prefixes(_by_label(new, old)) for model in (new, old))
-    for key, prefix in mine.items():
-        if key in others and key[1]:
-            places = (int(name.partition(".")[0]) for name in (prefix, others[key]))
-            index, other = places
-            yield new.control.layers[index], old.control.layers[other]  # type: ignore[union-attr]
-
-
-# ---- fires, fields, random streams
-
-
 def _take_fires(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
+    """Have fires that were added where they are, and the history, of which the interval may follow the parameters."""
     first = {fire.unique_id for fire in fresh.fires}
     added = [row for row, fire in enumerate(old.fires.agents) if fire.unique_id not in first]
     for name, column in old.fires.own.items():
-        rows = added if name == "area" else slice(None)
-        new.fires.own[name][rows] = column[rows]
+        new.fires.own[name][added] = column[added]
     every = old if old.fires.history.every != fresh.fires.history.every else new
     interval = every.fires.history.every
     new.fires.history = deepcopy(old.fires.history)
@@ -321,18 +317,17 @@ def _take_fires(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
 
 
 def _take_fields(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
-    """Remove and add the fields that the run did, and copy the values of those of the same name and grid."""
+    """Remove and add the fields that the run did, in its order; their values follow where the grid is the same."""
     for name in [name for name in fresh.fields if name in new.fields and name not in old.fields]:
         new.remove_field(name)
     for name, field in old.fields.items():
         if name not in fresh.fields and name not in new.fields:
             new.add_field(field.declared)
-    for name, field in new.fields.items():
-        if name in old.fields and old.fields[name].values.shape == field.values.shape:
-            field.restore(old.fields[name].checkpoint())
-    if new.parts.fields.live:
-        order = [*(name for name in old.fields if name in new.parts.fields.live), *new.parts.fields.live]
-        new.parts.fields.live = {name: new.parts.fields.live[name] for name in order}
+        if name in new.fields and new.fields[name].values.shape == field.values.shape:
+            new.fields[name].peak = field.peak
+    live = new.parts.fields.live
+    order = dict.fromkeys([*(name for name in old.fields if name in live), *live])
+    new.parts.fields.live = {name: live[name] for name in order}
 
 
 def _take_randomness(new: EngineModel, old: EngineModel) -> None:
@@ -340,26 +335,19 @@ def _take_randomness(new: EngineModel, old: EngineModel) -> None:
         new.streams[name].bit_generator.state = state
     new.rng.bit_generator.state = old.rng.bit_generator.state
     new.random.setstate(old.random.getstate())
-    new.parts.robots.noise = old.parts.robots.noise  # this step's sensor errors, which may have been drawn already
 
 
 # ---- attributes, declared state, processes, layers, agents
 
 
-def _take_values(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
+def _take_values(new: EngineModel, old: EngineModel, fresh: EngineModel, carrier: "_Carrier") -> None:
     """Copy what the run has changed in attributes, the declared state, processes, custom layers and other agents."""
-    _take_processes(new, old, fresh)
-    carrier = _Carrier(new, old)
-    for mine, values, first in _owners_of_values(new, old, fresh):
+    for mine, values, first in _owners_of_values(new, old, fresh, carrier):
         for name in first.keys() - values.keys():
             mine.pop(name, None)
         for name, value in values.items():
             if name not in first or _differ(value, first[name]):
                 mine[name] = carrier.carried(name, value, mine.get(name))
-    carrier.finish()
-    for owner, was in _checkpointed(new, old):
-        owner.restore(deepcopy(was.checkpoint()))
-    new.events.replace({name: list(series) for name, series in old.events.series().items()})
 
 
 def _take_processes(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
@@ -373,51 +361,44 @@ def _take_processes(new: EngineModel, old: EngineModel, fresh: EngineModel) -> N
     new.parts.processes.have({number: mine[number] for number in others})
 
 
-def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
+def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel, carrier: "_Carrier") -> None:
     """Add and remove the parts that the run did, and give each the state of the run: columns and what it stores."""
     for part in new.parts.added():
         if part.name not in old.parts and part.name in fresh.parts:
             new.remove_part(part.name)
-    carrier = _Carrier(new, old)
     for was in old.parts.added():
         if was.name not in new.parts:
             kind: Any = type(was)
             part = kind.__new__(kind)
             for name, value in made_of(was).items():
                 object.__setattr__(part, name, carrier.carried(name, value, None))
-            new.add_part(part)
+            carrier.memo[id(was)] = new.add_part(part)
         _take_part(new.parts[was.name], was, fresh.parts.get(was.name), carrier)
-    carrier.finish()
 
 
 def _take_part(part: Part, was: Part, first: Part | None, carrier: "_Carrier") -> None:
     now, before = part.store(), {} if first is None else first.store()
     changed = {n: v for n, v in was.store().items() if n not in before or _differ(v, before[n])}
     part.restore({name: carrier.carried(name, value, now.get(name)) for name, value in changed.items()})
-    columns = part.columns()
-    for name, (array, _, role, _) in was.columns().items():
-        if role == "parameter":
-            continue
-        shape = columns[name].array.shape if name in columns else None
-        if shape != array.shape:
-            raise InvalidValueError(
-                f"the change makes part {part.name} with column {name} of shape {shape} instead of {array.shape}; "
-                "change only parameters that leave it"
-            )
-        columns[name].array[...] = array
+    _take_columns(part, was, all_of_them=True)
 
 
 class _Carrier:
     """Values of one model as values of another: with its agents, columns, streams and parts in their places."""
 
-    def __init__(self, new: EngineModel, old: EngineModel) -> None:
-        self._new, self._old = new, old
+    def __init__(self, new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
         self._there = ModelPacked(old)
         self._here, self._there.removed = ModelPacked(new, self._there.arrays), {}
         self._here.present = None
-        renamed = _renamed_columns(old, new)
-        self._columns = {name: renamed(name) for name in old.swarm.columns}
-        self._memo: dict[int, Any] | None = None
+        by_label = _by_label(new, old)
+        self.new, self.old, self.fresh = (_by_place(model, by_label) for model in (new, old, fresh))
+        # What stands in the new model for what is in the old one, by its identity, as `deepcopy` asks.
+        self.memo = {
+            id(value): self.new[kind][key]
+            for kind, values in self.old.items()
+            for key, value in values.items()
+            if key in self.new[kind]
+        }
 
     def carried(self, name: str, value: Any, now: Any) -> Any:
         """Return a value of the old model as one of the new one; of what cannot be stored a copy."""
@@ -426,7 +407,10 @@ class _Carrier:
         except RecordingError:
             return self._copied(name, value)
         if "column" in content:  # type: ignore[operator]
-            return self._column(content["column"])  # type: ignore[index]
+            if id(value) not in self.memo:
+                column = shortened(content["column"])  # type: ignore[index]
+                raise InvalidValueError(f"the change makes a model without the column {column}, which is in use")
+            return self.memo[id(value)]
         make_removed(self._here, removed_to_json(self._there))
         return attribute_from_json(now, name, content, self._here)  # type: ignore[arg-type]
 
@@ -434,87 +418,56 @@ class _Carrier:
         """Restore the attributes of agents that were removed."""
         restore_removed(self._here, removed_to_json(self._there))
 
-    def _column(self, name: str) -> np.ndarray:
-        if self._columns.get(name) not in self._new.swarm.columns:
-            raise InvalidValueError(f"the change makes a model without the column {shortened(name)}, which is in use")
-        return self._new.swarm.columns[self._columns[name]]
-
     def _copied(self, name: str, value: Any) -> Any:
-        if self._memo is None:
-            self._memo = self._counterparts()
         try:
-            return deepcopy(value, self._memo)
+            return deepcopy(value, self.memo)
         except Exception as error:  # an object of a user's may raise anything
             raise InvalidValueError(
                 f"{name} cannot be copied to the model that goes on: {in_words(error)}; give its class "
                 "checkpoint() and restore(state)"
             ) from None
 
-    def _counterparts(self) -> dict[int, Any]:
-        """Return what stands in the new model for the parts of the old one, by their identity, as `deepcopy` asks."""
-        new, old = self._new, self._old
-        pairs: list[tuple[Any, Any]] = [(old, new)]
-        pairs += [(getattr(old, name), getattr(new, name)) for name in PARTS]
-        pairs += [(stream, new.streams[name]) for name, stream in old.streams.items()]
-        pairs += [(old.swarm.columns[name], column) for name, column in self._same_columns()]
-        mine = {agent.unique_id: agent for agent in new.agents}
-        pairs += [(agent, mine[agent.unique_id]) for agent in old.agents if agent.unique_id in mine]
-        pairs += [
-            (process, new.parts.processes.numbered[number]) for number, process in old.parts.processes.numbered.items()
-        ]
-        pairs += [(was, layer) for layer, was in _matching_layers(new, old)]
-        pairs += [(field, new.fields[name]) for name, field in old.fields.items() if name in new.fields]
-        return {id(there): here for there, here in pairs}
 
-    def _same_columns(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Iterate over the names of columns of the old model, each with the column that it is in the new one."""
-        columns = self._new.swarm.columns
-        yield from ((name, columns[other]) for name, other in self._columns.items() if other in columns)
+def _by_place(model: EngineModel, by_label: bool) -> dict[str, dict[Any, Any]]:
+    """Return what has a counterpart in another model, by its kind and by what is the same there."""
+    columns = {part.name: _columns(part, by_label) for part in model.parts.values()}
+    return {
+        "model": {"": model, **{name: getattr(model, name) for name in OF_MODEL}},
+        "part": dict(model.parts),
+        "stream": dict(model.streams.items()),
+        "column": {(part, name): one.array for part, named in columns.items() for name, one in named.items()},
+        "field": dict(model.fields),
+        "process": model.parts.processes.numbered,
+        "arbiter": _arbiters(model, by_label),
+        "layer": _layers(model, by_label),
+        "agent": {agent.unique_id: agent for agent in model.agents},
+    }
 
 
-def _owners_of_values(new: EngineModel, old: EngineModel, fresh: EngineModel) -> Iterator[tuple[Any, dict, dict]]:
-    """Iterate over what has values: where those of the new model are, those of the old one, and the first ones."""
+def _owners_of_values(
+    new: EngineModel, old: EngineModel, fresh: EngineModel, carrier: "_Carrier"
+) -> Iterator[tuple[Any, dict, dict]]:
+    """Iterate over what has values: where those of the new model are, those of the old one, and the first ones.
+
+    What stores itself takes over at once.
+    """
     yield new.__dict__, own_attributes(old), own_attributes(fresh)
     yield new.state, dict(old.state), dict(fresh.state)
-    for number, process in new.parts.processes.numbered.items():
-        if not isinstance(process, Checkpointed):
-            before = (
-                attributes_of(fresh.parts.processes.numbered[number])
-                if number in fresh.parts.processes.numbered
-                else {}
-            )
-            yield _Attributes(process), attributes_of(old.parts.processes.numbered[number]), before
-    firsts = {id(layer): first for layer, first in _matching_layers(new, fresh)}
-    for layer, was in _matching_layers(new, old):
-        if not type(layer).__module__.startswith(OURS) and not isinstance(layer, Checkpointed):
-            first = _without_swarm(attributes_of(firsts[id(layer)])) if id(layer) in firsts else {}
-            yield _Attributes(layer), _without_swarm(attributes_of(was)), first
-    yield from _owners_of_agents(new, old, fresh)
+    owner: Any
+    for kind in ("process", "layer", "agent"):
+        for key, was in carrier.old[kind].items():
+            owner, first = carrier.new[kind].get(key), carrier.fresh[kind].get(key)
+            is_whole = kind != "agent" and isinstance(owner, Checkpointed)
+            is_ours = kind == "layer" and type(owner).__module__.startswith(OURS)
+            is_bare = kind == "process" and first is None  # made without its constructor
+            if owner is not None and not is_ours and (is_bare or not is_whole):
+                yield _Attributes(owner), _values_of(was), _values_of(first)
+            if is_whole and type(owner) is type(was):
+                owner.restore(deepcopy(was.checkpoint()))
 
 
-def _owners_of_agents(new: EngineModel, old: EngineModel, fresh: EngineModel) -> Iterator[tuple[Any, dict, dict]]:
-    firsts = {agent.unique_id: agent for agent in fresh.agents}
-    others = {agent.unique_id: agent for agent in old.agents}
-    for agent in new.agents:
-        was, first = others[agent.unique_id], firsts.get(agent.unique_id)
-        before = {} if first is None else own_attributes_of_agent(first)
-        values = own_attributes_of_agent(was)
-        if values or before:
-            yield _Attributes(agent), values, before
-
-
-def _checkpointed(new: EngineModel, old: EngineModel) -> Iterator[tuple[Any, Any]]:
-    """Iterate over processes and layers that store and restore themselves, with those of the old model."""
-    pairs: list[tuple[Any, Any]] = [
-        (process, old.parts.processes.numbered[number]) for number, process in new.parts.processes.numbered.items()
-    ]
-    for owner, was in (*pairs, *_matching_layers(new, old)):
-        if isinstance(owner, Checkpointed) and type(owner) is type(was):
-            yield owner, was
-
-
-def _without_swarm(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if not isinstance(value, Swarm)}
+def _values_of(owner: Any) -> dict[str, Any]:
+    return own_attributes_of_agent(owner) if isinstance(owner, Agent) else {} if owner is None else attributes_of(owner)
 
 
 class _Attributes:

@@ -7,7 +7,7 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Radio, Scale, SwarmModel
+from mesa_swarm import AGENT9, Field, Radio, Scale, SwarmModel
 from mesa_swarm.control import Avoid, Chance, Explore, Halt, StateMachine, Subsumption, Transition
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, UnstoredStateWarning
 from mesa_swarm.gallery import find_model, gallery_names
@@ -231,9 +231,28 @@ BY_HAND = {
     "wheel": lambda model: model.robots[1].fail("wheel", index=1, how="free"),
     "speed": lambda model: setattr(model.robots[0], "max_speed", 0.4),
     "attribute of a robot": lambda model: setattr(model.robots[0], "leader", True),
+    "turn angle": lambda model: setattr(model.parts.robots, "turn_angle", 0.3),
+    "field": lambda model: model.add_field(Field("design", evaporation=0.1)).deposit([(200.0, 200.0)], 2.0),
     "column": lambda model: model.swarm.remember("mine", (2,), np.float64, 1.5).fill(2.5),
+    "process": lambda model: model.add_process(Totals()),
     "object": lambda model: setattr(model, "counter", Counted(model.robots[0])),
 }
+
+
+class Totals:
+    """A process of the user's that stores itself."""
+
+    def __init__(self):
+        self.totals = np.zeros(2)
+
+    def step(self, model):
+        self.totals += model.swarm.position.sum(axis=0)
+
+    def checkpoint(self):
+        return {"totals": self.totals}
+
+    def restore(self, state):
+        self.totals[:] = state["totals"]
 
 
 class Counted:
