@@ -1,7 +1,6 @@
 """Avoid: turn away from what is near (thesis 5.2.2)."""
 
 from dataclasses import dataclass
-from operator import attrgetter
 
 import numpy as np
 
@@ -19,7 +18,6 @@ LOADS = ("always", "never")
 FRONTS = ("tendency", "random", "back up")
 SIDES = ("last", "ignore both")
 LONGEST_MANOEUVRE = 1_000_000
-SENSED = attrgetter("distance", "kind", "hot", "max_speed", "design", "forward")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +95,8 @@ class Avoid(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that are near something."""
-        sensed, tendency = SENSED(senses), senses.tendency
+        sensed, tendency = (senses.distance, senses.kind, senses.hot), senses.tendency
+        robots = senses.max_speed, senses.design, senses.forward
         near = float(self.distance), FIRES.index(self.fires), self.loads == "always"
         inner = -1.0 if self.turn == "stationary" else 0.0  # the inner wheel's share of speed in a turn
         if self.front == "random":
@@ -105,8 +104,8 @@ class Avoid(Memoryless):
         if self.front == "back up":
             swarm, name = self._left  # type: ignore[attr-defined]
             manoeuvre = self.back_steps + self.turn_steps, self.turn_steps, inner
-            back_up(*sensed, tendency, *near, manoeuvre, swarm.columns[name], command, layer, index)
-        avoid(*sensed, tendency, *near, self.sides == "ignore both", inner, command, layer, index)
+            back_up(*sensed, tendency, *robots, *near, manoeuvre, swarm.columns[name], command, layer, index)
+        avoid(*sensed, tendency, *robots, *near, self.sides == "ignore both", inner, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which sensor decided: of those that were activated, the last of front, left, right."""
@@ -132,7 +131,7 @@ class Avoid(Memoryless):
 
 @compiled
 def avoid(
-    distance, kind, hot, max_speed, design, forward, tendency, near, fires, loads, ignores_both, inner,
+    distance, kind, hot, tendency, max_speed, design, forward, near, fires, loads, ignores_both, inner,
     command, layer, index,
 ):  # fmt: skip
     """Write the turns of robots that no earlier layer drives; `inner` is the inner wheel's share of speed."""
@@ -159,7 +158,7 @@ def avoid(
 
 @compiled
 def back_up(
-    distance, kind, hot, max_speed, design, forward, tendency, near, fires, loads, manoeuvre, left,
+    distance, kind, hot, tendency, max_speed, design, forward, near, fires, loads, manoeuvre, left,
     command, layer, index,
 ):  # fmt: skip
     """Write the commands of robots that back up and turn; `manoeuvre` is its steps, those of the turn, and `inner`."""
