@@ -95,17 +95,42 @@ class Avoid(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that are near something."""
-        sensed, tendency = (senses.distance, senses.kind, senses.hot), senses.tendency
-        robots = senses.max_speed, senses.design, senses.forward
-        near = float(self.distance), FIRES.index(self.fires), self.loads == "always"
-        inner = -1.0 if self.turn == "stationary" else 0.0  # the inner wheel's share of speed in a turn
+        tendency = senses.tendency
         if self.front == "random":
             tendency = np.where(self._rng.random(len(tendency)) < 0.5, 1.0, -1.0)  # type: ignore[attr-defined]
         if self.front == "back up":
-            swarm, name = self._left  # type: ignore[attr-defined]
-            manoeuvre = self.back_steps + self.turn_steps, self.turn_steps, inner
-            back_up(*sensed, tendency, *robots, *near, manoeuvre, swarm.columns[name], command, layer, index)
-        avoid(*sensed, tendency, *robots, *near, self.sides == "ignore both", inner, command, layer, index)
+            self._back_up(senses, command, layer, index)
+        avoid(
+            senses.distance,
+            senses.kind,
+            senses.hot,
+            tendency,
+            senses.max_speed,
+            senses.design,
+            senses.forward,
+            float(self.distance),
+            FIRES.index(self.fires),
+            self.loads == "always",
+            self.sides == "ignore both",
+            self._inner,
+            command,
+            layer,
+            index,
+        )
+
+    @property
+    def _inner(self) -> float:
+        """The inner wheel's share of speed in a turn."""
+        return -1.0 if self.turn == "stationary" else 0.0
+
+    def _back_up(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Drive the robots that back up or turn, and those that begin to."""
+        swarm, name = self._left  # type: ignore[attr-defined]
+        sensed = senses.distance, senses.kind, senses.hot, senses.tendency
+        robots = senses.max_speed, senses.design, senses.forward
+        near = float(self.distance), FIRES.index(self.fires), self.loads == "always"
+        manoeuvre = self.back_steps + self.turn_steps, self.turn_steps, self._inner
+        back_up(*sensed, *robots, *near, manoeuvre, swarm.columns[name], command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which sensor decided: of those that were activated, the last of front, left, right."""

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from operator import attrgetter
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from mesa_swarm.world.statics import FIRE
 STRATEGIES = ("A", "B")
 # The task of a robot that extinguishes a fire, or waits at one until it may.
 FIGHTS = 0
-SENSED = attrgetter(*["distance", "kind", "heat", "hot", "fire", "max_speed", "radius", "design", "bearing", "sensors"])
-FELT = attrgetter("radiation", "radiation_bearing", "hot", "fire", "max_speed", "radius", "design")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +55,25 @@ class FightFire(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see, fight, or wait for a fire."""
-        rule = self.strategy == "B", math.radians(self.critical_angle_degrees)
-        fight(*SENSED(senses), *rule, command, layer, index, senses.task, senses.goal)
+        fight(
+            senses.distance,
+            senses.kind,
+            senses.heat,
+            senses.hot,
+            senses.fire,
+            senses.max_speed,
+            senses.radius,
+            senses.design,
+            senses.bearing,
+            senses.sensors,
+            self.strategy == "B",
+            math.radians(self.critical_angle_degrees),
+            command,
+            layer,
+            index,
+            senses.task,
+            senses.goal,
+        )
 
     def reason(self, moment: Moment) -> Reason:
         """Return what it does, at which fire."""
@@ -157,8 +171,10 @@ class SeekHeat(Memoryless):
                 "SeekHeat feels fires by radiation sensors, but robots have none; add RadiationSensor() to their "
                 "sensors, as in RobotDesign(sensors=(*AGENT9.sensors, RadiationSensor()))"
             )
+        felt = senses.radiation, senses.radiation_bearing, senses.hot, senses.fire
+        robots = senses.max_speed, senses.radius, senses.design
         rule = float(self.least), math.radians(self.critical_angle_degrees)
-        seek_heat(*FELT(senses), *rule, command, layer, index)
+        seek_heat(*felt, *robots, *rule, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return how hot it is where it goes."""
