@@ -5,6 +5,8 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
+from types import FunctionType
+from typing import Any
 
 
 def lazy_names(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
@@ -42,6 +44,22 @@ def lazy_names(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str]
         return sorted({*vars(sys.modules[package]), *homes})
 
     return imported, names
+
+
+class ImportedMethod:
+    """A method that is a function of the same name in a module which is imported when it is first used."""
+
+    def __init__(self, module: str) -> None:
+        self._module = module  # without ``mesa_swarm.``
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name."""
+        self._name = name
+
+    def __get__(self, instance: object, owner: type) -> Callable[..., Any]:
+        """Return the function, with the instance, if there is one, as its first argument."""
+        function: FunctionType = getattr(import_module(f"mesa_swarm.{self._module}"), self._name)
+        return function.__get__(instance, owner)
 
 
 @contextmanager

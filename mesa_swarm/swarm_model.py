@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, Self
 
 from mesa_swarm.composer import composer
 from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
@@ -11,6 +11,7 @@ from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fires
 from mesa_swarm.fire.part import FiresPart
 from mesa_swarm.gallery import find_model
+from mesa_swarm.lazy import ImportedMethod
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.parts import delegate
 from mesa_swarm.streams import Seed
@@ -19,7 +20,8 @@ from mesa_swarm.world.map import Map
 
 if TYPE_CHECKING:  # optional, or slow to load
     from mesa_swarm.about import ModelInfo
-    from mesa_swarm.recording.recorder import Recorder
+    from mesa_swarm.recording.continuing import continued
+    from mesa_swarm.recording.recorder import record
     from mesa_swarm.recording.verify import Verification
 
 
@@ -134,60 +136,11 @@ class SwarmModel(EngineModel, shows_all=True):
 
     add_fire = delegate("fires", FiresPart.add_fire)
 
-    def record(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        every: int = 1,
-        columns: Sequence[str] | None = None,
-        exact: bool = False,
-        overwrite: bool = False,
-        rerun: bool = True,
-        checkpoint_every: int = 1000,
-    ) -> "Recorder":
-        """Write the model after each of the next steps to a file; see `mesa_swarm.recording.record`.
-
-        Parameters
-        ----------
-        path : str or Path
-        every : int
-            Steps from one row to the next.
-        columns : sequence of str, optional
-            Of the swarm, and "fires", "contacts", "loads", "fields", "events"; by default those needed to replay.
-        exact : bool
-            Whether real numbers are stored with all 64 bits.
-        overwrite : bool
-            Whether an existing file is replaced.
-        rerun : bool
-            Whether a model that cannot be run again from the file is refused.
-        checkpoint_every : int
-            Steps from one checkpoint, from which `resume` goes on, to the next; 0 stores none.
-
-        Returns
-        -------
-        Recorder
-
-        Examples
-        --------
-        >>> import tempfile
-        >>> from mesa_swarm import SwarmModel
-        >>> model = SwarmModel(rng=1)
-        >>> with tempfile.TemporaryDirectory() as folder, model.record(f"{folder}/run.arrow", every=5) as recorder:
-        ...     len(model.run(20) and recorder)
-        4
-        """
-        from mesa_swarm.recording.recorder import record  # noqa: PLC0415 - slow to load
-
-        return record(
-            self,
-            path,
-            every=every,
-            columns=columns,
-            exact=exact,
-            overwrite=overwrite,
-            rerun=rerun,
-            checkpoint_every=checkpoint_every,
-        )
+    if TYPE_CHECKING:
+        record, continued = record, continued
+    else:  # slow to load
+        record = ImportedMethod("recording.recorder")
+        continued = ImportedMethod("recording.continuing")
 
     @classmethod
     def resume(
@@ -213,30 +166,6 @@ class SwarmModel(EngineModel, shows_all=True):
         from mesa_swarm.recording.resume import resume  # noqa: PLC0415 - slow to load
 
         return resume(cls, path, step=step, progress=progress, **changes)
-
-    def continued(self, **changes: object) -> Self:
-        """Return the model that continues this run with other parameters; see `mesa_swarm.recording.continued`.
-
-        Parameters
-        ----------
-        **changes
-            New values of the model's parameters; those that matter only at the beginning of a run are refused.
-
-        Returns
-        -------
-        SwarmModel
-            Of this class, which the observers, recordings among them, follow. This one is not to be used any more.
-
-        Examples
-        --------
-        >>> from mesa_swarm.models.fire_fighting import FireFighting
-        >>> model = FireFighting(rng=1).run(50)
-        >>> model.continued(k1=0.001, noise=0.2).run(10).steps
-        60
-        """
-        from mesa_swarm.recording.continuing import continued  # noqa: PLC0415 - slow to load
-
-        return cast(Self, continued(self, **changes))
 
     @classmethod
     def verify(cls, path: str | os.PathLike[str], *, progress: bool = False) -> "Verification":

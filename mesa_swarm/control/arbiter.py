@@ -123,7 +123,11 @@ class Arbiter:
         mine.set_driven(driven)
         for index, layer in enumerate(mine.layers, start=first):
             layer.bind(swarm, f"{index}.{place}{layer.name}", streams[f"decide.{place}{layer.name}"])
+        mine._bind(swarm, streams, first, place)
         return mine
+
+    def _bind(self, swarm: Swarm, streams: Streams, first: int, place: str) -> None:
+        """Take columns and streams of its own, after its layers have; by default none."""
 
     def set_driven(self, driven: tuple[RobotDesign, ...] | None) -> None:
         """Inform layers with an attribute ``driven`` of the designs of their robots, None for all of the swarm."""

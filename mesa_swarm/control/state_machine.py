@@ -33,7 +33,6 @@ from mesa_swarm.errors import (
     unknown_name,
 )
 from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.streams import Streams
@@ -214,23 +213,12 @@ class StateMachine(Arbiter):
     def __str__(self) -> str:
         return self.text()
 
-    def bound(
-        self,
-        swarm: Swarm,
-        streams: Streams,
-        *,
-        first: int = 0,
-        label: str = "",
-        driven: tuple[RobotDesign, ...] | None = None,
-    ) -> "StateMachine":
-        """Return a copy with columns for the state of each robot, and layers that are bound, see `Arbiter.bound`."""
-        mine: Any = super().bound(swarm, streams, first=first, label=label, driven=driven)
-        place = f"{label}." if label else ""
-        mine._swarm, mine._prefix = swarm, f"{first}.{place}state"
-        swarm.remember(f"{mine._prefix}.now", (), np.int64, 0)
-        swarm.remember(f"{mine._prefix}.fired", (), np.int64, -1)
-        mine._rng = streams[f"decide.{place}state"]
-        return mine
+    def _bind(self, swarm: Swarm, streams: Streams, first: int, place: str) -> None:
+        """Make columns for the state of each robot."""
+        self._swarm, self._prefix = swarm, f"{first}.{place}state"
+        swarm.remember(f"{self._prefix}.now", (), np.int64, 0)
+        swarm.remember(f"{self._prefix}.fired", (), np.int64, -1)
+        self._rng = streams[f"decide.{place}state"]
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
         """Change the states, then write the command (n, w) and the winning layer (n,) of every robot."""

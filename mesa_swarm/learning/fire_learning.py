@@ -10,9 +10,8 @@ from mesa_swarm.control.layer import Senses, nearest_of
 from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
-from mesa_swarm.learning.learner import LearningLayer
 from mesa_swarm.learning.policy import SensorLayout, check_stored, sensors_of
-from mesa_swarm.learning.value_tables import ValueTables
+from mesa_swarm.learning.value_tables import TableLayer, ValueTables
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -133,7 +132,7 @@ class SkillPolicy(ValueTables):
 
 
 @dataclass(kw_only=True)
-class LearnFires(LearningLayer):
+class LearnFires(TableLayer):
     """Learn the values of skills in each situation: explore, approach, wait, back off, follow; always active.
 
     A situation is: free, at a fire, too hot in the heat, or too hot out of it; whether a fire is seen; whether a
@@ -223,20 +222,6 @@ class LearnFires(LearningLayer):
     def _check_sensors(self) -> None:
         """Permit all sensors: skills are the same for all."""
 
-    def _start_elsewhere(self) -> None:
-        """Let the robots of another model start with the values that were learned."""
-        if self._column("lessons").any():
-            self.start = self.policy()
-
-    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
-        """Let new robots begin with the table that is shared, or with those of the start."""
-        values = self._column("values")
-        if self.shared and len(known):
-            values[new] = values[known[0]]
-        elif self.start is not None:
-            number = np.zeros_like(new) if self.shared else self._robots.columns["number"][new]
-            values[new] = self.start.values[number % self.start.copies]
-
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: a table, a robot's skill and since when, and its reward."""
         swarm.remember(f"{prefix}.values", (len(SITUATIONS), len(SKILLS)), np.float64, 0.0)
@@ -253,11 +238,6 @@ class LearnFires(LearningLayer):
     def values(self) -> np.ndarray:
         """Every robot's values of the skills in each situation (n, 16, 5); a copy."""
         return self._column("values").copy()
-
-    @property
-    def temperature(self) -> np.ndarray:
-        """Of every robot's choice (n,); a copy."""
-        return self._column("temperature").copy()
 
     def begin_again(self) -> None:
         """Note that all fires are about to be lit again, which must not count as a fire put out."""

@@ -10,7 +10,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, chosen, ranges_of
-from mesa_swarm.learning.learner import LARGEST, LearningLayer
+from mesa_swarm.learning.learner import LARGEST, ChoosingLayer
 from mesa_swarm.learning.networks import PARTS, Networks
 from mesa_swarm.learning.policy import SensorLayout, check_designs, check_layout, check_stored, sensors_of
 from mesa_swarm.learning.q_learning import action_values, learn_one
@@ -103,7 +103,7 @@ class FireWheelPolicy:
 
 
 @dataclass(kw_only=True)
-class LearnFireWheels(LearningLayer):
+class LearnFireWheels(ChoosingLayer):
     """Learn to find and extinguish fires by the eight wheel actions of the thesis; always active.
 
     All robots share one network for each action, of 16 hidden units, whose inputs are what `ExtinguishFires` lets
@@ -197,11 +197,6 @@ class LearnFireWheels(LearningLayer):
         """Check that all robots have the sensors of the networks."""
         check_designs(self._layout, self._robots)
 
-    def _start_elsewhere(self) -> None:
-        """Let the robots of another model start with what was learned."""
-        if self._column("lessons").any():
-            self.start = self.policy()
-
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: networks, the last inputs, action and situation, and what the action has gained."""
         self._check_sensors()
@@ -243,11 +238,6 @@ class LearnFireWheels(LearningLayer):
             hold=int(self.hold),
             **self._training(TRAINING_PARAMETERS, training),
         )
-
-    @property
-    def temperature(self) -> np.ndarray:
-        """Of every robot's choice (n,); a copy."""
-        return self._column("temperature").copy()
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Learn from the last step, choose actions where due, and drive robots that no other layer drives."""

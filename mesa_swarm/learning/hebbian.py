@@ -128,11 +128,6 @@ class HebbianLearning(LearningLayer):
         if start.wheel[:, -2].any():
             raise InvalidValueError("start has weights of the whim, which this does not learn; expected 0")
 
-    def _start_elsewhere(self) -> None:
-        """Let the robots of another model start with the weights that were learned."""
-        if self._column("lessons").any():
-            self.start = self.policy()
-
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: weights, constants, last commands and reward."""
         self._check_sensors()
@@ -163,21 +158,11 @@ class HebbianLearning(LearningLayer):
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Learn from contacts after its own actions, and drive robots that no other layer drives."""
         self._init_new_robots()
-        associate(
-            senses.distance,
-            ranges_of(senses.sensors),
-            senses.bearing,
-            senses.design,
-            senses.max_speed,
-            *map(self._column, ("weights", "constant", "command", "reward", "lessons")),
-            (REWARDS.index(self.reward), float(self.critical)),
-            (float(self.eta), float(self.forgetting), float(self.limit)),
-            float(self.contact),
-            bool(self.frozen),
-            command,
-            layer,
-            index,
-        )
+        sensed = senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed
+        learned = map(self._column, ("weights", "constant", "command", "reward", "lessons"))
+        reward, rates = (REWARDS.index(self.reward), float(self.critical)), (self.eta, self.forgetting, self.limit)
+        rule = reward, tuple(map(float, rates)), float(self.contact), bool(self.frozen)
+        associate(*sensed, *learned, *rule, command, layer, index)
 
     @property
     def last_reward(self) -> np.ndarray:

@@ -121,9 +121,14 @@ class LearningLayer:
         """Make the columns."""
         raise NotImplementedError
 
-    def _start_elsewhere(self) -> None:
-        """Make what was learned the start of the robots of another model, or refuse to."""
+    def policy(self, **training: str | float) -> Any:
+        """Return what the robots have learned so far; see `QLearning.policy`."""
         raise NotImplementedError
+
+    def _start_elsewhere(self) -> None:
+        """Let the robots of another model start with what was learned."""
+        if self._column("lessons").any():
+            self.start = self.policy()
 
     @property
     def _robots(self) -> Any:
@@ -137,6 +142,15 @@ class LearningLayer:
 
     def _column(self, name: str) -> np.ndarray:
         return self._robots.columns[f"{self._prefix}.{name}"]
+
+
+class ChoosingLayer(LearningLayer):
+    """Base of layers that learn and choose by chance, at a temperature."""
+
+    @property
+    def temperature(self) -> np.ndarray:
+        """Of every robot's choice (n,); a copy."""
+        return self._column("temperature").copy()
 
 
 def provenance(robots: Swarm | UnboundState) -> dict[str, str | int]:
@@ -195,7 +209,7 @@ TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "r
 
 
 @dataclass(kw_only=True)
-class Learner(LearningLayer):
+class Learner(ChoosingLayer):
     """Base of `QLearning`, where the parameters are described, and `WireFittedQ`: they learn in every step."""
 
     policy_class: ClassVar[type[NetworkPolicy]]  # the class of its policies
@@ -313,16 +327,11 @@ class Learner(LearningLayer):
                 size = (1 if self.shared else len(new), *column.shape[1:])
                 column[new] = self._rng.uniform(-limit, limit, size)
 
-    def policy(self, **training: str | float) -> NetworkPolicy:
-        """Return what the robots have learned so far; see `QLearning.policy`."""
-        raise NotImplementedError
-
     def _start_elsewhere(self) -> None:
         """Let the robots of another model start with what was learned, at its temperature."""
-        if self._column("lessons").any():
-            self.start = self.policy()
-            if not self.self_adjusting:
-                self.first_temperature = self.start.temperature
+        super()._start_elsewhere()
+        if self.start is not None and self._column("lessons").any() and not self.self_adjusting:
+            self.first_temperature = self.start.temperature
 
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: networks of a robot, its last inputs and reward, its temperature and recent bumps."""
@@ -336,11 +345,6 @@ class Learner(LearningLayer):
             swarm.remember(f"{prefix}.pace", (), np.float64, self.least_speed)
         swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
         swarm.remember(f"{prefix}.action", *self.last_action)
-
-    @property
-    def temperature(self) -> np.ndarray:
-        """Of every robot's choice (n,); a copy."""
-        return self._column("temperature").copy()
 
     @property
     def discount(self) -> np.ndarray:

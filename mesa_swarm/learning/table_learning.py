@@ -30,10 +30,10 @@ from mesa_swarm.learning.actions import (
     chosen,
     ranges_of,
 )
-from mesa_swarm.learning.learner import TRAINING_PARAMETERS, LearningLayer
+from mesa_swarm.learning.learner import TRAINING_PARAMETERS
 from mesa_swarm.learning.policy import SensorLayout, check_stored, checked_chances, checked_numbers, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE, rewarded
-from mesa_swarm.learning.value_tables import ValueTables
+from mesa_swarm.learning.value_tables import TableLayer, ValueTables
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -143,7 +143,7 @@ def states_of(edges: object, sectors: int) -> int:
 
 
 @dataclass(kw_only=True)
-class TableQLearning(LearningLayer):
+class TableQLearning(TableLayer):
     """Learn the values of actions in a table, one a robot, in every step; drive by Boltzmann's choice.
 
     The circle around a robot is divided into equal sectors, the first centred straight ahead and the others following
@@ -243,11 +243,6 @@ class TableQLearning(LearningLayer):
             **self._training(OF_TABLES, training),
         )
 
-    def _start_elsewhere(self) -> None:
-        """Let the robots of another model start with the tables that were learned."""
-        if self._column("lessons").any():
-            self.start = self.policy()
-
     def _remember(self, swarm: Swarm, prefix: str) -> None:
         """Make the columns: a table, the last state, its nearest reading, action and reward, and the temperature."""
         self._check_sensors()
@@ -261,15 +256,6 @@ class TableQLearning(LearningLayer):
         swarm.remember(f"{prefix}.temperature", (), np.float64, first)
         swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
 
-    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
-        """Let new robots begin with the table that is shared, or with those of the start."""
-        values = self._column("values")
-        if self.shared and len(known):
-            values[new] = values[known[0]]
-        elif self.start is not None:
-            number = np.zeros_like(new) if self.shared else self._robots.columns["number"][new]
-            values[new] = self.start.values[number % self.start.copies]
-
     @property
     def values(self) -> np.ndarray:
         """Every robot's values of the actions in each state (n, states, actions); a copy.
@@ -277,11 +263,6 @@ class TableQLearning(LearningLayer):
         The state is ``sum_k bin_k bins^k`` over the sectors k; bin 0 is the nearest.
         """
         return self._column("values").copy()
-
-    @property
-    def temperature(self) -> np.ndarray:
-        """Of every robot's choice (n,); a copy."""
-        return self._column("temperature").copy()
 
     @property
     def last_reward(self) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_count, check_number
 from mesa_swarm.learning.actions import as_floats
+from mesa_swarm.learning.learner import ChoosingLayer
 from mesa_swarm.learning.policy import SensorLayout, check_layout
 
 HOTTEST = 1e6
@@ -57,3 +58,18 @@ class ValueTables:
         """Return the policy of one robot, 0 to ``copies - 1``, to share it with others."""
         k = check_count("index", index, maximum=self.copies - 1)
         return replace(self, values=self.values[k : k + 1].copy())
+
+
+class TableLayer(ChoosingLayer):
+    """Base of layers that learn such tables."""
+
+    shared: bool
+
+    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
+        """Let new robots begin with the table that is shared, or with those of the start."""
+        values = self._column("values")
+        if self.shared and len(known):
+            values[new] = values[known[0]]
+        elif self.start is not None:
+            number = np.zeros_like(new) if self.shared else self._robots.columns["number"][new]
+            values[new] = self.start.values[number % self.start.copies]

@@ -1,7 +1,7 @@
 """Continuing a run with other parameters, between two steps, without a recording."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -14,11 +14,12 @@ from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, re
 from mesa_swarm.recording.transfer import changed_settings, take_over
 from mesa_swarm.robots.robot import Robot
 
+Model = TypeVar("Model", bound=EngineModel)
 # What a run changes of its fires: the other columns follow from the parameters.
 OF_FIRES = ("temperature", "out", "out_step")
 
 
-def continued(model: EngineModel, /, **changes: object) -> EngineModel:
+def continued(model: Model, /, **changes: object) -> Model:
     """Return a model that continues the run of another one with other parameters.
 
     A model is made with these, and takes over the state of the run, as by `resume`: the robots where they are, the
@@ -52,7 +53,7 @@ def continued(model: EngineModel, /, **changes: object) -> EngineModel:
     origin = provenance_of(model, rerun=True)
     new, fresh = rebuilt(origin, type(model), **changes), rebuilt(origin, type(model))
     continue_with(new, model, fresh, tuple(changes))
-    return new
+    return cast(Model, new)
 
 
 def continue_with(new: EngineModel, old: EngineModel, fresh: EngineModel, names: tuple[str, ...]) -> None:

@@ -596,7 +596,7 @@ def record(
     _check_readable(schema)
     if most_steps and facts["why_no_checkpoint"]:
         text = f"{type(model).__name__} is recorded without checkpoints, so that resume runs it again from its start: "
-        warnings.warn(without_middle(text + facts["why_no_checkpoint"]), UnstoredStateWarning, stacklevel=3)
+        warnings.warn(without_middle(text + facts["why_no_checkpoint"]), UnstoredStateWarning, stacklevel=2)
     writer = SealedWriter(target, schema, overwrite)
     return Recorder(model, target, trigger, layout, writer, most_steps, facts["why_no_checkpoint"])
 

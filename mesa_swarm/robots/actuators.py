@@ -104,9 +104,7 @@ class Emitter(Actuator):
     def __post_init__(self) -> None:
         """Check every value."""
         check_identifier("field of an Emitter", self.field)
-        if self.mount is None:
-            raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
-        object.__setattr__(self, "mount", check_mount(self.mount))
+        check_mount(self)
         check_number("rate", self.rate, minimum=0, maximum=LARGEST_AMOUNT)
         object.__setattr__(self, "name", self.name or self.field)
 

@@ -10,6 +10,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import LONGEST_HOLD, ProximitySensor
 
 LONGEST_LAG, LARGEST_ERROR = 1e6, 10.0
+PROBABILITIES = ("failure", "sensor_failure", "wheel_failure", "slip_probability")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -129,7 +130,7 @@ class Imperfections:
         if self.sensing.lag:
             raise InvalidValueError(f"lag of sensing is {self.sensing.lag}; expected 0: late readings have a period")
         check_number("battery", self.battery, minimum=0, maximum=1e12)
-        for name in ("failure", "sensor_failure", "wheel_failure", "slip_probability", "slip_magnitude"):
+        for name in (*PROBABILITIES, "slip_magnitude"):
             check_number(name, getattr(self, name), minimum=0, maximum=1)
 
     def at(self, dial: float) -> "Imperfections | None":
@@ -151,11 +152,8 @@ class Imperfections:
             sensing=self.sensing.at(share),
             driving=self.driving.at(share),
             battery=float(self.battery) / share,
-            failure=float(self.failure) * share,
-            sensor_failure=float(self.sensor_failure) * share,
-            wheel_failure=float(self.wheel_failure) * share,
-            slip_probability=float(self.slip_probability) * share,
             slip_magnitude=self.slip_magnitude,
+            **{name: float(getattr(self, name)) * share for name in PROBABILITIES},
         )
         return None if changes_nothing(found) else found
 
@@ -211,17 +209,9 @@ def _both(a: Imperfections, b: Imperfections) -> Imperfections:
         sensing=_combined(a.sensing, b.sensing),
         driving=_combined(a.driving, b.driving),
         battery=min(charges) if (charges := [one for one in (a.battery, b.battery) if one]) else 0.0,
-        failure=_either(a.failure, b.failure),
-        sensor_failure=_either(a.sensor_failure, b.sensor_failure),
-        wheel_failure=_either(a.wheel_failure, b.wheel_failure),
-        slip_probability=_either(a.slip_probability, b.slip_probability),
-        slip_magnitude=_loss(a, b),
+        slip_magnitude=max((one.slip_magnitude for one in (a, b) if one.slip_probability), default=b.slip_magnitude),
+        **{name: _either(getattr(a, name), getattr(b, name)) for name in PROBABILITIES},
     )
-
-
-def _loss(a: Imperfections, b: Imperfections) -> float:
-    """Return by how much wheels slip where either slips."""
-    return max((one.slip_magnitude for one in (a, b) if one.slip_probability), default=b.slip_magnitude)
 
 
 def _combined(a: Imperfection, b: Imperfection) -> Imperfection:

@@ -91,24 +91,25 @@ def _check_sector(sensor: "ProximitySensor | RadiationSensor") -> None:
     check_number("bearing_degrees", sensor.bearing_degrees, minimum=-360, maximum=360)
     check_number("range", sensor.range, minimum=0, maximum=LARGEST_RANGE)
     check_number("field_of_view_degrees", sensor.field_of_view_degrees, minimum=0, maximum=360)
-    object.__setattr__(sensor, "mount", check_mount(sensor.mount))
+    check_mount(sensor, by_default=True)
 
 
-def check_mount(mount: Mount | None) -> Mount | None:
-    """Return a mount as floats, so that equal sensors compare and hash as equal, None as it is; refuse anything else.
+def check_mount(device: Any, by_default: bool = False) -> None:
+    """Make the mount of a device floats, so that equal devices compare and hash as equal; None is for a default place.
 
     Raises
     ------
     InvalidValueError
     """
-    if mount is None:
-        return None
+    mount = device.mount
+    if mount is None and by_default:
+        return
     try:
         x, y = mount
     except (TypeError, ValueError):
         raise InvalidValueError(f"mount is {shortened(mount)}; expected (x, y) in the robot's frame") from None
     x, y = (check_number("mount", value, minimum=-LARGEST_RANGE, maximum=LARGEST_RANGE) for value in (x, y))
-    return x, y
+    object.__setattr__(device, "mount", (x, y))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -208,9 +209,7 @@ class LineSensor(Sensor):
 
     def __post_init__(self) -> None:
         """Check the mount."""
-        if self.mount is None:
-            raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
-        object.__setattr__(self, "mount", check_mount(self.mount))
+        check_mount(self)
 
 
 @compiled
@@ -259,9 +258,7 @@ class FieldSensor(Sensor):
     def __post_init__(self) -> None:
         """Check every value."""
         check_identifier("field of a FieldSensor", self.field)
-        if self.mount is None:
-            raise InvalidValueError("mount is None; expected (x, y) in the robot's frame")
-        object.__setattr__(self, "mount", check_mount(self.mount))
+        check_mount(self)
         object.__setattr__(self, "name", self.name or self.field)
 
     def check_model(self, model: Any) -> None:
