@@ -10,7 +10,7 @@ import numpy as np
 
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.errors import InvalidValueError, asked, check_name, check_number, shortened
-from mesa_swarm.geometry.block import Block, Call, address_of, call_at, unpack
+from mesa_swarm.geometry.block import Block, KernelCall, address_of, call_at, unpack
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.kernels.part import Kernel, kernel_of
@@ -218,7 +218,7 @@ class Subsumption(Arbiter):
     def kernel_for(self, senses: Senses, swarm: Swarm, sends: bool, attend: Callable[[int], None]) -> Kernel:
         """Return what decides on these columns, where all layers have kernels."""
         layers, columns = self.kernels_of_layers(senses, swarm), swarm.columns
-        calls = [Block(Call(address_of(kernel.function), kernel.block)).numbers for kernel in layers if kernel]
+        calls = [Block(KernelCall(address_of(kernel.function), kernel.block)).numbers for kernel in layers if kernel]
         given = {name: columns[name] for name in DecideArrays._fields if name in columns}
         block = Block(DecideArrays(layers=np.array(calls), sideways=senses.sideways, sends=sends, **given))
         return Kernel(decide_layers, block.numbers, (block, layers), attend)
@@ -229,7 +229,7 @@ NAN = 1
 
 
 class DecideArrays(NamedTuple):
-    """What `decide_layers` takes: `Call` of each layer in its rows, columns of the swarm, whether goals are sent."""
+    """What `decide_layers` takes: rows of `KernelCall` of layers, columns of the swarm, whether goals are sent."""
 
     layers: IntegerRows
     task: Integers
@@ -257,7 +257,7 @@ def decide_layers(block, step, first, last):
         for w in range(command.shape[1]):
             command[i, w] = 0.0
     for k in range(layers.shape[0]):
-        call = unpack(layers[k], Call)
+        call = unpack(layers[k], KernelCall)
         call_at(call.address, call.block, step, first, last)
     if limit_command(command, d.max_speed, d.design, d.sideways) >= 0:
         return NAN

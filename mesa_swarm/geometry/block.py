@@ -8,7 +8,6 @@ are those that a class, a `typing.NamedTuple`, declares; see `type_names.declare
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from llvmlite import ir
 from numba import typeof, types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -107,7 +106,7 @@ class _Reader:
         if kind is types.none:
             return self.context.get_dummy_value()
         if isinstance(kind, types.Boolean):
-            return self.builder.trunc(self._number(), ir.IntType(1))
+            return self.builder.icmp_signed("!=", self._number(), self.context.get_constant(types.intp, 0))
         if isinstance(kind, types.Float):
             return self.builder.bitcast(self._number(), self.context.get_value_type(kind))
         return self._number()
@@ -131,7 +130,7 @@ class _Reader:
         return array._getvalue()
 
 
-class Call(NamedTuple):
+class KernelCall(NamedTuple):
     """A call of a function of `SIGNATURE` by compiled functions: where its code is, and the numbers of its block."""
 
     address: int
