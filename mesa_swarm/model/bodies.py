@@ -35,6 +35,7 @@ from mesa_swarm.world.bodies import (
     Pose,
     checked_resistance,
     checked_temperature,
+    handles,
     placed,
 )
 from mesa_swarm.world.movers import Driven, Movers, occupied, poses_of_agents
@@ -45,8 +46,6 @@ from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, RO
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.
 FINEST = 4e-9
 SMALLEST_RADIUS = 1e-12
-# How bodies may be added.
-ADDED = ("driven", "fixed", "pushed")
 # What of the columns of bodies changes from step to step; the others follow from what bodies are.
 CHANGING = (
     *("position", "heading", "radius", "temperature", "resistance", "pushers", "moved"),
@@ -156,7 +155,8 @@ class BodiesPart(Part):
     def end_move(self) -> None:
         """Forget all requests, which are done or were blocked, and put carried bodies where their robots are."""
         if self.moves:
-            self.table.aim[:], self.table.aim_heading[:] = self.table.position, self.table.heading
+            table, rows = self.table, self.table.rows(DRIVEN)
+            table.aim[rows], table.aim_heading[rows] = table.position[rows], table.heading[rows]
             self.carry_along()
 
     def carry_along(self) -> None:
@@ -270,7 +270,7 @@ class BodiesPart(Part):
         shape: Shape,
         *,
         kind: str | None = None,
-        mode: str = ADDED[0],
+        mode: str = "driven",
         agent: mesa.Agent | None = None,
         resistance: float | None = None,
         temperature: float | None = None,
@@ -311,9 +311,9 @@ class BodiesPart(Part):
         >>> float(robot.distance[0]), model.kinds[robot.kind[0]]
         (5.0, 'predator')
         """
-        mode = check_choice("mode", mode, ADDED)
+        body_class = handles()[check_choice("mode", mode, handles())]
         _check_shape("body", shape)
-        name = self.checked_kind(kind, KINDS[LOAD] if mode == "pushed" else KINDS[OBSTACLE])
+        name = self.checked_kind(kind, body_class.usual_kind)
         if mode != "pushed" and resistance is not None:
             raise InvalidValueError(f"resistance was given for a {mode} body; leave it out, or use mode='pushed'")
         if mode == "pushed" and resistance is None:

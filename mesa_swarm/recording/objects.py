@@ -21,18 +21,18 @@ from mesa_swarm.world.bodies import (
     CARRIED,
     DRIVEN,
     FIXED,
-    PUSHED,
+    MODES,
     Body,
+    BodyTable,
     Form,
-    Load,
-    Obstacle,
     Pose,
     checked_resistance,
     checked_temperature,
+    handles,
 )
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, disc, outline_to_json, shape_from_json
-from mesa_swarm.world.statics import KINDS, LOAD, MOST_KINDS, OBSTACLE
+from mesa_swarm.world.statics import KINDS, MOST_KINDS
 
 MOST_OBJECTS = 10_000_000
 
@@ -226,13 +226,13 @@ def summary(model: EngineModel) -> list[list[int]]:
 
 def body_to_json(body: Body) -> dict:
     """Return what a body is, as stored states have it: its outline, its kind, the robot or agent that it goes with."""
-    form, usual, _, _ = next(entry for entry in MADE if isinstance(body, entry[2]))
-    outline = stored_shape(body.shape) if form == "shape" else stored_outline(body.form.outline, body.form.radius)
+    made = "shape" if body.form is None else OUTLINES.get(body.added_as, body.added_as)
+    outline = stored_shape(body.shape) if body.form is None else stored_outline(body.form.outline, body.form.radius)
     related = {name: getattr(body, name, None) for name in ("carrier", "agent")}
     return {
         "id": body.unique_id,
-        form: outline,
-        **({} if body.kind == KINDS[usual] else {"kind": body.kind}),
+        made: outline,
+        **({} if body.kind == body.usual_kind else {"kind": body.kind}),
         **{name: agent.unique_id for name, agent in related.items() if agent is not None},
     }
 
@@ -241,7 +241,9 @@ def state_to_json(body: Body) -> dict:
     """Return the state of a body, as earlier formats have it, and as a removed one is stored."""
     table, row = body.table, body.row
     aim = [*table.aim[row].tolist(), float(table.aim_heading[row])]
-    return {"pose": list(table.pose_of(row)), "aim": aim, **{n: getattr(table, n)[row].item() for n in STATE}}
+    values = {name: getattr(table, name)[row] for name in STATE}
+    unusual = {n: v.item() for n, v in values.items() if not np.array_equal(v, BodyTable.columns[n][0], equal_nan=True)}
+    return {"pose": list(table.pose_of(row)), "aim": aim, **unusual}
 
 
 def restore_state(body: Body, stored: dict, bounds: tuple[float, float, float, float]) -> None:
@@ -298,13 +300,21 @@ def _make_robots(model: EngineModel, design: RobotDesign, number: int) -> None:
 
 
 def _make_body(model: EngineModel, body: dict) -> None:
-    form_name, usual, body_class, mode = next(entry for entry in MADE if entry[0] in body)
-    kind = model.parts.bodies.checked_kind(body.get("kind"), KINDS[usual])
-    if mode == FIXED:
-        model.parts.bodies.take(body_class, restored_shape(body["shape"]), kind, mode=mode)
+    bodies, (name, mode) = model.parts.bodies, _form_of(body)
+    body_class, form = handles()[mode], None
+    if mode == MODES[FIXED]:
+        shape = restored_shape(body[name])
     else:
-        form = Form.about_origin(*restored_outline(body[form_name]))
-        model.parts.bodies.take(body_class, form.shape_at((0.0, 0.0, 0.0)), kind, form, mode=mode)
+        form = Form.about_origin(*restored_outline(body[name]))
+        shape = form.shape_at((0.0, 0.0, 0.0))
+    kind = bodies.checked_kind(body.get("kind"), body_class.usual_kind)
+    bodies.take(body_class, shape, kind, form, mode=MODES.index(mode))
+
+
+def _form_of(body: dict) -> tuple[str, str]:
+    """Return the name under which the outline of a body is stored, and its mode."""
+    names = {OUTLINES.get(mode, mode): mode for mode in handles()}
+    return next((name, mode) for name, mode in names.items() if name in body)
 
 
 def _make_fire(model: EngineModel) -> None:
@@ -323,7 +333,7 @@ def _check_same(model: EngineModel, stored: dict, obstacles: dict) -> None:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, then = body_to_json(obstacle), obstacles[obstacle.unique_id]
-        form = next(name for name, *_ in MADE if name in now)
+        form, _ = _form_of(now)
         if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
 
@@ -343,12 +353,8 @@ def _id(value: object) -> int:
     return value
 
 
-# How bodies are stored: the name of the outline, the kind that is not named, the class of the handle, and the mode.
-MADE: tuple[tuple[str, int, Any, int], ...] = (
-    ("driven", OBSTACLE, Driven, DRIVEN),
-    ("load", LOAD, Load, PUSHED),
-    ("shape", OBSTACLE, Obstacle, FIXED),
-)
+# The names of outlines that are not those of modes.
+OUTLINES = {"pushed": "load", "fixed": "shape"}
 # Columns of a body's state besides poses, and what checks a stored value.
 STATE: dict[str, Callable[[Any], Any]] = {
     "resistance": checked_resistance,

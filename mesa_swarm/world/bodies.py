@@ -18,7 +18,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers, disc
-from mesa_swarm.world.statics import FIRE, KINDS, OBSTACLE
+from mesa_swarm.world.statics import FIRE, KINDS, LOAD, OBSTACLE
 
 # Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
 LOOSE = 1e-9
@@ -392,10 +392,14 @@ class Body(ArenaAgent):
     ----------
     table : BodyTable
         In which it is the row `row`; of a removed body, a table of its own.
+    added_as, usual_kind : str
+        Of a class of handles: the mode in which `add_body` adds such a body, and the kind that it has if none is given.
     blocked : bool
         Whether a driven body had to stop in the last step; False for all others.
     """
 
+    added_as: ClassVar[str] = ""
+    usual_kind: ClassVar[str] = KINDS[OBSTACLE]
     table: BodyTable
     row: int
 
@@ -496,6 +500,24 @@ class Body(ArenaAgent):
         bodies.changed()
 
 
+def handles() -> dict[str, type[Body]]:
+    """Return the classes of handles by the mode in which such bodies are added, sorted.
+
+    Examples
+    --------
+    >>> from mesa_swarm.world.movers import Driven
+    >>> list(handles()), handles()["driven"] is Driven
+    (['driven', 'fixed', 'pushed'], True)
+    """
+    classes = {kind.added_as: kind for kind in reversed(_derived_from(Body)) if "added_as" in vars(kind)}
+    return dict(sorted(classes.items()))
+
+
+def _derived_from(kind: type[Body]) -> list[type[Body]]:
+    children: list[type[Body]] = kind.__subclasses__()
+    return [each for child in children for each in (child, *_derived_from(child))]
+
+
 def checked_temperature(value: float | None) -> float:
     """Return the temperature of a body as a float from 0 to 1, NaN for one that does not radiate."""
     return math.nan if value is None else check_number("temperature", value, minimum=0, maximum=1)
@@ -523,6 +545,7 @@ class Obstacle(Body):
     `polygon`.
     """
 
+    added_as = "fixed"
     _made_by: ClassVar[str] = "model.add_obstacle(disc((x, y), radius))"
 
 
@@ -533,6 +556,8 @@ class Load(Obstacle):
     that at its present pose; a new one whenever it has moved.
     """
 
+    added_as = "pushed"
+    usual_kind = KINDS[LOAD]
     _made_by: ClassVar[str] = "model.add_load(disc((x, y), radius), resistance=0.5)"
 
     @property

@@ -76,6 +76,11 @@ class Movers:
         return read_only(self.mode == CARRIED)
 
     @property
+    def asked(self) -> np.ndarray:
+        """Whether each is to move in the next step, shape (m,)."""
+        return self._table.asked(self.rows)
+
+    @property
     def poses(self) -> tuple[np.ndarray, ...]:
         """Where all bodies are and where they go: position, heading, aim, aim_heading."""
         return self.position, self.heading, self.aim, self.aim_heading
@@ -92,6 +97,7 @@ class Driven(Body):
     first step after it was added, a body is placed at once.
     """
 
+    added_as = "driven"
     agent: Any
     carrier: Any  # the robot that carries it
 
