@@ -282,10 +282,13 @@ def _check_columns(model: EngineModel) -> None:
     own, wheels = robots["design"], robots.get(FAILED_WHEELS, np.zeros(1))
     moving, fires, pushed = bodies.mode != FIXED, bodies.kind == FIRE, bodies.mode == PUSHED
     places = (robots["position"], bodies.position[moving | fires], bodies.aim[moving])
+    at_rest = np.flatnonzero(~(moving | fires)).tolist()
+    shapes = np.array([[*(shape := bodies.shape_of(row)).position, shape.radius] for row in at_rest]).reshape(-1, 3)
     heat, turns = bodies.temperature, np.concatenate([bodies.heading, bodies.aim_heading])
     valid = {
         FAILED_WHEELS: ((wheels >= 0) & (wheels < len(WHEELS))).all(),
-        "position": all(((place >= low) & (place <= high)).all() for place in places),
+        "position": all(((place >= low) & (place <= high)).all() for place in places)
+        and (bodies.position[at_rest] == shapes[:, :2]).all(),
         "heading of bodies": (np.abs(turns) <= np.pi).all(),
         "temperature of bodies": (np.isnan(heat) | ((heat >= 0) & (heat <= 1))).all()
         and not np.isnan(heat[fires]).any(),
@@ -295,6 +298,7 @@ def _check_columns(model: EngineModel) -> None:
         "command": np.isfinite(robots["command"]).all(),
         "radius": not len(own) or (robots["radius"] == radius[own]).all(),
         "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
+        "radius of bodies": (bodies.radius[at_rest] == shapes[:, 2]).all(),
         "radius of fires": ((bodies.radius[fires] > 0) & (bodies.radius[fires] <= LARGEST_RADIUS)).all(),
     }
     for name, is_valid in valid.items():

@@ -272,12 +272,43 @@ WRONG = {"design": 7, "fire": 70, "layer": 999, "heading": np.nan, "radius": 0.0
 @pytest.mark.parametrize("name", WRONG)
 def test_columns_that_compiled_functions_cannot_take_are_refused(name):
     checkpoint = stored(FireFighting(rng=1).run(3))
-    tables = [part.get("columns", {}) for part in checkpoint.facts["parts"].values()]
+    parts = checkpoint.facts["parts"]
+    tables = [parts[part].get("columns", {}) for part in sorted(parts, key=lambda part: part == "bodies")]
     place = next(table[own]["array"] for table in tables for own in (name, f"robots.{name}") if own in table)
     checkpoint.arrays[place] = checkpoint.arrays[place].copy()
     checkpoint.arrays[place][2:4] = WRONG[name]
     with pytest.raises(RecordingError, match=f"column {name}"):
         restore(FireFighting(rng=1), checkpoint)
+
+
+def moving_world():
+    """Return a model with a fire, a wall, a load and a door, in this order after the border."""
+    model = SwarmModel(rng=1)
+    model.add_fire((100, 100), radius=10)
+    model.add_obstacle(rectangle((200, 100), (220, 120)))
+    model.add_load(disc((300, 100), 10), resistance=0.5)
+    model.add_body(disc((400, 100), 10))
+    return model
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "value"),
+    [
+        *(("position", row, 1e300) for row in range(4)),
+        ("position", 1, 210.5),
+        *(("radius", row, value) for row, value in ((0, 0.0), (1, 3.0))),
+        *(("temperature", 0, value) for value in (2.0, -0.1, np.nan)),
+        *(("heading", 2, np.nan), ("heading", 3, 4.0), ("aim_heading", 3, np.nan), ("aim", 3, -1e9)),
+        *(("resistance", 2, value) for value in (0.0, np.nan, np.inf)),
+    ],
+)
+def test_columns_of_bodies_that_compiled_functions_cannot_take_are_refused(name, row, value):
+    checkpoint = stored(moving_world().run(2))
+    place = checkpoint.facts["parts"]["bodies"]["columns"][name]["array"]
+    checkpoint.arrays[place] = checkpoint.arrays[place].copy()
+    checkpoint.arrays[place][row - 4] = value
+    with pytest.raises(RecordingError, match="column .*out-of-range"):
+        restore(moving_world(), checkpoint)
 
 
 @pytest.mark.skipif(not hasattr(mesa.Model, "schedule_event"), reason="Mesa 3.3 has no schedule of its own")
