@@ -15,7 +15,7 @@ import pytest
 import typer
 
 from mesa_swarm import cli
-from mesa_swarm.experiments.bench import PEERS, TARGETS
+from mesa_swarm_studies.benchmarks.speed import PEERS, TARGETS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
