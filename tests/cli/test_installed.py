@@ -74,7 +74,7 @@ def test_an_error_of_a_command_is_one_line(typed, install):
         ("raise SystemExit(3)\n", "greet", "cannot be loaded: "),
         (CODE, "missing", "has no attribute 'missing'"),
         (CODE, "number", "is 7; expected a function or a typer.Typer"),
-        ("def f(x: complex) -> None: ...\n", "f", "cannot be loaded: "),
+        ("def f(x: int | str) -> None: ...\n", "f", "cannot be loaded: "),
     ],
 )
 def test_a_command_that_cannot_be_loaded_is_refused_in_one_line_and_others_work(typed, install, code, value, reason):

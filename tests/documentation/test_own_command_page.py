@@ -12,11 +12,13 @@ PAGE = Path(__file__).parents[2] / "docs" / "own_command.md"
 
 
 def test_files_code_and_commands_of_the_page_work_in_their_order(model_folder, capsys):
+    printed = ""
     for language, block in every_block(PAGE):
         named = NAMED.match(block)
         if named:
             (model_folder / named[1]).write_text(block)
         elif language == "python":
+            printed += capsys.readouterr().out
             exec(compile(block, "page", "exec"), {"__name__": "page"})
             assert capsys.readouterr().out == "[{'square': 0}, {'square': 1}, {'square': 4}]\n"
         for line in block.splitlines() if language == "sh" else ():
@@ -24,8 +26,7 @@ def test_files_code_and_commands_of_the_page_work_in_their_order(model_folder, c
                 install(model_folder)
             else:
                 run_command(line.removeprefix("mesa-swarm ").split(), capsys)
-    printed = capsys.readouterr().out
-    assert re.search(r"^runs +distance\n2 +\d", printed, re.MULTILINE)
+    assert re.search(r"^runs +distance\n-+\n2 +\d", printed, re.MULTILINE)
     assert re.search(r"^  visits +Print how far robots are", printed, re.MULTILINE)
 
 
