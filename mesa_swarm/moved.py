@@ -105,6 +105,7 @@ NAMES = {
     "mesa_swarm.analysis.Event": "mesa_swarm.analysis.ChainEvent",
     "mesa_swarm.body_world.BodyWorld": "mesa_swarm.model.engine_model.EngineModel",
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
+    "mesa_swarm.experiments.learning_figures.regression_figure": "mesa_swarm_studies.thesis.networks.regression_figure",
     "mesa_swarm.fire.model.FireModel": "mesa_swarm.swarm_model.SwarmModel",
     "mesa_swarm.imperfect_model.COMMON": "mesa_swarm.model.common.COMMON",
     "mesa_swarm.imperfect_model.ImperfectModel": "mesa_swarm.model.engine_model.EngineModel",

@@ -27,6 +27,7 @@ ADDRESSES = {
     "experiments.comparison_figures": "comparison_figure",
     "experiments.fire_policies": "trained_wheels",
     "experiments.learn_bench": "Benchmark learn_bench",
+    "experiments.learning_figures": "regression_figure",
     "experiments.oscillation": "oscillation trained",
     "experiments.pictures": "draw_world world_figure png",
     "experiments.reward_figures": "reward_figure",

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -20,6 +20,7 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.reward_lab import Profile
 from mesa_swarm.learning.rewards import CRITICAL
+from mesa_swarm.moved import moved_name
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal
 
@@ -278,3 +279,10 @@ def _draw_frequency(axes: Axes, title: str, run: LearningRun, colour: str) -> No
     for each in (axes, heat):
         each.tick_params(labelsize=8)
         each.margins(x=0)
+
+
+if not TYPE_CHECKING:  # a type checker would accept any name
+
+    def __getattr__(name: str) -> object:
+        """Return a name that was in this module before, from where it is now; `from` asks twice, which warns once."""
+        return globals().setdefault(name, moved_name(__name__, name))

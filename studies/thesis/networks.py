@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
+from mesa_swarm.errors import check_count
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import Networks, boltzmann, chosen, fit, fit_in_turn
 from mesa_swarm.viewing import LIGHT
@@ -80,24 +81,31 @@ def error_of(fitted: Networks, x: np.ndarray, y: np.ndarray) -> float:
     return float(np.median(np.sqrt(((outputs - y[:, None]) ** 2).mean(axis=0))) / NOISE)
 
 
-def regression_figure(rng: int, networks: int) -> Figure:
+def regression_figure(
+    truth: Curve = demonstrated, *, rng: int = 1, points: int = POINTS, networks: int = 40, activation: str = "tanh"
+) -> Figure:
     """Return the thesis's demonstration of regression (6.3): noisy points, the best network, the worst, and all errors.
 
     Two hidden units, 200 presentations of every point, learning rate 0.5. The networks begin with different weights:
     some stay bad.
+
+    Examples
+    --------
+    >>> len(regression_figure(points=5, networks=2).axes)
+    2
     """
-    chance = np.random.default_rng(rng)
-    x = np.linspace(-1.0, 1.0, POINTS)
-    y = demonstrated(x) + NOISE * chance.standard_normal(len(x))
-    fitted = fit(x, y, rng=chance, networks=networks)
+    chance = np.random.default_rng(check_count("rng", rng))
+    x = np.linspace(-1.0, 1.0, check_count("points", points, minimum=2))
+    y = truth(x) + NOISE * chance.standard_normal(len(x))
+    fitted = fit(x, y, rng=chance, networks=check_count("networks", networks, minimum=2), activation=activation)
     fine = np.linspace(-1.0, 1.0, 201)
     outputs = np.array([fitted.outputs(np.full((networks, 1), place)) for place in fine])
-    errors = np.sqrt(((outputs - demonstrated(fine)[:, None]) ** 2).mean(axis=0))
+    errors = np.sqrt(((outputs - truth(fine)[:, None]) ** 2).mean(axis=0))
     order = errors.argsort()
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(2, 1))
     left.plot(x, y, "o", markersize=3.5, color=LIGHT.soft, label="noisy points")
-    left.plot(fine, demonstrated(fine), ":", color=LIGHT.ink, linewidth=1.2, label="without noise")
+    left.plot(fine, truth(fine), ":", color=LIGHT.ink, linewidth=1.2, label="without noise")
     for which, name, style, colour in ((0, "best", "-", LIGHT.series[0]), (-1, "worst", "--", LIGHT.series[1])):
         label = f"{name} of {networks} networks"
         left.plot(fine, outputs[:, order[which]], style, color=colour, linewidth=1.5, label=label)
@@ -147,7 +155,7 @@ def regression(laboratory: Laboratory) -> Result:
     )
     return Result(
         checks=checks,
-        pictures={"": regression_figure(6, laboratory.pick(100, 20))},
+        pictures={"": regression_figure(rng=6, networks=laboratory.pick(100, 20))},
         settings=(
             "1-2-1 networks of tanh units, eta 0.5, 200 presentations of each of 30 points in random order, noise "
             "0.05; the thesis's points are unknown; ours follow 0.6 tanh(4x + 1) - 0.4 tanh(3x - 2)"

@@ -147,7 +147,7 @@ def test_axes_are_named_and_the_same_figure_gives_the_same_svg():
 
 
 def test_the_regression_shows_two_networks_and_the_errors_of_all():
-    left, right = regression_figure(1, networks=7).axes
+    left, right = regression_figure(networks=7, points=12).axes
     assert len(left.get_lines()) == 4
     errors = right.get_lines()[0].get_ydata()
     assert len(errors) == 7
