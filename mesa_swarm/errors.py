@@ -16,6 +16,35 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any
 
+__all__ = [
+    "BehaviourError",
+    "DegreesWarning",
+    "ExportError",
+    "ExportWarning",
+    "FireConstantsWarning",
+    "InvalidValueError",
+    "JobError",
+    "LearningError",
+    "MapError",
+    "MapWarning",
+    "PlacementError",
+    "RecordingError",
+    "RemovedRobotError",
+    "StepWarning",
+    "SwarmError",
+    "UncompiledBehaviourWarning",
+    "UnknownKindWarning",
+    "UnknownNameError",
+    "UnobservedStepError",
+    "UnstoredStateWarning",
+    "check_choice",
+    "check_count",
+    "check_flag",
+    "check_name",
+    "check_number",
+    "shortened",
+]
+
 # Larger arrays are shown as NumPy abbreviates them.
 MOST_SHOWN = 20
 LONGEST_NAME = 100
@@ -204,9 +233,9 @@ def _standard_library() -> str:
 
 @cache
 def _our_folders() -> tuple[str, ...]:
-    """Return the folders of the package and of its models, which lie elsewhere in an editable installation."""
+    """Return the folders of the package, its models and studies, which lie elsewhere in an editable installation."""
     here = os.path.dirname(os.path.abspath(__file__))
-    return here, os.path.realpath(os.path.join(here, "models"))
+    return here, *(os.path.realpath(os.path.join(here, name)) for name in ("models", "../mesa_swarm_studies"))
 
 
 def without_middle(line: str, longest: int = LONGEST) -> str:

@@ -20,6 +20,8 @@ try:
 except ModuleNotFoundError:  # on Windows
     fcntl = None  # type: ignore[assignment]  # where it is missing, None
 
+__all__ = ["check_apart", "check_writable", "checked_file", "write_all"]
+
 # Bytes of a file's name that its draft's name repeats; file systems take 255 at most, some fewer.
 LONGEST_NAME = 100
 # Characters of a path in an error.

@@ -34,6 +34,8 @@ from mesa_swarm.files import check_present_format
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
+__all__ = ["find_model"]
+
 PACKAGE = "mesa_swarm.models"
 GROUP = "mesa_swarm.models"
 BASE = "mesa_swarm.swarm_model"  # of SwarmModel itself

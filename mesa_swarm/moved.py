@@ -1,11 +1,14 @@
-"""Old addresses: modules that were merged or moved are imported from their new place, with a warning."""
+"""Old addresses: modules that were merged or moved are imported from their new place, with a warning.
+
+The studies, beside the package, are named as any other place: only a program that uses an old name imports them.
+"""
 
 import warnings
 from importlib import import_module
 from importlib.machinery import ModuleSpec
-from types import ModuleType
+from types import CodeType, ModuleType
 
-ROOT = "mesa_swarm."
+ROOT, ROOT_OF_STUDIES = "mesa_swarm.", "mesa_swarm_studies."
 # New module: the modules of earlier versions that are in it now.
 MOVED = {
     "analysis.chain_history": "analysis.chain_events analysis.meetings",
@@ -53,12 +56,57 @@ MOVED = {
     "viewing.run_pictures": "experiments.run_pictures",
     "world.bodies": "world.form world.load world.obstacle",
 }
-HOMES = {ROOT + old: ROOT + new for new, olds in MOVED.items() for old in olds.split()}
+# Module of the studies: where it was in the package.
+STUDIES = {
+    "benchmarks.benchmark_tasks": "experiments.benchmark_tasks",
+    "benchmarks.contestants": "experiments.contestants",
+    "benchmarks.fire_policies": "experiments.fire_policies",
+    "benchmarks.learn_bench": "experiments.learn_bench",
+    "benchmarks.learn_report": "experiments.learn_report",
+    "benchmarks.overhead": "experiments.overhead",
+    "benchmarks.ppo": "experiments.ppo",
+    "benchmarks.speed": "experiments.bench",
+    "benchmarks.task_contestants": "experiments.task_contestants",
+    "drawing": "reproduction.drawing",
+    "judging": "reproduction.judging",
+    "laboratory": "reproduction.laboratory",
+    "published.bodies": "reproduction.published_bodies",
+    "published.decisions": "reproduction.published",
+    "published.pucks": "reproduction.published_pucks",
+    "published.trails": "reproduction.published_trails",
+    "registry": "reproduction.registry",
+    "theory.courses": "reproduction.courses",
+    "theory.flocks": "reproduction.theory_flocks",
+    "theory.kinetics": "reproduction.theory_kinetics",
+    "theory.motion": "reproduction.theory_motion",
+    "theory.sensing": "reproduction.theory_sensing",
+    "thesis.avoidance": "reproduction.avoidance",
+    "thesis.complexity": "reproduction.complexity",
+    "thesis.differences": "reproduction.differences",
+    "thesis.fire_company": "reproduction.fire_company",
+    "thesis.fire_fighting": "reproduction.fire_fighting",
+    "thesis.fire_growth": "reproduction.fire_growth",
+    "thesis.foresight": "reproduction.foresight",
+    "thesis.learning": "reproduction.learning",
+    "thesis.maps": "reproduction.maps",
+    "thesis.networks": "reproduction.networks",
+    "thesis.oscillations": "reproduction.oscillations",
+    "thesis.readings": "reproduction.readings",
+    "thesis.swarms": "reproduction.swarms",
+    "thesis.tuning": "reproduction.tuning",
+}
+HOMES = {
+    **{ROOT + old: ROOT + new for new, olds in MOVED.items() for old in olds.split()},
+    **{ROOT + old: ROOT_OF_STUDIES + new for new, old in STUDIES.items()},
+}
+# A folder in which all modules have moved.
+EMPTY = ROOT + "reproduction"
 # Single names that moved or have another name now.
 NAMES = {
     "mesa_swarm.analysis.Event": "mesa_swarm.analysis.ChainEvent",
     "mesa_swarm.body_world.BodyWorld": "mesa_swarm.model.engine_model.EngineModel",
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
+    "mesa_swarm.experiments.learning_figures.regression_figure": "mesa_swarm_studies.thesis.networks.regression_figure",
     "mesa_swarm.fire.model.FireModel": "mesa_swarm.swarm_model.SwarmModel",
     "mesa_swarm.imperfect_model.COMMON": "mesa_swarm.model.common.COMMON",
     "mesa_swarm.imperfect_model.ImperfectModel": "mesa_swarm.model.engine_model.EngineModel",
@@ -81,7 +129,9 @@ class MovedFinder:
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
         """Return how a module is made, None if it was not moved."""
-        return ModuleSpec(name, self) if name in HOMES else None  # type: ignore[arg-type]  # a loader by its methods
+        if name in HOMES or name == EMPTY:
+            return ModuleSpec(name, self, is_package=name == EMPTY)  # type: ignore[arg-type]  # a loader by its methods
+        return None
 
     def create_module(self, spec: ModuleSpec) -> None:
         """Leave it to Python to make an empty module."""
@@ -89,6 +139,8 @@ class MovedFinder:
     def exec_module(self, module: ModuleType) -> None:
         """Fill it with the names of its new home."""
         old = module.__name__
+        if old == EMPTY:
+            return
         _warn(old, HOMES[old], stacklevel=3)
         names = {name: value for name, value in vars(import_module(HOMES[old])).items() if not name.startswith("__")}
         for address, new in NAMES.items():
@@ -96,6 +148,11 @@ class MovedFinder:
             if home == old:
                 names[name] = _imported(new)
         module.__dict__.update(names)
+
+    def get_code(self, name: str) -> CodeType:
+        """Return what `python -m` runs: the module in its new home."""
+        _warn(name, HOMES[name], stacklevel=3)
+        return compile(f"from runpy import run_module as r; r({HOMES[name]!r}, None, '__main__', True)", name, "exec")
 
 
 def moved_name(module: str, name: str) -> object:

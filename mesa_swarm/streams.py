@@ -6,6 +6,8 @@ from zlib import crc32
 
 import numpy as np
 
+__all__ = ["Seed", "Streams"]
+
 # What a model takes as its `rng`.
 Seed = int | np.integer | np.random.SeedSequence | np.random.Generator | np.random.BitGenerator | None
 

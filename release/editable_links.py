@@ -8,15 +8,20 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-# The only folder that an editable installation puts on the path. It holds nothing but a link to the package: with the
+# The only folder that an editable installation puts on the path. It holds nothing but links to the packages: with the
 # repository itself on it, `import models`, `import tests` and `import docs` of a user's project would find ours.
 EDITABLE = Path(".editable")
 # Where each link is, and what it shows. Type checkers and IDEs run no code to find modules: they need real folders.
-LINKS = {EDITABLE / "mesa_swarm": Path("mesa_swarm"), Path("mesa_swarm", "models"): Path("models")}
+LINKS = {
+    EDITABLE / "mesa_swarm": Path("mesa_swarm"),
+    EDITABLE / "mesa_swarm_studies": Path("studies"),
+    Path("mesa_swarm", "models"): Path("models"),
+    Path("mesa_swarm_studies"): Path("studies"),
+}
 
 
 class EditableLinks(BuildHookInterface):  # type: ignore[misc]  # a generic class, of no matter here
-    """Before an editable installation, make the links by which all of the package is found."""
+    """Before an editable installation, make the links by which all is found."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Make the links, if this wheel is for an editable installation."""

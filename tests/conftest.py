@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "docs"))  # what makes the site
 sys.path.append(str(Path(__file__).parents[1] / "release"))  # what builds the package
 
-from mesa_swarm import gallery
+from mesa_swarm import cli, gallery
 from support.hostile import Tally, table
 from support.pace import is_out_of_time, shuffle_files
 
@@ -70,6 +70,20 @@ def model_folder(monkeypatch, tmp_path):
     for name in set(sys.modules) - before:
         if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(tmp_path)):
             del sys.modules[name]
+
+
+@pytest.fixture
+def typed(capsys, monkeypatch, tmp_path):
+    """Type a command in an empty folder; get its exit status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def type_in(line):
+        with pytest.raises(SystemExit) as left:
+            cli.main(line.split() if isinstance(line, str) else line)
+        output = capsys.readouterr()
+        return left.value.code or 0, output.out, output.err
+
+    return type_in
 
 
 @pytest.fixture

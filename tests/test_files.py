@@ -283,7 +283,7 @@ def test_a_text_file_of_which_the_encoding_is_the_machines_is_noticed(line):
 
 
 def test_text_files_are_read_and_written_in_utf_8_on_every_machine():
-    folders = [ROOT / name for name in ("mesa_swarm", "models", "release")]
+    folders = [ROOT / name for name in ("mesa_swarm", "models", "release", "studies")]
     paths = [path for folder in folders for path in folder.rglob("*.py")]
     lines = {path: list(texts_without_encoding(path.read_text(encoding="utf-8"))) for path in paths}
     assert {path: found for path, found in lines.items() if found} == {}

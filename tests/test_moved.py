@@ -23,7 +23,11 @@ ADDRESSES = {
     "dashboard.canvas_widget": "SwarmCanvas",
     "dashboard.notebook": "show swarm_canvas",
     "environments.observation": "Observer",
+    "experiments.bench": "peer_workload",
     "experiments.comparison_figures": "comparison_figure",
+    "experiments.fire_policies": "trained_wheels",
+    "experiments.learn_bench": "Benchmark learn_bench",
+    "experiments.learning_figures": "regression_figure",
     "experiments.oscillation": "oscillation trained",
     "experiments.pictures": "draw_world world_figure png",
     "experiments.reward_figures": "reward_figure",
@@ -42,6 +46,10 @@ ADDRESSES = {
     "open_model": "OpenModel Process",
     "recording.events": "Event",
     "recording.marks": "Mark",
+    "reproduction.differences": "thesis_items",
+    "reproduction.published_trails": "trail_run",
+    "reproduction.registry": "items find_item",
+    "reproduction.theory_motion": "ITEMS",
     "robots.parts": "RobotPart",
     "robots.steering": "approach",
     "state": "State",
@@ -84,7 +92,7 @@ def test_an_old_address_gives_the_very_object_of_the_new_one(old):
         sys.modules.pop(HOMES.get(f"mesa_swarm.{old}") and f"mesa_swarm.{old}", None)
         space = {}
         with pytest.warns(
-            DeprecationWarning, match=rf"^mesa_swarm\.{old}\b.* is deprecated; it is mesa_swarm\."
+            DeprecationWarning, match=rf"^mesa_swarm\.{old}\b.* is deprecated; it is mesa_swarm(_studies)?\."
         ) as caught:
             exec(script, space)
         assert len(caught) == 1
@@ -103,6 +111,22 @@ def test_the_warning_is_about_the_line_that_imports(tmp_path):
         f"{program}:2",
         f"{program}:3",
     ]
+
+
+def test_a_program_that_moved_still_runs_by_its_old_address():
+    command = [sys.executable, "-W", "default", "-m", "mesa_swarm.experiments.bench"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "mesa_swarm.experiments.bench is deprecated; it is mesa_swarm_studies.benchmarks.speed now" in done.stderr
+
+
+def test_modules_of_a_folder_that_moved_are_imported_from_it():
+    for name in ("mesa_swarm.reproduction", "mesa_swarm.reproduction.maps"):
+        sys.modules.pop(name, None)
+    with pytest.warns(DeprecationWarning, match=r"it is mesa_swarm_studies\.thesis\.maps now") as caught:
+        exec("from mesa_swarm.reproduction import maps")
+    assert len(caught) == 1
+    with pytest.raises(ImportError):
+        exec("from mesa_swarm.reproduction import mops")
 
 
 def test_names_that_never_were_are_missing_as_ever():

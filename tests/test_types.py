@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import mesa_swarm
-from mesa_swarm import control, environments, fire
+from mesa_swarm import control, environments, experiments, fire, viewing
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "mesa_swarm"
@@ -77,7 +77,10 @@ def test_where_mypy_does_not_ask_for_types_there_are_compiled_functions():
         assert any("@compiled" in path.read_text() for path in files_of(pattern)), pattern
 
 
-@pytest.mark.parametrize("package", [mesa_swarm, control, environments, fire], ids=lambda package: package.__name__)
+LAZY = [mesa_swarm, control, environments, experiments, fire, viewing]
+
+
+@pytest.mark.parametrize("package", LAZY, ids=lambda package: package.__name__)
 def test_type_checkers_find_every_name_that_is_imported_when_it_is_used(package):
     tree = ast.parse(Path(package.__file__).read_text())
     block = next(n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
@@ -99,5 +102,6 @@ def test_type_checkers_know_what_people_read_first(tmp_path):
 
 
 def test_no_error_is_passed_over_without_its_type():
-    lines = [line for path in PACKAGE.rglob("*.py") for line in path.read_text().splitlines()]
+    paths = [*PACKAGE.rglob("*.py"), *(ROOT / "studies").rglob("*.py")]
+    lines = [line for path in paths for line in path.read_text().splitlines()]
     assert not [line for line in lines if "type: ignore" in line and "type: ignore[" not in line]

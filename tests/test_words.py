@@ -15,11 +15,11 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 # Folders of Python files whose comments, strings and names are checked.
-FOLDERS = ["docs", "mesa_swarm", "models", "notebooks/solutions", "tests"]
+FOLDERS = ["docs", "mesa_swarm", "models", "notebooks/solutions", "studies", "tests"]
 TEXTS = [
     *("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "mkdocs.yml", ".ci/run", "notebooks/*.md"),
     *("docs/**/*.md", "docs/*.css", "docs/pictures/step.svg"),
-    *("mesa_swarm/**/*.js", "mesa_swarm/**/*.css", "models/*.toml", "pyproject.toml"),
+    *("mesa_swarm/**/*.js", "mesa_swarm/**/*.css", "models/*.toml", "studies/**/*.toml", "pyproject.toml"),
 ]
 NOTEBOOKS = ["notebooks/*.ipynb"]
 
@@ -78,7 +78,7 @@ ALLOWED = [
     ("mesa_swarm/robots/swarm.py", "hush", "a former name"),
     ("mesa_swarm/robots/swarm.py", "shed", "a former name"),
     ("mesa_swarm/world/bodies.py", "lay", "a former name"),
-    ("tests/experiments/test_learning_targets.py", "tell", "CMA-ES is an ask-and-tell method; a documented name"),
+    ("tests/studies/test_learning_targets.py", "tell", "CMA-ES is an ask-and-tell method; a documented name"),
     ("tests/test_moved.py", "teaching.wish", "a former address"),
     ("tests/test_moved.py", "Wish", "a former name"),
 ]

@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, policies, run, studies
+from mesa_swarm.cli.installed import command_of, installed_commands
 from mesa_swarm.cli.lines import any_letters
 from mesa_swarm.errors import SwarmError, in_words, located
 from mesa_swarm.work_done import one_line
@@ -21,7 +22,27 @@ DISK_FULL = (errno.ENOSPC, errno.EFBIG)
 
 
 class Commands(TyperGroup):
-    """The commands, in which the end of a file is not the end of what a user types, as Typer takes it."""
+    """The commands, and those of installed packages.
+
+    The end of a file is not the end of what a user types, as Typer takes it.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        self._add_installed()
+        return super().list_commands(ctx)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is named, and the words after it."""
+        if args[0] not in self.commands:
+            self._add_installed(args[0])
+        return super().resolve_command(ctx, args)
+
+    def _add_installed(self, name: str = "") -> None:
+        """Add the installed command of this name, or else all of them, of which the nearest is suggested."""
+        found = {each: points for each, points in installed_commands().items() if each not in self.commands}
+        for each in [name] if name in found else sorted(found):
+            self.commands[each] = command_of(each, found[each])
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that is named."""

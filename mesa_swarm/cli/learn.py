@@ -1,4 +1,4 @@
-"""Robots that learn: reward-lab, tune, learn-bench."""
+"""Robots that learn: reward-lab, tune."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,15 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
+from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet
 from mesa_swarm.errors import check_choice, check_number
-from mesa_swarm.files import check_apart, check_writable, checked_file, write_all
+from mesa_swarm.files import check_writable, write_all
 from mesa_swarm.wording import quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from mesa_swarm.experiments.learn_bench import Benchmark, Training
     from mesa_swarm.learning.reward_lab import Profile
 
 commands = typer.Typer()
@@ -152,69 +149,3 @@ def tune(
     print("\n".join(f"{name} = {value:.4g}" for name, value in found.settings.items()))
     judgement = tuning.comparison(found, seeds=range(1, judged + 1), jobs=jobs)
     print_lines([*fitting(judgement.table, terminal_width()), *judgement.remarks], 0)
-
-
-@commands.command("learn-bench")
-def learn_bench(
-    *,
-    task: Annotated[str | None, typer.Option(metavar="A,B,...", help="Tasks; all by default.")] = None,
-    only: Annotated[str | None, typer.Option(metavar="'A;B;...'", help="Contestants; all by default.")] = None,
-    policy: Annotated[
-        list[str] | None,
-        typer.Option(help="Controller from outside: .npz, .onnx, module:callable or .zip of SB3 (its code is run)."),
-    ] = None,
-    seeds: Annotated[int | None, typer.Option(min=1, max=1000, help="Trainings of each contestant; 10.")] = None,
-    steps: Annotated[int | None, typer.Option(min=1, max=10_000_000, help="Of each training; 33,000.")] = None,
-    evaluation_steps: Annotated[
-        int | None, typer.Option(min=1, max=MOST_STORED, help="At most, on each map; 8,000, most tasks have fewer.")
-    ] = None,
-    maps: Annotated[int | None, typer.Option(min=1, max=50, help="Test maps; 50, most tasks have 20.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="In minutes: fewer seeds, steps and maps.")] = False,
-    jobs: Jobs = -1,
-    out: Folder = Path("results", "learn_bench"),
-    report: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write this page, .md, and its pictures.")
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume/--afresh", help="Continue an interrupted call.")] = True,
-    quiet: Quiet = False,
-) -> None:
-    """Train all learners, then measure them, and controllers from outside, on maps that were not used for training."""
-    from mesa_swarm.experiments import learn_bench as benchmarks
-    from mesa_swarm.experiments.learn_report import learning_pictures, markdown, runs_csv, summary_json
-    from mesa_swarm.experiments.tables import markdown_fitting
-
-    if report is not None:
-        check_writable(checked_file(report, ".md", "report").parent / "pictures")
-        check_apart(report, policy or ())
-    given = {"seeds": seeds, "steps": steps, "evaluation_steps": evaluation_steps, "maps": maps}
-    benchmark = benchmarks.Benchmark(
-        tasks=_names(task, ","),
-        only=_names(only, ";"),
-        policies=tuple(policy or ()),
-        **{**(benchmarks.QUICK if quick else {}), **{name: n for name, n in given.items() if n is not None}},
-    )
-    with resumable(out):
-        runs = benchmarks.learn_bench(benchmark, out=out, jobs=jobs, resume=resume, progress=not quiet)
-    table = markdown(benchmark, runs)
-    files: dict[str, str | bytes] = {
-        "learn_bench.md": table,
-        "learn_bench.csv": runs_csv(runs),
-        "learn_bench.json": summary_json(benchmark, runs),
-        **learning_pictures(runs),
-    }
-    print_lines([*markdown_fitting(table, terminal_width()), *map(str, write_all(out, files))], 0)
-    if report is not None:
-        write_all(report.parent, _page(benchmark, runs, report))
-        print(report)
-
-
-def _page(benchmark: "Benchmark", runs: "Sequence[Training]", page: Path) -> dict[str, str | bytes]:
-    """Return a page of a benchmark and the pictures that it shows, in a folder beside it, by file name."""
-    from mesa_swarm.experiments.learn_report import ON_PAGES, learning_pictures, report_page
-
-    shown = learning_pictures(runs, page.stem, ON_PAGES)
-    return {page.name: report_page(benchmark, runs, page), **{f"pictures/{name}": shown[name] for name in shown}}
-
-
-def _names(text: str | None, separator: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(separator)) if text else ()

@@ -14,6 +14,8 @@ from typing import Any
 
 from mesa_swarm.wording import in_plain_letters
 
+__all__ = ["print_lines", "terminal_width"]
+
 # The name under which Python knows how letters are replaced.
 REPLACED = "mesa_swarm.plain"
 

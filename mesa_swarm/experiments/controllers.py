@@ -29,6 +29,7 @@ from mesa_swarm.errors import (
     shortened,
     without_middle,
 )
+from mesa_swarm.experiments.fingerprints import files_hash
 from mesa_swarm.extras import need
 from mesa_swarm.files import shown_path
 from mesa_swarm.gallery import is_address, object_at
@@ -217,6 +218,19 @@ def load_controller(spec: str | os.PathLike[str], *, greedy: bool = False) -> Co
     if is_address(text):
         return _of_address(text)
     raise InvalidValueError(f"the controller is {shortened(text)}; expected {FORMS}")
+
+
+def content_of(address: str) -> str:
+    """Return a fingerprint of a controller from outside: of its own file, or of the module where it is written.
+
+    Modules that are part of the interpreter have none; their fingerprint is empty.
+    """
+    if not is_address(address):
+        return files_hash([Path(address)])
+    found = object_at(address)
+    module = inspect.getmodule(found if hasattr(found, "__module__") else type(found))
+    file = getattr(module, "__file__", None)
+    return files_hash([Path(file)]) if file else ""
 
 
 def control_of(policy: Policy | SkillPolicy | FireWheelPolicy, *, greedy: bool = False) -> Arbiter:

@@ -14,7 +14,8 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 from mesa_swarm.files import write_all
-from mesa_swarm.viewing.final_state import FinalState
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.final_state import FinalState, final_state_of
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png, world_figure
 from mesa_swarm.wording import quantity
@@ -263,15 +264,17 @@ def write_with_pictures(
     return write_all(folder, {**tables, **drawn})
 
 
-def fires_figure(portraits: dict[str, FinalState]) -> Figure:
+def fires_figure(runs: Mapping[str, FinalState | SwarmModel]) -> Figure:
     """Return a figure of the robots at each fire over time, -1 once it is out: a block for each run, a strip a fire."""
-    strips = max(portrait.history["robots"].shape[1] for portrait in portraits.values())
-    last = max(portrait.history["steps"][-1] for portrait in portraits.values())
-    most = max(portrait.history["robots"].max() for portrait in portraits.values())
-    figure = Figure(figsize=(7.5, (0.5 * strips + 0.8) * len(portraits)), layout="constrained")
-    blocks = figure.subfigures(len(portraits), 1, squeeze=False).ravel()
-    for block, (title, portrait) in zip(blocks, portraits.items(), strict=True):
-        _draw_block(block, title, portrait.history, (last, max(most, 1)))
+    states = (run if isinstance(run, FinalState) else final_state_of(run) for run in runs.values())
+    histories = {title: state.history for title, state in zip(runs, states, strict=True)}
+    strips = max(history["robots"].shape[1] for history in histories.values())
+    last = max(history["steps"][-1] for history in histories.values())
+    most = max(history["robots"].max() for history in histories.values())
+    figure = Figure(figsize=(7.5, (0.5 * strips + 0.8) * len(histories)), layout="constrained")
+    blocks = figure.subfigures(len(histories), 1, squeeze=False).ravel()
+    for block, (title, history) in zip(blocks, histories.items(), strict=True):
+        _draw_block(block, title, history, (last, max(most, 1)))
     return figure
 
 

@@ -1,8 +1,8 @@
 """Figures of learning: collisions over temperature, rewards, fires."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -18,9 +18,9 @@ from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.statistics import mean_interval
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
-from mesa_swarm.learning.networks import fit
 from mesa_swarm.learning.reward_lab import Profile
 from mesa_swarm.learning.rewards import CRITICAL
+from mesa_swarm.moved import moved_name
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal
 
@@ -198,12 +198,6 @@ def _draw_rounds(axes: Axes, runs: Mapping[str, Sequence[FireRun]]) -> None:
 BETAS = (1e-4, 5e-3)
 # The thesis smooths over 1,001 steps for many robots, and over 11 for one.
 WINDOWS = {True: 1001, False: 11}
-NOISE = 0.05
-
-
-def demonstrated(x: np.ndarray) -> np.ndarray:
-    """Return a curve of the form that two hidden units can have (6.1): 0.6 tanh(4 x + 1) - 0.4 tanh(3 x - 2)."""
-    return 0.6 * np.tanh(4.0 * x + 1.0) - 0.4 * np.tanh(3.0 * x - 2.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -287,55 +281,8 @@ def _draw_frequency(axes: Axes, title: str, run: LearningRun, colour: str) -> No
         each.margins(x=0)
 
 
-def regression_figure(
-    truth: Callable[[np.ndarray], np.ndarray] = demonstrated,
-    *,
-    rng: int = 1,
-    points: int = 30,
-    networks: int = 40,
-    activation: str = "tanh",
-) -> Figure:
-    """Return the thesis's demonstration of regression (6.3): noisy points, the best network, the worst, and all errors.
+if not TYPE_CHECKING:  # a type checker would accept any name
 
-    Two hidden units, 200 presentations of every point, learning rate 0.5. The networks begin with different weights:
-    some stay bad.
-
-    Parameters
-    ----------
-    truth : function of an ndarray
-    rng : int
-    points : int
-        At least 2.
-    networks : int
-        At least 2.
-    activation : str
-        Of hidden units, see `learning.Networks`.
-
-    Examples
-    --------
-    >>> len(regression_figure(points=5, networks=2).axes)
-    2
-    """
-    chance = np.random.default_rng(check_count("rng", rng))
-    x = np.linspace(-1.0, 1.0, check_count("points", points, minimum=2))
-    y = truth(x) + NOISE * chance.standard_normal(len(x))
-    fitted = fit(x, y, rng=chance, networks=check_count("networks", networks, minimum=2), activation=activation)
-    fine = np.linspace(-1.0, 1.0, 201)
-    outputs = np.array([fitted.outputs(np.full((networks, 1), place)) for place in fine])
-    errors = np.sqrt(((outputs - truth(fine)[:, None]) ** 2).mean(axis=0))
-    order = errors.argsort()
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(2, 1))
-    left.plot(x, y, "o", markersize=3.5, color=LIGHT.soft, label="noisy points")
-    left.plot(fine, truth(fine), ":", color=LIGHT.ink, linewidth=1.2, label="without noise")
-    for which, name, style, colour in ((order[0], "best", "-", COLOURS[0]), (order[-1], "worst", "--", COLOURS[1])):
-        label = f"{name} of {networks} networks"
-        left.plot(fine, outputs[:, which], style, color=colour, linewidth=1.5, label=label)
-    left.set(xlabel="x", ylabel="y")
-    left.legend(fontsize=8, frameon=False)
-    right.plot(np.arange(1, networks + 1), errors[order], "o", markersize=4, color=COLOURS[0])
-    right.axhline(NOISE, color=LIGHT.soft, linestyle=":", linewidth=1.0)
-    right.annotate("noise", (1, NOISE), textcoords="offset points", xytext=(0, 3), fontsize=8)
-    right.set(xlabel="network, from the best to the worst", ylabel="error (root mean square)")
-    right.set_ylim(bottom=0)
-    return figure
+    def __getattr__(name: str) -> object:
+        """Return a name that was in this module before, from where it is now; `from` asks twice, which warns once."""
+        return globals().setdefault(name, moved_name(__name__, name))

@@ -99,9 +99,14 @@ def _stored_runs_named(ledger: Ledger | None) -> Iterator[None]:
         ) from None
 
 
+def call(run: Run) -> Outcome:
+    """Do the run of a function that returns numbers."""
+    return Outcome(steps=run.steps, results=run.made())
+
+
 def completed(
     runs: Sequence[Run],
-    work: Callable[[Run], Outcome],
+    work: Callable[[Run], Outcome] = call,
     *,
     ledger: Ledger | None,
     each: Callable[[Outcome], object] = lambda outcome: None,
@@ -129,11 +134,6 @@ def _is_stored(ledger: Ledger, run: Run, outcome: Outcome) -> bool:
     """Return whether a ledger has results of the same names in the same order for a run, whatever their values."""
     before = ledger.outcome(run.key)
     return before is not None and list(before.numbers) == list(outcome.numbers)
-
-
-def call(run: Run) -> Outcome:
-    """Do the run of a function that returns numbers."""
-    return Outcome(steps=run.steps, results=run.made())
 
 
 def simulate(run: Run) -> Outcome:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from mesa_swarm.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
-    from mesa_swarm.fire.burning import Burning
+    from mesa_swarm.fire.burning import Burning, is_hot, next_temperature
     from mesa_swarm.fire.constants import FireConstants, design_constants, robots_needed
     from mesa_swarm.fire.fires import Fire, Fires
     from mesa_swarm.fire.spreading import Spreading
@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
 
 # Module: the public names that live in it.
 _MODULES = {
-    "fire.burning": "Burning",
+    "fire.burning": "Burning is_hot next_temperature",
     "fire.constants": "FireConstants design_constants robots_needed",
     "fire.fires": "Fire Fires",
     "fire.spreading": "Spreading",
@@ -32,6 +32,8 @@ __all__ = [
     "SeekHeat",
     "Spreading",
     "design_constants",
+    "is_hot",
+    "next_temperature",
     "robots_needed",
 ]
 

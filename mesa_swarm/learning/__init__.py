@@ -1,5 +1,6 @@
 """Learners: networks, policies, and how they are trained."""
 
+from mesa_swarm.learning.actions import boltzmann, chosen, temperature_at
 from mesa_swarm.learning.c_machines import export_machine
 from mesa_swarm.learning.c_source import export_c
 from mesa_swarm.learning.dynamic_programming import ApproachValues, approach_values
@@ -15,6 +16,7 @@ from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.policy_files import load_policy, save_policy
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
+from mesa_swarm.learning.reward_lab import wall_readings
 from mesa_swarm.learning.rewards import reward
 from mesa_swarm.learning.table_learning import TablePolicy, TableQLearning
 from mesa_swarm.learning.wire_learning import WireFittedQ, WirePolicy, wire_value
@@ -40,6 +42,8 @@ __all__ = [
     "WireFittedQ",
     "WirePolicy",
     "approach_values",
+    "boltzmann",
+    "chosen",
     "export_c",
     "export_machine",
     "export_onnx",
@@ -49,5 +53,7 @@ __all__ = [
     "load_policy",
     "reward",
     "save_policy",
+    "temperature_at",
+    "wall_readings",
     "wire_value",
 ]

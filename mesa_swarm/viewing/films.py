@@ -22,7 +22,6 @@ from mesa_swarm.recording.frames import NO_ROWS, Frame
 from mesa_swarm.viewing.palette import LIGHT, rgb, scalar_pixels, value_colours
 from mesa_swarm.viewing.pictures import (
     CAPTION,
-    LEGEND_HANDLERS,
     MARGIN,
     Look,
     draw_frame,
@@ -146,7 +145,6 @@ def _write_legend(figure: Figure, canvas: FigureCanvasAgg, artists: Sequence[Art
     for columns in range(len(artists), 0, -1):
         legend = figure.legend(
             handles=artists,
-            handler_map=LEGEND_HANDLERS,
             loc="lower center",
             bbox_to_anchor=(0.5, 0.0),
             ncols=columns,

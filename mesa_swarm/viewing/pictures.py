@@ -16,6 +16,7 @@ from matplotlib.collections import EllipseCollection, LineCollection, PatchColle
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.legend import Legend
 from matplotlib.legend_handler import HandlerBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle, Wedge
@@ -450,7 +451,7 @@ class _ColourBarHandler(HandlerBase):
         return [*slices, frame]
 
 
-LEGEND_HANDLERS: dict[Any, HandlerBase] = {ColourBar: _ColourBarHandler()}
+Legend.update_default_handler_map({ColourBar: _ColourBarHandler()})
 
 
 def entry_artist(entry: LegendEntry) -> Artist:
@@ -491,7 +492,6 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False, more: Sequen
     entries = {entry.get_label(): entry for entry in (*known, *more)}
     figure.legend(
         handles=list(entries.values()),
-        handler_map=LEGEND_HANDLERS,
         loc="outside lower center",
         ncols=4 if columns > 1 else 3,
         fontsize=8,

@@ -12,6 +12,8 @@ from mesa_swarm.world.map_parts import FireSpot, listed
 from mesa_swarm.world.placement import free_space
 from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
+__all__ = ["random_map"]
+
 WIDTH, HEIGHT, WALL = 800.0, 600.0, 20.0
 RADII = (15.0, 60.0)
 LENGTHS = (60.0, 320.0)

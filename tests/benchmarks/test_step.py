@@ -1,6 +1,6 @@
 import pytest
 
-from mesa_swarm.experiments.bench import contact_alone, on_map, peer_workload
+from mesa_swarm_studies.benchmarks.speed import contact_alone, on_map, peer_workload
 
 
 @pytest.mark.parametrize("n", [50, 200, 1000, 5000, 10_000])

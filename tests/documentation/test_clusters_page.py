@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm.cli import main
-from mesa_swarm.experiments.overhead import RUNS
 from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm_studies.benchmarks.overhead import RUNS
 from support import slurm
 from support.waiting import wait_until
 

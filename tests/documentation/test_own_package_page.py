@@ -21,7 +21,9 @@ def install(folder: Path) -> None:
     package = folder / "site" / project["name"]
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
-    (package / "gathering.py").write_text((folder / "gathering.py").read_text())
+    for module in {value.split(":")[0] for points in project["entry-points"].values() for value in points.values()}:
+        name = f"{module.split('.')[1]}.py"
+        (package / name).write_text((folder / name).read_text())
     about = folder / "site" / f"{project['name']}-{project['version']}.dist-info"
     about.mkdir()
     (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")

@@ -15,13 +15,13 @@ import pytest
 import typer
 
 from mesa_swarm import cli
-from mesa_swarm.experiments.bench import PEERS, TARGETS
+from mesa_swarm_studies.benchmarks.speed import PEERS, TARGETS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at the results.
-OWN = {"abc.md", "clusters.md", "sweeps.md", "environments.md", "mesa.md", "own_package.md", "ppo.md"}
+OWN = {"abc.md", "clusters.md", "sweeps.md", "environments.md", "mesa.md", "own_command.md", "own_package.md", "ppo.md"}
 # What these show takes seconds to minutes: in the slow tests, once, with the commands beside it if there are any.
 LONG = {
     *("extend.md", "fire_learning.md", "from_argos.md", "learning.md", "microcontroller.md", "reward_lab.md"),
@@ -173,6 +173,7 @@ def assert_serves(words: list[str]) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_in_a_page_s_sentences_and_tables_exist(page):
-    known = typer.main.get_command(cli.app).commands
+    group = typer.main.get_command(cli.app)
+    known = group.list_commands(typer.Context(group))
     named = set(re.findall(r"`mesa-swarm ([a-z][a-z-]+)", page.read_text(encoding="utf-8")))
     assert named <= set(known)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import cli
-from mesa_swarm.experiments.benchmark_tasks import TRAIN
-from mesa_swarm.experiments.ppo import ROBOT_STEPS, SETTINGS, WORLDS
+from mesa_swarm_studies.benchmarks.benchmark_tasks import TRAIN
+from mesa_swarm_studies.benchmarks.ppo import ROBOT_STEPS, SETTINGS, WORLDS
 
 PAGE = Path(__file__).parents[2] / "docs" / "ppo.md"
 SMALL = {"1_500_000, range(50_101, 50_201)": "3_000, range(50_101, 50_103)", "n_worlds=16": "n_worlds=2"}

@@ -286,7 +286,7 @@ def test_after_kills_of_all_workers_and_of_the_scheduler_the_same_call_makes_the
 
 FATAL = """
 import os
-from mesa_swarm.experiments.overhead import ShortRun
+from mesa_swarm_studies.benchmarks.overhead import ShortRun
 
 class Fatal(ShortRun):
     def __init__(self, *, series=0, rng=None):

@@ -9,13 +9,13 @@ from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, Variation
 from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.experiments import contestants as all_contestants
-from mesa_swarm.experiments.benchmark_tasks import TEST, TRAIN
-from mesa_swarm.experiments.contestants import BREEDING, CHOOSING, Trained, contestants
 from mesa_swarm.experiments.controllers import Controller
 from mesa_swarm.experiments.driving import drive_measured, driven_world
 from mesa_swarm.experiments.gating import VALIDATION, Criteria, ValidationGate, gated
 from mesa_swarm.learning import LearnFires, LearnFireWheels, QLearning
+from mesa_swarm_studies.benchmarks import contestants as all_contestants
+from mesa_swarm_studies.benchmarks.benchmark_tasks import TEST, TRAIN
+from mesa_swarm_studies.benchmarks.contestants import BREEDING, CHOOSING, Trained, contestants
 from support.q_learners import learned, trained
 
 MAPS = ["openspace", "sparse"]

@@ -17,7 +17,6 @@ from mesa_swarm.experiments.learning_figures import (
     fire_figure,
     learning_figure,
     learning_run,
-    regression_figure,
     reward_figure,
 )
 from mesa_swarm.learning import QPolicy
@@ -52,14 +51,6 @@ def test_a_learning_run_is_the_model_s():
 def test_no_runs_are_refused():
     with pytest.raises(InvalidValueError, match="runs is empty"):
         learning_figure({})
-
-
-def test_the_regression_shows_two_networks_and_the_errors_of_all():
-    left, right = regression_figure(networks=7, points=12).axes
-    assert len(left.get_lines()) == 4
-    errors = line(right)[:, 1]
-    assert len(errors) == 7
-    assert (np.diff(errors) >= 0).all()
 
 
 def test_a_curve_is_not_joined_across_its_leap():

@@ -11,7 +11,7 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments import tuning
 from mesa_swarm.experiments.tuning import LIMITS, THESIS, LearningGoal, Tuned, _placed, goal_run, settings_at, tune
 from mesa_swarm.models.q_learning import QLearning
-from mesa_swarm.reproduction.tuning import GOAL
+from mesa_swarm_studies.thesis.tuning import GOAL
 
 SHORT = LearningGoal(steps=15, robots=2, least_speed=0.2)
 

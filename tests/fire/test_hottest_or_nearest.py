@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm.experiments.statistics import paired_difference
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.reproduction.laboratory import FRESH
+from mesa_swarm_studies.laboratory import FRESH
 
 STEPS, SEEDS, SPREADS = 15_000, 24, (0.0, 0.0003)
 

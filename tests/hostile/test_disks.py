@@ -36,16 +36,11 @@ OLD = b"what stood there before\n" * 400
 REMAINING = re.compile(r"its (\d+) rows so far remain")
 JOB = "model = 'fire_fighting'\nsteps = 12\nseeds = 2\nrobots = 2\n"
 WORKING = (
-    "experiments.compare",
-    "experiments.learn_bench",
-    "experiments.learning_figures",
-    "experiments.reality_gap",
-    "experiments.sweep",
-    "models.boids",
-    "reproduction.registry",
-    "viewing.export",
-    "viewing.replay_page",
-    "viewing.run_pictures",
+    *(f"mesa_swarm.experiments.{name}" for name in ("compare", "learning_figures", "reality_gap", "sweep")),
+    "mesa_swarm.models.boids",
+    *(f"mesa_swarm.viewing.{name}" for name in ("export", "replay_page", "run_pictures")),
+    "mesa_swarm_studies.benchmarks.learn_bench",
+    "mesa_swarm_studies.registry",
 )
 # Written to line by line, not replaced: what they hold is as whole as before.
 APPENDED = ("ledger.jsonl", "runs.jsonl")
@@ -229,7 +224,7 @@ def inputs(tmp_path_factory):
     """Return a folder with a recording and a job; after this, what records, draws and reproduces is warm."""
     folder = tmp_path_factory.mktemp("inputs")
     for module in WORKING:
-        import_module(f"mesa_swarm.{module}")
+        import_module(module)
     png(world_figure({"warm": FireFighting(rng=1)}))
     model = FireFighting(n_robots=3, rng=1)
     with model.record(folder / "run.arrow"):

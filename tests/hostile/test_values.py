@@ -16,7 +16,6 @@ from mesa_swarm import AGENT9, AGENT_FIRE, Radio, RobotDesign, SwarmModel, disc,
 from mesa_swarm.control import Subsumption, VectorSum
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.evolution import Trial
-from mesa_swarm.experiments.learn_bench import Benchmark
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.fire.constants import design_constants
 from mesa_swarm.gallery import find_model, model_names
@@ -27,6 +26,7 @@ from mesa_swarm.robots.design import all_round
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
+from mesa_swarm_studies.benchmarks.learn_bench import Benchmark
 from support.hostile import attack
 
 pytestmark = pytest.mark.slow

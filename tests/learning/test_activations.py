@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3
 from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.learning_figures import regression_figure
 from mesa_swarm.learning import Networks, QPolicy, SensorLayout, fit
+from mesa_swarm_studies.thesis.networks import regression_figure
 
 FORMULAS = {
     "tanh": np.tanh,

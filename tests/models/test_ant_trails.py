@@ -6,7 +6,7 @@ import shapely
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.models.ant_trails import ANT, ENDS, FOOD, FORK, FORKS, HALF, LEVEL, NEAR, NEST, PATH, AntTrails, way
-from mesa_swarm.reproduction.published_trails import trail_checks, trail_figure, trail_run
+from mesa_swarm_studies.published.trails import trail_checks, trail_figure, trail_run
 
 STORED = {"passages": 85.0, "share of the upper branch": 60 / 85}
 STEMS = FORKS[0] - ENDS[0] + ENDS[1] - FORKS[1]

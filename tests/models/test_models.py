@@ -12,7 +12,7 @@ from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.parameters import Choice, Slider, parameters_of
-from mesa_swarm.reproduction.registry import items
+from mesa_swarm_studies.registry import items
 
 NAMES = model_names()
 STEPS = 60

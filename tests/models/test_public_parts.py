@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm.gallery import find_model, model_names
-from mesa_swarm.reproduction.registry import items
+from mesa_swarm_studies.registry import items
 
 PUBLIC = {
     "mesa_swarm",

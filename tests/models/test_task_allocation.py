@@ -5,7 +5,7 @@ import pytest
 
 from mesa_swarm.errors import SwarmError
 from mesa_swarm.models.task_allocation import PACE, TaskAllocation
-from mesa_swarm.reproduction.published import allocation_run, at_work, equilibrium
+from mesa_swarm_studies.published.decisions import allocation_run, at_work, equilibrium
 
 STORED = {"share at work": 0.34, "majors at work": 0.0, "stimulus": 0.271}
 

@@ -41,6 +41,7 @@ ELSEWHERE = {
     ),
     "--pre mesa==4.0.0a0": (".ci/run", "pip install -q --pre 'mesa>=4.0.0a0'"),
     "./anthill": ("tests/documentation/test_own_package_page.py", "pip install ./anthill"),
+    "./visits": ("tests/documentation/test_own_command_page.py", "pip install ./visits"),
 }
 # Runs in an environment: imports the packages of its extras and what pages import, and asks commands for their help.
 TRY = """

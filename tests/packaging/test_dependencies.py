@@ -38,6 +38,9 @@ def bound_of(requirement: str) -> str | None:
     return found and found[1]
 
 
+FOLDERS = ("mesa_swarm", "models", "studies")
+
+
 def requirements(extras: Iterable[str]) -> dict[str, str]:
     """Return all requirements of the package with some extras, by the name of the package."""
     found = [*PROJECT["dependencies"], *(line for extra in extras for line in EXTRAS[extra])]
@@ -45,15 +48,20 @@ def requirements(extras: Iterable[str]) -> dict[str, str]:
 
 
 def imported() -> dict[str, set[str]]:
-    """Return the packages that modules import, models too, by the name of the import, with the modules."""
+    """Return the packages that modules import, models and studies too, by the name of the import, with the modules."""
     found: dict[str, set[str]] = {}
-    for path in [*(ROOT / "mesa_swarm").rglob("*.py"), *(ROOT / "models").glob("*.py")]:
+    for path in [
+        *(ROOT / "mesa_swarm").rglob("*.py"),
+        *(ROOT / "models").glob("*.py"),
+        *(ROOT / "studies").rglob("*.py"),
+    ]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             lines = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             lines += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
             for line in lines:
                 found.setdefault(line.split(".")[0], set()).add(path.name)
-    return {name: files for name, files in found.items() if name not in {*sys.stdlib_module_names, "mesa_swarm"}}
+    known = {*sys.stdlib_module_names, "mesa_swarm", "mesa_swarm_studies"}
+    return {name: files for name, files in found.items() if name not in known}
 
 
 IMPORTED = imported()

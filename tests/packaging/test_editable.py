@@ -9,24 +9,26 @@ from editable_links import LINKS, link_folder
 from support.installing import ROOT, run
 
 PLACES = """
-import mesa_swarm.geometry, mesa_swarm.models.boids, pathlib, sys
-for module in mesa_swarm.geometry, mesa_swarm.models.boids:
+import mesa_swarm.geometry, mesa_swarm.models.boids, mesa_swarm_studies.theory
+modules = mesa_swarm.geometry, mesa_swarm.models.boids, mesa_swarm_studies.theory
+for module in modules:
     print(module.__file__)
-print(mesa_swarm.geometry.__name__, mesa_swarm.models.boids.__name__)
+print(*(module.__name__ for module in modules))
 """
 STRANGERS = """
 from importlib.util import find_spec
-print([name for name in ("models", "tests", "docs", "notebooks", "release") if find_spec(name)])
+print([name for name in ("models", "studies", "tests", "docs", "notebooks", "release") if find_spec(name)])
 """
 
 
 @pytest.mark.slow
 class TestAnEditableInstallation:
-    def test_finds_package_and_models_from_any_folder_by_their_own_paths(self, editable, sources, tmp_path):
-        first, second, names = run(editable, "-c", PLACES, cwd=tmp_path).splitlines()
+    def test_finds_package_models_and_studies_from_any_folder_by_their_own_paths(self, editable, sources, tmp_path):
+        first, second, third, names = run(editable, "-c", PLACES, cwd=tmp_path).splitlines()
         assert Path(first) == sources / "mesa_swarm" / "geometry" / "__init__.py"
         assert Path(second) == sources / "models" / "boids.py"
-        assert names == "mesa_swarm.geometry mesa_swarm.models.boids"
+        assert Path(third) == sources / "studies" / "theory" / "__init__.py"
+        assert names == "mesa_swarm.geometry mesa_swarm.models.boids mesa_swarm_studies.theory"
 
     def test_puts_no_other_folder_of_the_repository_on_the_path(self, editable, tmp_path):
         assert run(editable, "-c", STRANGERS, cwd=tmp_path) == "[]\n"
@@ -46,6 +48,7 @@ class TestAnEditableInstallation:
 
     def test_has_the_commands(self, editable, tmp_path):
         assert "fire_fighting" in run(editable.with_name("mesa-swarm"), "list", cwd=tmp_path)
+        assert run(editable.with_name("mesa-swarm"), "reproduce", "--list", cwd=tmp_path).startswith("4.12 ")
 
 
 def test_in_the_repository_every_link_shows_its_folder():

@@ -51,7 +51,7 @@ def test_a_page_shows_no_import_that_its_own_lines_do_not_install(page):
     known = {plain(name) for name in (*REQUIRED, *pip_lines.packages_of(OF_PAGES[page]))} | BROUGHT
     imports, _ = pip_lines.shown_on(page, pip_lines.pages()[page])
     modules = {re.split(r"[ .,]", statement.split(maxsplit=1)[1])[0] for statement in imports}
-    outside = modules - set(sys.stdlib_module_names) - {"mesa_swarm"} - OF_A_PAGE.get(page, set())
+    outside = modules - set(sys.stdlib_module_names) - {"mesa_swarm", "mesa_swarm_studies"} - OF_A_PAGE.get(page, set())
     assert {name for name in outside if not {plain(owner) for owner in (name, *OWNERS.get(name, []))} & known} == set()
 
 

@@ -6,14 +6,12 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from mesa_swarm.experiments.bench import AREA_PER_ROBOT, Goal, complexity_figure, exponent, peer_workload, step_table
 from mesa_swarm.experiments.figures import fires_figure, series_figure, window_means
 from mesa_swarm.experiments.learning_figures import fire_figure, fire_run, reward_figure
 from mesa_swarm.experiments.reality_gap import Gap, gap_figure
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.reward_lab import reward_profile
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.reproduction.drawing import world_picture
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import final_state_of
@@ -23,6 +21,15 @@ from mesa_swarm.viewing.scene import scene_of
 from mesa_swarm.world.map import Map
 from mesa_swarm.world.map_parts import FireSpot
 from mesa_swarm.world.shapes import disc, polygon, rectangle
+from mesa_swarm_studies.benchmarks.speed import (
+    AREA_PER_ROBOT,
+    Goal,
+    complexity_figure,
+    exponent,
+    peer_workload,
+    step_table,
+)
+from mesa_swarm_studies.drawing import world_picture
 
 FIRE = find_model("fire_fighting")
 GROUND = tuple(rgb(LIGHT.ground).tolist())

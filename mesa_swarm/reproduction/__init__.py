@@ -1,1 +1,0 @@
-"""The results of the thesis that a computer can make, made again, each with a verdict."""

@@ -1,0 +1,1 @@
+"""Results of published papers, each reproduced by a model of the gallery."""

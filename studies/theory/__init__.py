@@ -1,0 +1,1 @@
+"""What physics predicts, beside what is measured in runs."""
