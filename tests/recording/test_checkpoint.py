@@ -307,7 +307,7 @@ def test_columns_of_bodies_that_compiled_functions_cannot_take_are_refused(name,
     place = checkpoint.facts["parts"]["bodies"]["columns"][name]["array"]
     checkpoint.arrays[place] = checkpoint.arrays[place].copy()
     checkpoint.arrays[place][row - 4] = value
-    with pytest.raises(RecordingError, match="column .*out-of-range"):
+    with pytest.raises(RecordingError, match=r"column .*out-of-range"):
         restore(moving_world(), checkpoint)
 
 
