@@ -1,9 +1,12 @@
 """Columns of a part with a row for each body: the model adds and removes the rows."""
 
+import pickle
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm import AGENT9, Column, Part, Phase, Stage, SwarmModel, disc
 from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from support.rows_of_bodies import Weathered
@@ -42,6 +45,57 @@ def test_rows_are_recorded_resumed_and_continued_with_bodies_that_were_added(tmp
         again = Weathered.resume(tmp_path / "run.arrow", step=step)
         assert again.run(10 - step).state_hash() == model.state_hash()
     assert aged(model.continued(noise=0.1)) == aged(Weathered.resume(tmp_path / "run.arrow"))
+
+
+class MadeInBind(Part):
+    """Makes its columns whenever it is bound."""
+
+    name = "soot"
+
+    def bind(self, context):
+        self.context = context
+        self.soot = np.zeros(len(context.model.bodies))
+        self.heat = np.zeros(len(context.model.swarm))
+
+    def columns(self):
+        return {"soot": Column(self.soot, "bodies"), "heat": Column(self.heat, "robots")}
+
+    def stages(self):
+        return [Stage(Phase.PROCESS, self.grow, "soot grows")]
+
+    def grow(self):
+        self.soot += 1.0 + np.arange(len(self.soot))
+        self.heat += 0.5
+
+
+class Sooty(SwarmModel):
+    """A world with a part that makes its columns in `bind`."""
+
+    def __init__(self, *, noise=0.0, rng=None):
+        super().__init__(map="openspace", noise=noise, rng=rng)
+        self.add_robots(AGENT9, 3)
+        self.add_part(MadeInBind())
+
+
+@pytest.mark.parametrize("duplicate", [deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
+def test_columns_that_are_made_anew_whenever_a_part_is_bound_are_kept_by_copies(duplicate):
+    model = Sooty(rng=1).run(3)
+    twin = duplicate(model)
+    assert twin.parts["soot"].soot.tolist() == model.parts["soot"].soot.tolist() == [3.0, 6.0, 9.0, 12.0]
+    twin.add_body(disc((100, 100), 5))
+    twin.run(1)
+    assert twin.parts["soot"].soot.tolist() == [4.0, 8.0, 12.0, 16.0, 5.0]
+    assert model.state_hash() == duplicate(model).state_hash()
+
+
+def test_columns_that_are_made_anew_whenever_a_part_is_bound_are_resumed(tmp_path):
+    model = Sooty(rng=1)
+    with model.record(tmp_path / "run.arrow", checkpoint_every=4):
+        model.run(9)
+    assert Sooty.verify(tmp_path / "run.arrow").same
+    again = Sooty.resume(tmp_path / "run.arrow", step=6)
+    assert again.run(3).state_hash() == model.state_hash()
+    assert model.continued(noise=0.1).parts["soot"].heat.tolist() == [4.5, 4.5, 4.5]
 
 
 def test_the_hash_sees_each_row():

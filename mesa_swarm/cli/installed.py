@@ -41,7 +41,7 @@ def command_of(name: str, points: "list[EntryPoint]") -> Any:
 def _loaded(points: "list[EntryPoint]") -> object:
     if len(points) > 1:
         packages = " and ".join(sorted(point.dist.name if point.dist else point.value for point in points))
-        raise InvalidValueError(f"more than one package has this command: {packages}; uninstall all but one")
+        raise InvalidValueError(f"is of more than one package: {packages}; uninstall all but one")
     return points[0].load()
 
 

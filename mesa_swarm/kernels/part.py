@@ -51,8 +51,8 @@ class Column(NamedTuple):
         Of what each row is: of a robot, in the order of `model.robots`; of a body, in that of `model.bodies`; None for
         arrays of any shape.
     role : "state", "parameter", "derived" or "index"
-        State and parameters are hashed and stored; `continued` takes over the state only. Indices are stored, but not
-        hashed. What is derived is neither.
+        State and parameters are hashed and stored; `continued` takes over all but parameters. Indices are stored, but
+        not hashed. What is derived is neither.
     initial : number
         The value of a new row.
 

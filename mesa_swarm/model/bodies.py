@@ -57,7 +57,7 @@ CLEAR = 1.0 + 1e-6
 POSES, HEAT = "pose of driven bodies", "temperature of bodies"
 
 
-AnyBody = TypeVar("AnyBody", bound=Body)
+Handle = TypeVar("Handle", bound=Body)
 
 
 class SceneCache:
@@ -542,8 +542,8 @@ class BodiesPart(Part):
         return body
 
     def take(
-        self, body_class: type[AnyBody], shape: Shape, kind: str, form: Form | None = None, **values: Any
-    ) -> AnyBody:
+        self, body_class: type[Handle], shape: Shape, kind: str, form: Form | None = None, **values: Any
+    ) -> Handle:
         """Add a body whose values are checked, and rows to the columns that parts have of bodies."""
         self.know_kind(kind)
         body = body_class(self.space, self.model, self.table, shape, kind, form, **values)

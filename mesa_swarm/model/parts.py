@@ -144,7 +144,7 @@ class Parts(Mapping[str, Part]):
                 if column.array.shape[:1] != (expected,):
                     raise InvalidValueError(
                         f"{what} has shape {column.array.shape}; expected {expected} rows, one for each of the "
-                        f"model's {column.rows}: make it in bind(context), or add the part before them"
+                        f"model's {column.rows}: make it in bind(context), of as many rows"
                     )
 
     def remove(self, name: str) -> Part:
@@ -165,10 +165,14 @@ class Parts(Mapping[str, Part]):
         return [part for name, part in self._by_name.items() if name not in self._standing]
 
     def bind(self) -> None:
-        """Let all parts take what they need, after the model was restored."""
-        context = self.context()
+        """Let all parts take what they need, after a copy or a restore; columns stay what they were."""
+        context, added = self.context(), self.added()
         for part in self._by_name.values():
+            before = dict(part.columns()) if part in added else {}
             part.bind(context)
+            for name, column in part.columns().items() if before else ():
+                if name in before and column.array is not before[name].array:  # made anew
+                    part.replace(name, before[name].array)
         self.replan()
 
     def context(self) -> Context:

@@ -98,7 +98,7 @@ def test_a_command_of_two_packages_is_refused_with_the_names_of_both(typed, inst
     install("robots_b", greet="greet")
     status, _, err = typed("greet me")
     assert status == 2
-    assert "more than one package has this command: robots_a and robots_b; uninstall all but one" in err
+    assert "is of more than one package: robots_a and robots_b; uninstall all but one" in err
 
 
 def test_our_own_commands_are_never_replaced(typed, install):
