@@ -89,7 +89,7 @@ class Fires:
     @property
     def rows(self) -> np.ndarray:
         """Rows of the fires in the table of bodies."""
-        return read_only(np.array([fire.row for fire in self.agents], np.int64))
+        return read_only(np.flatnonzero(self.table.kind == FIRE))
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
@@ -198,7 +198,7 @@ class Fire(Body):
         if self.out:
             raise InvalidValueError("this fire is out; use light(), or add another")
         self.table.temperature[self.row] = checked
-        self.model.parts["bodies"].changed()  # sensors that were read already are read again
+        self.model.parts["bodies"].scene_changed()  # sensors that were read already are read again
 
     @property
     def out(self) -> bool:
@@ -248,7 +248,7 @@ class Fire(Body):
         row = self._alive()
         self.table.temperature[row] = check_number("temperature", temperature, above=0, maximum=1)
         self.fires.own["out"][self.index], self.fires.own["out_step"][self.index] = False, NEVER
-        self.model.parts["bodies"].changed()  # sensors that were read already are read again
+        self.model.parts["bodies"].scene_changed()  # sensors that were read already are read again
 
     def remove(self) -> None:
         """Take the fire out of the world, between two steps."""

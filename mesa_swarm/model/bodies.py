@@ -155,8 +155,7 @@ class BodiesPart(Part):
     def end_move(self) -> None:
         """Forget all requests, which are done or were blocked, and put carried bodies where their robots are."""
         if self.moves:
-            table, rows = self.table, self.table.rows(DRIVEN)
-            table.aim[rows], table.aim_heading[rows] = table.position[rows], table.heading[rows]
+            self.table.aim[:], self.table.aim_heading[:] = self.table.position, self.table.heading
             self.carry_along()
 
     def carry_along(self) -> None:
@@ -581,11 +580,12 @@ class BodiesPart(Part):
 
     def changed(self) -> None:
         """Update the table after bodies were removed, and what is made of it."""
-        for index, body in reversed([*enumerate(self.listed)]):
-            if body.space is None:
+        gone = [body for body in self.table.agents if body.space is None]
+        numbers = self.table.numbers[[body.row for body in gone]].tolist() if gone else []
+        for number, body in reversed([*zip(numbers, gone, strict=True)]):
+            if number < len(self.listed):
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self.kinds))):
-                    self.swarm.forget_contact(kind, index)
-        for body in [body for body in self.table.agents if body.space is None]:
+                    self.swarm.forget_contact(kind, number)
             self.table.drop(body)
         self.scene_changed()
 

@@ -146,6 +146,7 @@ def restore_fires(model: EngineModel, facts: dict, packed: Packed) -> None:
         if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != shape:
             raise RecordingError(f"column {name} of fires does not match the model; expected {column.dtype} {shape}")
         column[model.fires.rows] = value
+    table.aim[model.fires.rows] = table.position[model.fires.rows]
 
 
 def _values_of_fields(facts: dict) -> dict[str, Any]:

@@ -99,8 +99,8 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
     obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
     others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
     _check_ids(stored, obstacles, others)
-    model.parts.bodies.table.set_kinds(_checked_kinds(stored.get("kinds", list(KINDS))))
     _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
+    _set_kinds(model, _checked_kinds(stored.get("kinds", list(KINDS))))
     designs = _designs(model, stored["designs"])
     robots = dict(zip(stored["robots"], stored["designs_of_robots"], strict=True))
     for unique_id, design in robots.items():
@@ -226,8 +226,9 @@ def summary(model: EngineModel) -> list[list[int]]:
 
 def body_to_json(body: Body) -> dict:
     """Return what a body is, as stored states have it: its outline, its kind, the robot or agent that it goes with."""
-    made = "shape" if body.form is None else OUTLINES.get(body.added_as, body.added_as)
-    outline = stored_shape(body.shape) if body.form is None else stored_outline(body.form.outline, body.form.radius)
+    form, made = body.form, "shape" if body.form is None else OUTLINES.get(body.added_as, body.added_as)
+    shape = body.table.shape_of(body.row)  # of a removed one as well
+    outline = stored_shape(shape) if form is None else stored_outline(form.outline, form.radius)
     related = {name: getattr(body, name, None) for name in ("carrier", "agent")}
     return {
         "id": body.unique_id,
@@ -250,7 +251,7 @@ def restore_state(body: Body, stored: dict, bounds: tuple[float, float, float, f
     """Take back what `state_to_json` has returned, or some of it, checked."""
     table, row, name = body.table, body.row, f"body {body.unique_id}"
     if "pose" in stored:
-        *table.position[row], table.heading[row] = stored_pose(name, stored["pose"], bounds)
+        table.put(row, stored_pose(name, stored["pose"], bounds))
     if "aim" in stored:
         *table.aim[row], table.aim_heading[row] = stored_pose(name, stored["aim"], bounds)
     for column, checked in STATE.items():
@@ -273,6 +274,13 @@ def _checked_kinds(stored: Any) -> tuple[str, ...]:
     if not valid or tuple(stored[: len(KINDS)]) != KINDS or not len(set(stored)) == len(stored) <= MOST_KINDS + 1:
         raise RecordingError("invalid names of kinds")
     return tuple(stored)
+
+
+def _set_kinds(model: EngineModel, kinds: tuple[str, ...]) -> None:
+    for body in model.obstacle_list:
+        if body.kind not in kinds:
+            raise RecordingError(f"obstacle {body.unique_id} does not match the recording: it is a {body.kind}")
+    model.parts.bodies.table.set_kinds(kinds)
 
 
 def _remove_others(model: EngineModel, ids: set[int]) -> None:

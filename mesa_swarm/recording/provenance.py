@@ -30,8 +30,9 @@ from mesa_swarm.world.shapes import outline_to_json, shape_to_json
 from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
 # Since format 2 readings are those of the row's own poses, and interventions and changes of scenery are stored; since
-# format 4 state hashes are of parts, and include bodies at rest and what steps only read. Format 3 was never published.
-FORMAT = 4
+# format 5 states are of parts, and state hashes include bodies at rest and what steps only read. Formats 3 and 4 were
+# never published.
+FORMAT = 5
 READABLE = (1, 2, FORMAT)
 LAST_OF_EARLIER_HASHES = 2
 # Modules of classes that older versions had elsewhere.

@@ -76,10 +76,7 @@ def _remains_to_json(agent: Agent) -> list:
 def _remains(agent: Agent) -> dict:
     if not isinstance(agent, Body):
         return {}
-    if isinstance(agent, Fire):
-        return {"kind": agent.kind}
-    outline = {} if agent.mode == "fixed" else state_to_json(agent)
-    return {**body_to_json(agent), "kind": agent.kind, **outline}
+    return {**body_to_json(agent), "kind": agent.kind, **state_to_json(agent)}
 
 
 def _remains_from_json(model: EngineModel, unique_id: int, stored: Any, present: frozenset[type] | None) -> Agent:
@@ -103,11 +100,12 @@ def _remains_from_json(model: EngineModel, unique_id: int, stored: Any, present:
 
 def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
     """Give a removed body the table of its own, which has what it was."""
-    kind, form, mode, shape = str(remains.get("kind", "")), None, FIXED, disc(model.map.bounds[:2], 1.0)
+    kind, form, mode = str(remains.get("kind", "")), None, FIXED
     if isinstance(body, Fire):
         body.fires, body.index = model.fires, GONE
-    elif "shape" in remains:
-        shape = restored_shape(remains["shape"])
+    if "shape" in remains or isinstance(body, Fire):  # without a shape in recordings of version 0.2.0
+        shape = restored_shape(remains["shape"]) if "shape" in remains else disc(model.map.bounds[:2], 1.0)
+        remains = {name: value for name, value in remains.items() if name not in ("pose", "aim")}
     else:
         name, mode = ("driven", DRIVEN) if isinstance(body, Driven) else ("load", PUSHED)
         form = Form.about_origin(*restored_outline(remains[name]))

@@ -39,7 +39,7 @@ from mesa_swarm.robots.swarm import LASTING, Swarm
 from mesa_swarm.world.arena import next_id, set_next_id
 from mesa_swarm.world.bodies import FIXED, BodyTable
 from mesa_swarm.world.movers import Driven
-from mesa_swarm.world.statics import FIRE
+from mesa_swarm.world.statics import FIRE, KINDS
 
 # Columns that follow from the parameters, unless the run has added or removed anything.
 MADE = (("robots", "number"), ("robots", "design"))
@@ -119,7 +119,8 @@ def _changed_objects(new: dict, old: dict, fresh: dict) -> dict:
     designs = [_unless_changed(*three) for three in zip_longest(new["designs"], old["designs"], fresh["designs"])]
     mine, first = ({body["id"]: body for body in model["obstacles"]} for model in (new, fresh))
     bodies = [_merged(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
-    return {**old, "designs": designs[: len(old["designs"])], "obstacles": bodies}
+    kinds = [*dict.fromkeys(kind for model in (old, new) for kind in model.get("kinds", KINDS))]
+    return {**old, "designs": designs[: len(old["designs"])], "obstacles": bodies, "kinds": kinds}
 
 
 def _merged(new: dict, old: dict, fresh: dict) -> dict:

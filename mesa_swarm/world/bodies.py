@@ -286,11 +286,12 @@ class BodyTable:
         else:
             for name, usual in self.columns.items():
                 self._room[name][row] = usual[0]
-        self._publish()
         radius, reach = shape.radius, 0.0 if form is None else form.reach
-        values = {"position": shape.position, "contact": shape.contact, "radius": radius, "reach": reach, **values}
+        place = {"position": shape.position, "aim": shape.position}
+        values = {**place, "contact": shape.contact, "radius": radius, "reach": reach, **values}
         for name, value in {"mode": mode, "kind": kind, **values}.items():
             self._room[name][row] = value
+        self._publish()
 
     def drop(self, body: Any) -> None:
         """Remove the row of a body, which keeps what it was in a table of its own."""
@@ -344,10 +345,22 @@ class BodyTable:
 
     def rows(self, *modes: int) -> np.ndarray:
         """Return the rows of the bodies that move in one of these ways."""
-        return np.flatnonzero(np.isin(self.mode, modes))
+        chosen = self.mode == modes[0]
+        for mode in modes[1:]:
+            chosen |= self.mode == mode
+        return np.flatnonzero(chosen)
 
     def set_kinds(self, kinds: tuple[str, ...]) -> None:
-        """Let kinds have other codes; those of all bodies have to be among them."""
+        """Let kinds have other codes.
+
+        Raises
+        ------
+        InvalidValueError
+            If the kind of a body is not among them.
+        """
+        missing = {self.kinds[kind] for kind in np.unique(self.kind).tolist()}.difference(kinds)
+        if missing:
+            raise InvalidValueError(f"there are bodies of the kind {min(missing)}; expected it among {list(kinds)}")
         codes = np.array([kinds.index(name) if name in kinds else -1 for name in self.kinds], np.int8)
         self.kind[:], self.kinds = codes[self.kind], kinds
 
@@ -364,6 +377,7 @@ class BodyTable:
     def put(self, row: int, pose: Sequence[float]) -> None:
         """Put a body where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
         *self.position[row], self.heading[row] = *pose[:2], wrapped(pose[2])
+        self.aim[row], self.aim_heading[row] = self.position[row], self.heading[row]
 
     def body_of(self, row: int) -> Shape:
         """Return the same as `shape_of`, the corners of what may move in the same order at every pose."""
@@ -615,7 +629,7 @@ class Load(Obstacle):
         place = checked_pose(pose, self.space)
         self.model.parts["bodies"].check_room_for_load(self.form, place, self)
         self.table.put(self.row, place)
-        self.model.parts["bodies"].changed()  # sensors that were read already are read again
+        self.model.parts["bodies"].scene_changed()  # sensors that were read already are read again
 
     def lay(self, pose: Pose) -> None:
         """Move it to (x, y, heading); deprecated, see `move_to`."""

@@ -50,7 +50,7 @@ class Movers:
         return iter(self.agents)
 
     def __getitem__(self, index: int) -> "Driven":
-        return self.agents[index]
+        return self._table.agents[self.rows[index]]
 
     def __getattr__(self, name: str) -> np.ndarray:
         """Return a column of the table in the rows of driven bodies."""
@@ -83,7 +83,8 @@ class Movers:
     @property
     def poses(self) -> tuple[np.ndarray, ...]:
         """Where all bodies are and where they go: position, heading, aim, aim_heading."""
-        return self.position, self.heading, self.aim, self.aim_heading
+        rows, table = self.rows, self._table
+        return table.position[rows], table.heading[rows], table.aim[rows], table.aim_heading[rows]
 
 
 class Driven(Body):
@@ -183,7 +184,7 @@ class Driven(Body):
 
     def remove(self) -> None:
         """Take the body out of the world, between two steps."""
-        self.alive()
+        self.table.mode[self.alive()], self.carrier = DRIVEN, None
         super().remove()
 
     def alive(self) -> int:

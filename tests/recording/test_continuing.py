@@ -7,7 +7,7 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Field, Radio, Scale, SwarmModel
+from mesa_swarm import AGENT9, Field, Radio, Scale, SwarmModel, disc
 from mesa_swarm.control import Avoid, Chance, Explore, Halt, StateMachine, Subsumption, Transition
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, UnstoredStateWarning
 from mesa_swarm.gallery import find_model, gallery_names
@@ -364,3 +364,23 @@ def test_a_reporter_added_by_hand_keeps_its_values_when_a_recording_is_resumed_a
     frame = again.run(2).datacollector.get_model_vars_dataframe()
     assert frame["late"].isna().tolist() == [True, True, *[False] * 6, True, True]
     assert frame["x"].tolist() == list(range(1, 11))
+
+
+class OfKind(SwarmModel):
+    """A world with a body of a kind that is a parameter."""
+
+    def __init__(self, *, kind="puck", rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.add_body(disc((200, 100), 5), kind=kind)
+        self.add_robots(AGENT9, 3)
+
+
+@pytest.mark.parametrize("adds", [False, True])
+def test_a_run_goes_on_with_bodies_of_another_kind_though_others_were_added(adds):
+    model = OfKind(rng=1).run(2)
+    if adds:
+        model.add_obstacle(disc((300, 100), 5))
+    again = model.run(1).continued(kind="wolf")
+    assert [body.kind for body in again.bodies][4:] == ["wolf", *["obstacle"] * adds]
+    assert again.kinds[4:] == ("puck", "wolf")
+    again.run(2)

@@ -82,9 +82,9 @@ def test_one_that_was_changed_by_hand_is_followed_from_the_next_checkpoint(tmp_p
 
 def test_formats_of_the_future_are_refused(tmp_path, monkeypatch):
     with monkeypatch.context() as future:
-        future.setattr(provenance, "FORMAT", 5)
-        future.setattr(provenance, "READABLE", (1, 2, 4, 5))
+        future.setattr(provenance, "FORMAT", 6)
+        future.setattr(provenance, "READABLE", (1, 2, 5, 6))
         with FireFighting(n_robots=1, rng=1).record(tmp_path / "run.arrow"):
             pass
-    with pytest.raises(RecordingError, match="has format 5, which this version cannot read; expected one of 1, 2, 4"):
+    with pytest.raises(RecordingError, match="has format 6, which this version cannot read; expected one of 1, 2, 5"):
         Recording(tmp_path / "run.arrow")

@@ -88,3 +88,41 @@ def test_a_removed_body_stays_one_object_in_the_next_checkpoint(model):
     again = restore(Shepherd(rng=2), checkpoint_of(model))
     check(restore(Shepherd(rng=2), checkpoint_of(again)), model)
     assert again.run(3).state_hash() == model.run(3).state_hash()
+
+
+class Remembering(SwarmModel):
+    """Keeps what it has removed: a lamp, a fire, and a puck that a robot carried."""
+
+    def __init__(self, *, rng=None, distance=15.0, kind="puck"):
+        super().__init__(map="openspace", rng=rng)
+        self.kept = [
+            self.add_body(disc((100, 100), 5), kind="lamp", mode="fixed", temperature=0.9),
+            self.add_fire((400, 400), radius=12),
+            self.add_body(disc((300, 100), 5), kind=kind),
+        ]
+        (robot,) = self.add_robots(AGENT9, poses=[(280, 100, 0.0)])
+        self.attach(robot, self.kept[2])
+        self.run(2)
+        for body in self.kept:
+            body.remove()
+
+    def seen(self):
+        """Return what handles of removed bodies have."""
+        lamp, fire, puck = self.kept
+        place = fire.table.position[fire.row].tolist(), float(fire.table.radius[fire.row])
+        return (
+            lamp.temperature,
+            lamp.position.tolist(),
+            place,
+            puck.mode,
+            puck.carrier,
+            puck.table.pose_of(puck.row)[:2],
+        )
+
+
+def test_handles_of_removed_bodies_have_what_they_had_after_a_resume():
+    model = Remembering(rng=1)
+    assert model.seen() == (0.9, [100.0, 100.0], ([400.0, 400.0], 12.0), "driven", None, (280.0, 100.0))
+    again = restore(Remembering(rng=1), checkpoint_of(model.run(2)))
+    assert again.seen() == model.seen()
+    assert model.continued(distance=10.0).seen() == model.seen()
