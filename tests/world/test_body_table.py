@@ -23,7 +23,8 @@ def add(table, unique_id, which):
     what = [*WHAT, {**USUAL, "kind": FIRE, "temperature": 0.25}][which]
     body, shape = SimpleNamespace(unique_id=unique_id), disc((unique_id, 2.0), 1.0 + which)
     table.add(body, shape, Form.of(shape) if what["mode"] != FIXED else None, **what)
-    return body, {**what, "position": [float(unique_id), 2.0], "radius": 1.0 + which}
+    place = [float(unique_id), 2.0]
+    return body, {**what, "position": place, "aim": place, "radius": 1.0 + which}
 
 
 def check(table, bodies):
