@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Arena, Model
-from mesa_swarm.world.bodies import FIXED, Body, BodyTable
+from mesa_swarm.world.bodies import Body, BodyTable
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
-from mesa_swarm.world.statics import FIRE, KINDS
+from mesa_swarm.world.statics import FIRE, FIXED, KINDS
 
 NEVER = -1
 # What fires have besides what the table of bodies has of them.

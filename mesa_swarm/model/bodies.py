@@ -22,11 +22,7 @@ from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.bodies import (
-    CARRIED,
-    DRIVEN,
-    FIXED,
     LARGEST_HEADING,
-    PUSHED,
     Body,
     BodyTable,
     Form,
@@ -40,7 +36,7 @@ from mesa_swarm.world.bodies import (
 )
 from mesa_swarm.world.movers import Driven, Movers, occupied, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
-from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MOST_KINDS, OBSTACLE, ROBOT
+from mesa_swarm.world.statics import CARRIED, DRIVEN, FIRE, FIXED, KINDS, LOAD, MOST_KINDS, OBSTACLE, PUSHED, ROBOT
 
 # The least radius as a share of the largest coordinate: overlap differs from touch by 1e-7 of a radius, which
 # may not be less than the rounding of a coordinate. And squares of lengths have to be floats.

@@ -200,7 +200,7 @@ class EngineModel(MesaModel):
         Examples
         --------
         >>> from mesa_swarm import SwarmModel
-        >>> SwarmModel(map="openspace_fire", rng=1).parts["fires"].columns()["temperature"].array.shape
+        >>> SwarmModel(map="openspace_fire", rng=1).parts["fires"].columns()["area"].array.shape
         (7,)
         """
         return self._parts

@@ -16,8 +16,8 @@ from mesa_swarm.geometry.outlines import (
     outlines_of,
     place_solid,
 )
-from mesa_swarm.world.bodies import CARRIED, BodyTable, Form
-from mesa_swarm.world.statics import Statics
+from mesa_swarm.world.bodies import BodyTable, Form
+from mesa_swarm.world.statics import CARRIED, Statics
 
 # What is farther than asked for by this share of a load's thickness need not be measured exactly.
 MARGIN = 1e-3

@@ -17,9 +17,9 @@ from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.motion import least_of
-from mesa_swarm.world.bodies import CARRIED, BodyTable, Form
+from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import Statics, edges_of
+from mesa_swarm.world.statics import CARRIED, Statics, edges_of
 
 LONGEST_STEP = 0.4
 # A body with farther to go jumps: it is put down where it was asked to be if no robot is there.

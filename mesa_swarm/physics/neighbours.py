@@ -17,8 +17,7 @@ from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
-from mesa_swarm.world.bodies import CARRIED
-from mesa_swarm.world.statics import KINDS, NOTHING, ROBOT
+from mesa_swarm.world.statics import CARRIED, KINDS, NOTHING, ROBOT
 
 MOST_NEIGHBOURS = 1000
 LAMP = f"{ACT}lamp"

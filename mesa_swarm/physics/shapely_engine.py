@@ -29,8 +29,7 @@ from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximi
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.bodies import CARRIED
-from mesa_swarm.world.statics import ROBOT
+from mesa_swarm.world.statics import CARRIED, ROBOT
 
 # A robot is pushed by others at most this share of its radius at once.
 LONGEST_PUSH = 0.25

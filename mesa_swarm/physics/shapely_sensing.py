@@ -16,8 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.bodies import CARRIED
-from mesa_swarm.world.statics import BORDER, NOTHING, OBSTACLE, ROBOT
+from mesa_swarm.world.statics import BORDER, CARRIED, NOTHING, OBSTACLE, ROBOT
 
 # Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
 WIDEST_STEP = math.radians(60.0)

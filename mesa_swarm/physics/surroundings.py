@@ -11,9 +11,9 @@ from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.load_room import Poses, Room, room_of
 from mesa_swarm.physics.moving import Moving, MovingItems, place_items
 from mesa_swarm.physics.sensing import Radiating
-from mesa_swarm.world.bodies import CARRIED, DRIVEN, PUSHED, BodyTable, Form
+from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.shapes import Shape
-from mesa_swarm.world.statics import Marks, Statics, edges_of
+from mesa_swarm.world.statics import CARRIED, DRIVEN, PUSHED, Marks, Statics, edges_of
 
 # Loads may move this far before they are listed anew, in radii of the largest robot; and this far in one step.
 SLACK = 4.0

@@ -44,8 +44,8 @@ from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import FAILED_WHEELS, WHEELS
-from mesa_swarm.world.bodies import FIXED, LARGEST_RESISTANCE, PUSHED
-from mesa_swarm.world.statics import FIRE
+from mesa_swarm.world.bodies import LARGEST_RESISTANCE
+from mesa_swarm.world.statics import FIRE, FIXED, PUSHED
 
 # Of the state of Python's generator.
 WORDS = 625

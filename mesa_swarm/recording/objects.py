@@ -17,22 +17,10 @@ from mesa_swarm.recording.making import check_agent_class, classes_near, family,
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.world.arena import ArenaAgent, next_id, set_next_id
-from mesa_swarm.world.bodies import (
-    CARRIED,
-    DRIVEN,
-    FIXED,
-    MODES,
-    Body,
-    BodyTable,
-    Form,
-    Pose,
-    checked_resistance,
-    checked_temperature,
-    handles,
-)
+from mesa_swarm.world.bodies import Body, BodyTable, Form, Pose, checked_resistance, checked_temperature, handles
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, disc, outline_to_json, shape_from_json
-from mesa_swarm.world.statics import KINDS, MOST_KINDS
+from mesa_swarm.world.statics import CARRIED, DRIVEN, FIXED, KINDS, MODES, MOST_KINDS
 
 MOST_OBJECTS = 10_000_000
 

@@ -28,9 +28,10 @@ from mesa_swarm.recording.objects import (
 )
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.arena import ArenaAgent
-from mesa_swarm.world.bodies import DRIVEN, FIXED, PUSHED, Body, BodyTable, Form
+from mesa_swarm.world.bodies import Body, BodyTable, Form
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import disc
+from mesa_swarm.world.statics import DRIVEN, FIXED, PUSHED
 
 GONE = -1  # the row of a removed handle
 

@@ -37,9 +37,9 @@ from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.swarm import LASTING, Swarm
 from mesa_swarm.world.arena import next_id, set_next_id
-from mesa_swarm.world.bodies import FIXED, BodyTable
+from mesa_swarm.world.bodies import BodyTable
 from mesa_swarm.world.movers import Driven
-from mesa_swarm.world.statics import FIRE, KINDS
+from mesa_swarm.world.statics import FIRE, FIXED, KINDS
 
 # Columns that follow from the parameters, unless the run has added or removed anything.
 MADE = (("robots", "number"), ("robots", "design"))

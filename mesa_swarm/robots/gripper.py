@@ -11,7 +11,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.devices import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
-from mesa_swarm.world.bodies import CARRIED, DRIVEN
+from mesa_swarm.world.statics import CARRIED, DRIVEN
 
 LARGEST_REACH = 1e6
 CLOSED = 0.5

@@ -18,7 +18,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers, disc
-from mesa_swarm.world.statics import FIRE, KINDS, LOAD, OBSTACLE
+from mesa_swarm.world.statics import FIRE, KINDS, LOAD, MODES, OBSTACLE
 
 # Bodies may overlap by this share of their thickness, and by more at the tips of sharp corners: it is rounding.
 LOOSE = 1e-9
@@ -27,9 +27,6 @@ LOOSE = 1e-9
 PITH = 1e-3
 LARGEST_RESISTANCE = 1e9
 LARGEST_HEADING = 1e9
-# How a body moves: not at all, where it is sent, where robots push it, with the robot that carries it.
-MODES = ("fixed", "driven", "pushed", "carried")
-FIXED, DRIVEN, PUSHED, CARRIED = range(len(MODES))
 
 Pose = tuple[float, float, float]
 

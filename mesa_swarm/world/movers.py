@@ -12,9 +12,10 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena
-from mesa_swarm.world.bodies import CARRIED, DRIVEN, LARGEST_HEADING, Body, BodyTable, Pose, checked_pose
+from mesa_swarm.world.bodies import LARGEST_HEADING, Body, BodyTable, Pose, checked_pose
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
+from mesa_swarm.world.statics import CARRIED, DRIVEN
 
 
 class Movers:

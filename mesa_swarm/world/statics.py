@@ -14,6 +14,9 @@ OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
 # The names of these kinds; custom ones follow, as far as the code fits into a byte.
 KINDS = ("obstacle", "robot", "fire", "load")
 MOST_KINDS = 127
+# How a body moves: not at all, where it is sent, where robots push it, with the robot that carries it.
+MODES = ("fixed", "driven", "pushed", "carried")
+FIXED, DRIVEN, PUSHED, CARRIED = range(len(MODES))
 BORDER = -1
 FEWEST_CELLS = 4096
 CELLS_PER_ITEM = 4

@@ -25,8 +25,9 @@ def pictured(poses=(), **more) -> np.ndarray:
     if poses:
         world.add_robots(AGENT9, poses=poses)
     for name, values in more.items():
-        table = world.swarm.columns if name == "hot" else world.fires.columns
-        table[name][:] = values
+        bodies = world.parts.bodies.table
+        tables = {"hot": world.swarm.columns, "out": world.fires.own, "temperature": {name: bodies.temperature}}
+        tables[name][name][world.fires.rows if name == "temperature" else ...] = values
     return Camera(HALL, longest_side=400).picture(world)
 
 

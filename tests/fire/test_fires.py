@@ -12,9 +12,8 @@ from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire import FireConstants, Fires, design_constants
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.bodies import FIXED
 from mesa_swarm.world.map import FireSpot
-from mesa_swarm.world.statics import FIRE
+from mesa_swarm.world.statics import FIRE, FIXED
 from support.scenes import blind, empty
 
 NO_HEAT = FireConstants(k1=1e-9, k2=1.0, k3=0.0, k4=0.0, leave=1.0, join=0.0)

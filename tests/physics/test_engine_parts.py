@@ -197,7 +197,7 @@ def test_a_broadcast_is_cut_where_the_line_meets_an_obstacle_and_not_by_fires(se
     line = shapely.LineString([(ax, ay), (bx, by)])
     outlines = [polygon.boundary for polygon in WORLD.solids.polygons[1:]]
     gaps = [outline.distance(line) for outline in outlines]
-    gaps += [line.distance(shapely.Point(x, y)) - r for x, y, r in s.discs[: s.first_source]]
+    gaps += [line.distance(shapely.Point(x, y)) - r for x, y, r in s.discs[: s.first_apart]]
     assume(min(map(abs, gaps)) == 0.0 or min(map(abs, gaps)) > 1e-6)
     assert is_cut(ax, ay, bx, by, obstacles) == is_cut(bx, by, ax, ay, obstacles) == (min(gaps) <= 0.0)
 

@@ -15,8 +15,9 @@ from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.loads import EQUAL, HAIR, HALVINGS, MOST_WAYS, ROUNDS
 from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.world.bodies import FIXED, Body, Load, Pose, placed
+from mesa_swarm.world.bodies import Body, Load, Pose, placed
 from mesa_swarm.world.movers import Driven, Movers
+from mesa_swarm.world.statics import FIXED
 
 from .tables import note, put
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from mesa_swarm import disc
 from mesa_swarm.physics.surroundings import Surroundings
-from mesa_swarm.world.bodies import FIXED, BodyTable
-from mesa_swarm.world.statics import FIRE, OBSTACLE
+from mesa_swarm.world.bodies import BodyTable
+from mesa_swarm.world.statics import FIRE, FIXED, OBSTACLE
 
 
 def add_standing(table: BodyTable, shapes=(), fires=(), temperature=None) -> None:

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT_HEAT, SwarmModel, disc, rectangle
-from mesa_swarm.world.bodies import CARRIED, DRIVEN, FIXED, MODES, PUSHED, BodyTable, Form
-from mesa_swarm.world.statics import FIRE, KINDS, LOAD, OBSTACLE
+from mesa_swarm.world.bodies import BodyTable, Form
+from mesa_swarm.world.statics import CARRIED, DRIVEN, FIRE, FIXED, KINDS, LOAD, MODES, OBSTACLE, PUSHED
 
 USUAL = {"mode": FIXED, "kind": OBSTACLE}
 WHAT = [USUAL, {"mode": DRIVEN, "kind": OBSTACLE, "fresh": True}, {"mode": PUSHED, "kind": LOAD, "resistance": 0.5}]
