@@ -2,6 +2,7 @@
 
 import pickle
 from copy import deepcopy
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -86,6 +87,44 @@ def test_columns_that_are_made_anew_whenever_a_part_is_bound_are_kept_by_copies(
     twin.run(1)
     assert twin.parts["soot"].soot.tolist() == [4.0, 8.0, 12.0, 16.0, 5.0]
     assert model.state_hash() == duplicate(model).state_hash()
+
+
+@dataclass
+class Measured(Part):
+    """A part that is compared by its array; two of a class stand in one model."""
+
+    level: np.ndarray
+    name: str = "measured"
+
+    def columns(self):
+        return {"level": Column(self.level)}
+
+
+class LeftOut(Part):
+    """Leaves its column out of copies, and makes it in `bind`."""
+
+    name = "left_out"
+
+    def bind(self, context):
+        self.level = np.zeros(2)
+
+    def columns(self):
+        return {"level": Column(self.level)}
+
+    def __getstate__(self):
+        return {}
+
+
+@pytest.mark.parametrize("duplicate", [deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
+def test_parts_that_are_compared_by_arrays_or_leave_columns_out_are_copied(duplicate):
+    model = SwarmModel(rng=1)
+    for name in ("one", "other"):
+        model.add_part(Measured(np.arange(3.0), name))
+    model.add_part(LeftOut()).level[:] = 1.0
+    twin = duplicate(model)
+    assert twin.parts["other"].level.tolist() == [0.0, 1.0, 2.0]
+    assert twin.parts["left_out"].level.tolist() == [0.0, 0.0]
+    twin.run(1)
 
 
 def test_columns_that_are_made_anew_whenever_a_part_is_bound_are_resumed(tmp_path):

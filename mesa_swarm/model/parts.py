@@ -1,6 +1,7 @@
 """The parts of a model in their order, and the loops over them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
@@ -166,13 +167,16 @@ class Parts(Mapping[str, Part]):
 
     def bind(self) -> None:
         """Let all parts take what they need, after a copy or a restore; columns stay what they were."""
-        context, added = self.context(), self.added()
-        for part in self._by_name.values():
-            before = dict(part.columns()) if part in added else {}
+        context = self.context()
+        for name, part in self._by_name.items():
+            before: Mapping[str, Column] = {}
+            if name not in self._standing:
+                with suppress(AttributeError):  # one that leaves its columns out of a copy has none to keep
+                    before = part.columns()
             part.bind(context)
-            for name, column in part.columns().items() if before else ():
-                if name in before and column.array is not before[name].array:  # made anew
-                    part.replace(name, before[name].array)
+            for column, (array, *_) in part.columns().items() if before else ():
+                if column in before and array is not before[column].array:  # made anew
+                    part.replace(column, before[column].array)
         self.replan()
 
     def context(self) -> Context:
