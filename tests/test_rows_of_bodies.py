@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Column, Part, Phase, Stage, SwarmModel, disc
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from support.rows_of_bodies import Weathered
 
@@ -156,3 +156,28 @@ def test_robots_have_nothing_to_do_with_it():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, 2)
     assert np.shape(Weathered(rng=1).parts["weather"].age) == (5,)
+
+
+class Stuck(Part):
+    """Cannot take a column of which rows were removed."""
+
+    name = "stuck"
+
+    def bind(self, context):
+        self.held = [np.zeros(len(context.model.bodies))]
+
+    def columns(self):
+        return {"held": Column(self.held[0], "bodies")}
+
+
+def test_a_body_whose_rows_a_part_cannot_drop_stays_whole():
+    model = SwarmModel(rng=1)
+    bodies = model.add_fire((400, 300), radius=10), model.add_body(disc((100, 100), 5))
+    model.add_part(Stuck())
+    for body in bodies:
+        with pytest.raises(InvalidValueError, match="has no attribute that is its column held"):
+            body.remove()
+    assert list(model.bodies)[4:] == list(bodies)  # after the border
+    assert model.fires.agents == [bodies[0]]
+    assert bodies[0].temperature == 1.0
+    model.run(2)

@@ -253,9 +253,9 @@ class Fire(Body):
     def remove(self) -> None:
         """Take the fire out of the world, between two steps."""
         self._alive()
+        super().remove()
         index, self.index = self.index, -1
         self.fires.remove(index)
-        super().remove()
         self.model.parts["fires"].release_robots(index)
 
     def _alive(self) -> int:
