@@ -28,6 +28,8 @@ OURS = re.compile(r"(?P<name>\.|mesa-swarm)(?:\[(?P<extras>[\w,]+)\])?")
 BLOCK = re.compile(r"^ *```(?P<language>\w*)\n(?P<text>.*?)^ *```", re.DOTALL | re.MULTILINE)
 IMPORT = re.compile(r"^(?:from [\w.]+ import (?:\([^)]*\)|[^\n(]+)|import [^\n]+)", re.MULTILINE)
 COMMAND = re.compile(r"^(?:\.venv/bin/)?mesa-swarm (?P<name>[a-z][\w-]*)", re.MULTILINE)
+# A package whose files a page shows, and which it installs: the command that it adds has its name.
+MADE = re.compile(r"pip install \./(\w+)")
 # What a page installs that has none of these lines: what README and tutorial install.
 USUAL = frozenset({"dashboard"})
 # Lines that are run elsewhere, and what there shows it.
@@ -164,13 +166,13 @@ def extras_of_pages() -> dict[str, frozenset[str]]:
 
 
 def shown_on(page: str, text: str) -> tuple[list[str], list[str]]:
-    """Return the imports and the commands that a page shows."""
+    """Return the imports and the commands that a page shows, without the commands of a package that it makes."""
     if page.endswith(".ipynb"):
         return IMPORT.findall(text), []
     blocks = [(found["language"], found["text"]) for found in BLOCK.finditer(text)]
     imports = [one for language, block in blocks if language == "python" for one in IMPORT.findall(block)]
-    commands = [one for language, block in blocks if language in ("sh", "") for one in COMMAND.findall(block)]
-    return imports, sorted(set(commands))
+    commands = {one for language, block in blocks if language in ("sh", "") for one in COMMAND.findall(block)}
+    return imports, sorted(commands - set(MADE.findall(text)))
 
 
 class Installer:

@@ -17,8 +17,6 @@ OF_PAGES = pip_lines.extras_of_pages()
 REQUIRED = [re.split(r"[\[<>=!~; ]", line, maxsplit=1)[0] for line in pip_lines.PROJECT["dependencies"]]
 # What a package among these brings along.
 BROUGHT = {"networkx", "dask"}
-# What a page makes itself.
-OF_A_PAGE = {"docs/own_package.md": {"anthill"}}
 OWNERS = packages_distributions()
 
 
@@ -51,8 +49,14 @@ def test_a_page_shows_no_import_that_its_own_lines_do_not_install(page):
     known = {plain(name) for name in (*REQUIRED, *pip_lines.packages_of(OF_PAGES[page]))} | BROUGHT
     imports, _ = pip_lines.shown_on(page, pip_lines.pages()[page])
     modules = {re.split(r"[ .,]", statement.split(maxsplit=1)[1])[0] for statement in imports}
-    outside = modules - set(sys.stdlib_module_names) - {"mesa_swarm", "mesa_swarm_studies"} - OF_A_PAGE.get(page, set())
+    outside = modules - set(sys.stdlib_module_names) - {"mesa_swarm", "mesa_swarm_studies"}
     assert {name for name in outside if not {plain(owner) for owner in (name, *OWNERS.get(name, []))} & known} == set()
+
+
+def test_no_environment_is_asked_for_the_command_of_a_package_that_a_page_makes():
+    text = pip_lines.pages()["docs/own_command.md"]
+    assert "mesa-swarm visits" in text
+    assert "visits" not in pip_lines.shown_on("docs/own_command.md", text)[1]
 
 
 def plain(name: str) -> str:
