@@ -70,17 +70,17 @@ ALLOWED = [
     ("CHANGELOG.md", "Wish", "a former name"),
     ("docs/sensitivity.md", "tell", "ask-and-tell is the name of a method"),
     ("mesa_swarm/learning/evolution.py", "tell", "CMA-ES is an ask-and-tell method; a documented name"),
-    ("mesa_swarm/moved.py", "learning.told", "a former address"),
-    ("mesa_swarm/moved.py", "wish", "a former address"),
-    ("mesa_swarm/moved.py", "Wish", "a former name"),
+    ("mesa_swarm/base/moved.py", "learning.told", "a former address"),
+    ("mesa_swarm/base/moved.py", "wish", "a former address"),
+    ("mesa_swarm/base/moved.py", "Wish", "a former name"),
     ("mesa_swarm/physics/imperfect.py", "told", "the name of a stored column"),
     ("mesa_swarm/recording/devices.py", "code of one's own", "a key of stored states"),
     ("mesa_swarm/robots/swarm.py", "hush", "a former name"),
     ("mesa_swarm/robots/swarm.py", "shed", "a former name"),
     ("mesa_swarm/world/bodies.py", "lay", "a former name"),
     ("tests/studies/test_learning_targets.py", "tell", "CMA-ES is an ask-and-tell method; a documented name"),
-    ("tests/test_moved.py", "teaching.wish", "a former address"),
-    ("tests/test_moved.py", "Wish", "a former name"),
+    ("tests/base/test_moved.py", "teaching.wish", "a former address"),
+    ("tests/base/test_moved.py", "Wish", "a former name"),
 ]
 
 

@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from mesa_swarm.base.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, do_runs, has_numbers, stored_in
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
-from mesa_swarm.files import check_writable
 
 # A comparison stores its runs here, in the folder of its tables.
 LEDGER = "runs.jsonl"

@@ -13,12 +13,13 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.files import check_writable, draft_of, shown_path
 from mesa_swarm.experiments.experiment import (
     FIXED,
     POINT,
     Experiment,
-    check_columns,
+    check_result_names,
     checked_experiment,
     first_built,
     shown_value,
@@ -29,8 +30,7 @@ from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, sum_of_left_ou
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
-from mesa_swarm.files import check_writable, draft_of, shown_path
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.model.parameters import parameters_of
 
 LEDGER = "ledger.jsonl"
 SHARD = re.compile(r"([0-9]{1,6})/([0-9]{1,6})")
@@ -360,7 +360,7 @@ def stored_runs(experiment: Experiment, folder: Path) -> Iterator[tuple[Run, Out
 def check_recorded(experiment: Experiment) -> None:
     """Refuse an experiment whose runs cannot be recorded because a result is named as the column of recordings."""
     built = first_built(experiment)
-    check_columns(built.results() if hasattr(built, "results") else {}, {RECORDING})
+    check_result_names(built.results() if hasattr(built, "results") else {}, {RECORDING})
 
 
 def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
@@ -396,7 +396,7 @@ def _done(taken: set[str], archive: Archive | None, words: Callable[[BaseExcepti
     """Do a run, and record it if there is an archive; a result named as another column is an error."""
     outcome = attempt(run, words=words) if archive is None else archive.attempt(run)
     try:
-        check_columns(outcome.numbers, taken)
+        check_result_names(outcome.numbers, taken)
     except InvalidValueError as error:
         return Outcome(error=error_in_words(error))
     return outcome

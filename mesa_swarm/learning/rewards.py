@@ -2,8 +2,8 @@
 
 import math
 
-from mesa_swarm.errors import check_choice, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import check_choice, check_number
+from mesa_swarm.kernels.compiled import compiled
 
 REWARDS = ("a", "b", "c")
 # The state by whose readings an action is rewarded: the one in which it was chosen, as in the thesis, or the next.

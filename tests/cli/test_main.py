@@ -9,10 +9,10 @@ import pytest
 
 import mesa_swarm
 from mesa_swarm import cli
+from mesa_swarm.base.progress import finishing_time, progress_bar
 from mesa_swarm.cli import listing
 from mesa_swarm.cli.options import print_pairs
-from mesa_swarm.gallery import model_names
-from mesa_swarm.progress import finishing_time, progress_bar
+from mesa_swarm.model.gallery import model_names
 
 WRONG = {
     "lst": "Did you mean 'list'",
@@ -188,7 +188,7 @@ def test_the_program_runs_as_a_process_and_imports_little_for_its_help():
 
 
 def test_models_do_not_wait_for_statistics_or_pictures():
-    check = "import sys; from mesa_swarm.gallery import loaded_models; loaded_models(); "
+    check = "import sys; from mesa_swarm.model.gallery import loaded_models; loaded_models(); "
     check += "print(sorted({'scipy.stats', 'matplotlib', 'solara', 'pyarrow.dataset'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"

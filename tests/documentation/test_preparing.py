@@ -11,10 +11,10 @@ from notebook_pages import write_page
 from recorded_runs import LARGEST, RecordedRun, recorded_runs, steps_a_row
 from typesetting import typeset, typeset_docstring
 
-from mesa_swarm.dashboard.gallery_pictures import SHOTS
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.gallery import find_model, gallery_names
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.base.errors import InvalidValueError
+from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS
+from mesa_swarm.model.gallery import find_model, gallery_names
+from mesa_swarm.model.parameters import parameters_of
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = [path.stem for path in sorted((ROOT / "notebooks").glob("*.ipynb"))]

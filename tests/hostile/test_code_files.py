@@ -10,7 +10,7 @@ from hashlib import blake2b
 import numpy as np
 import pytest
 
-from mesa_swarm.geometry.code_files import SEAL_BYTES
+from mesa_swarm.kernels.code_files import SEAL_BYTES
 from support.disks import read_only, small_disk
 
 pytestmark = pytest.mark.slow

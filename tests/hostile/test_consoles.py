@@ -41,7 +41,7 @@ MODEL = '''
 """A model."""
 from typing import Annotated
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.parameters import Slider
+from mesa_swarm.model.parameters import Slider
 
 class Mine(SwarmModel):
     """\u0420\u043e\u0431\u043e\u0442\u044b that turn by \u03b8 \u2264 \u03c0, \u65e5\u672c \U0001f41d."""

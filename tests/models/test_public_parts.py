@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm_studies.registry import items
 
 PUBLIC = {
     "mesa_swarm",
-    *(f"mesa_swarm.{room}" for room in ("control", "analysis", "parameters", "reporters", "errors", "streams")),
+    *(f"mesa_swarm.{room}" for room in ("control", "analysis", "model.parameters", "errors")),
     *("numpy", "mesa", "shapely"),
 }
 STANDARD = set(sys.stdlib_module_names)

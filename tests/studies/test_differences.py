@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm_studies.registry import items
 from mesa_swarm_studies.thesis.differences import (
     COUNTED,

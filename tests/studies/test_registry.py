@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm_studies.judging import PASSED, REFUTED, VERDICTS, Check, verdict
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Made, find_item, items, report
