@@ -147,8 +147,8 @@ OF_PAPERS = f"""\
 # Published results
 
 This page is written by `mesa-swarm reproduce --published --report docs/published.md`; `mesa-swarm reproduce --figure
-task_allocation` reproduces a single result, with its picture and table. Each result is one model of the gallery, of at
-most 150 lines that use public names alone, beside what a paper reports. Runs are repeated over many seeds; comparisons
+task_allocation` reproduces a single result, with its picture and table. Each result is one model of the gallery, built
+on public names alone, beside what a paper reports. Runs are repeated over many seeds; comparisons
 are paired by seed. Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
 
 {VERDICTS_IN_WORDS}

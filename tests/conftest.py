@@ -33,7 +33,7 @@ def pytest_sessionstart(session):
     is_whole = running.args_source is pytest.Config.ArgsSource.TESTPATHS and not running.option.collectonly
     if is_whole and not hasattr(running, "workerinput"):
         # Tests report what is wrong if it fails.
-        subprocess.run([sys.executable, "-m", "mesa_swarm.cli", "warm-up"], check=False)
+        subprocess.run([sys.executable, "-m", "mesa_swarm", "warm-up"], check=False)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -11,6 +11,7 @@ from types import CodeType, ModuleType
 ROOT, ROOT_OF_STUDIES = "mesa_swarm.", "mesa_swarm_studies."
 # New module: the modules of earlier versions that are in it now.
 MOVED = {
+    "__main__": "cli.__main__",
     "analysis.chain_history": "analysis.chain_events analysis.meetings",
     "analysis.pathology": "analysis.pathology_finders analysis.pathology_track",
     "analysis.series": "analysis.collisions",

@@ -184,7 +184,7 @@ LISTING = """
 import subprocess, sys
 from time import perf_counter
 start = perf_counter()
-subprocess.run([sys.executable, "-m", "mesa_swarm.cli", "list"], check=True, capture_output=True)
+subprocess.run([sys.executable, "-m", "mesa_swarm", "list"], check=True, capture_output=True)
 print(perf_counter() - start)
 """
 LEARNERS = """

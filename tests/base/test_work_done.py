@@ -12,7 +12,7 @@ import pytest
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.work_done import WorkDone, one_line, report_work
 
-RUN = [sys.executable, "-m", "mesa_swarm.cli", "run", "collision_avoidance", "--steps", "40"]
+RUN = [sys.executable, "-m", "mesa_swarm", "run", "collision_avoidance", "--steps", "40"]
 
 
 def process(*words):

@@ -98,7 +98,7 @@ WRONG = {
 
 
 def process(*words, **more):
-    command = [sys.executable, "-m", "mesa_swarm.cli", *words]
+    command = [sys.executable, "-m", "mesa_swarm", *words]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **more)
 
 
@@ -153,7 +153,7 @@ def test_an_error_of_the_system_names_the_file(typed, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
 def test_output_that_is_printed_to_a_full_disk_is_named():
-    command = [sys.executable, "-m", "mesa_swarm.cli", "list"]
+    command = [sys.executable, "-m", "mesa_swarm", "list"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.stderr == "mesa-swarm: standard output or a temporary file: No space left on device\n"
@@ -195,7 +195,7 @@ def test_models_do_not_wait_for_statistics_or_pictures():
 
 
 def test_a_reader_that_closes_the_output_is_not_an_error():
-    command = f"{sys.executable} -m mesa_swarm.cli list | head -n 1"
+    command = f"{sys.executable} -m mesa_swarm list | head -n 1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == (f"{model_names()[0]}\n", "")
 

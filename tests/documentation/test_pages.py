@@ -157,7 +157,7 @@ def assert_serves(words: list[str]) -> None:
     """Start a server as the page shows, wait for its address, and stop it as Ctrl-C does."""
     words = [word for word in words if word != "--no-browser"]
     server = subprocess.Popen(
-        [sys.executable, "-m", "mesa_swarm.cli", *words, "--no-browser", "--port", free_port()],
+        [sys.executable, "-m", "mesa_swarm", *words, "--no-browser", "--port", free_port()],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

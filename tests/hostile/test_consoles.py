@@ -113,7 +113,7 @@ def test_commands_end_as_they_do_where_all_letters_are_there(tmp_path, tally, am
     (tmp_path / "mine.py").write_text(MODEL, encoding="utf-8")
 
     def ended(words, settings):
-        command = [sys.executable, "-m", "mesa_swarm.cli", *words]
+        command = [sys.executable, "-m", "mesa_swarm", *words]
         environment = {**os.environ, "PYTHONIOENCODING": "utf-8", **settings}
         return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
 

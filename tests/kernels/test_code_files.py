@@ -265,7 +265,7 @@ def test_a_user_of_an_installation_that_is_read_only_compiles_only_what_is_missi
         (line,) = done.stderr.splitlines()
         assert line.startswith(f"mesa-swarm: machine code cannot be stored ({installation}")
         # Nor does warm-up claim that it did anything.
-        done = run(installation, nowhere, ["-m", "mesa_swarm.cli", "warm-up"])
+        done = run(installation, nowhere, ["-m", "mesa_swarm", "warm-up"])
         assert (done.returncode, done.stdout) == (2, "")
         (line,) = done.stderr.splitlines()
         assert line.startswith(f"mesa-swarm: machine code cannot be stored ({installation}")

@@ -59,7 +59,7 @@ def test_a_function_in_a_file_that_has_changed_is_compiled_anew(tmp_path, monkey
 
 
 def test_a_compiler_that_is_switched_off_is_named_in_one_line():
-    command = [sys.executable, "-m", "mesa_swarm.cli", "run", "boids", "--steps", "1"]
+    command = [sys.executable, "-m", "mesa_swarm", "run", "boids", "--steps", "1"]
     env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     ended = subprocess.run(command, env=env, check=False, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (2, "")
