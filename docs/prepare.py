@@ -37,7 +37,7 @@ LINK = "[{title}]({source}){{ .recorded-run }}"
 # Results and tables to look up, which the search of the site leaves out.
 APPENDIX = "appendix"
 NOT_SEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"
-# Former names of pages, and the pages where their contents are now. Pages of the appendix once lay beside the others.
+# Former names of pages, and the pages where their contents are now. Pages of the appendix were once beside the others.
 MOVED = {page.stem: f"{APPENDIX}/{page.stem}" for page in (SOURCES / APPENDIX).glob("*.md")}
 REDIRECT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Moved</title><meta http-equiv="refresh" content="1; url=../{page}/">
