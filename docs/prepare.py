@@ -37,8 +37,16 @@ LINK = "[{title}]({source}){{ .recorded-run }}"
 # Results and tables to look up, which the search of the site leaves out.
 APPENDIX = "appendix"
 NOT_SEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"
-# Former names of pages, and the pages where their contents are now. Pages of the appendix were once beside the others.
-MOVED = {page.stem: f"{APPENDIX}/{page.stem}" for page in (SOURCES / APPENDIX).glob("*.md")}
+IN_THE_APPENDIX_NOW = (
+    *("deciding_constants", "differences", "fire_learning", "foresight", "learning_results", "published", "readings"),
+    *("reproduction", "validation", "without_a_compiler"),
+)
+# Former names of pages, and the pages where their contents are now.
+MOVED = {
+    **{name: f"{APPENDIX}/{name}" for name in IN_THE_APPENDIX_NOW},
+    "benchmarks": "one_machine",
+    "concepts": "how_it_works",
+}
 REDIRECT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Moved</title><meta http-equiv="refresh" content="1; url=../{page}/">
 <script>location.replace("../{page}/" + location.hash)</script></head>
