@@ -55,7 +55,7 @@ def test_the_list_of_deprecated_names_is_that_of_the_code():
     listed = {old: new or effect for old, new, effect in ROW.findall(TEXT)}
     without = {f"HebbianLearning({', '.join(f'{name}=' for name in WITHOUT_EFFECT)})": "without effect"}
     assert listed == {**deprecated_by_warnings(), **without}
-    assert "`mesa_swarm/moved.py` lists" in " ".join(TEXT.split()), "former addresses"
+    assert "`moved.py` of the package lists" in " ".join(TEXT.split()), "former addresses"
 
 
 def test_the_changes_of_a_version_fit_on_a_page():
