@@ -11,7 +11,7 @@ STATE, NEXT_STATE = "state", "next state"
 REWARD_STATES = (STATE, NEXT_STATE)
 # d_crit of the thesis is 0.4, in units that it does not state. We read it as 0.4 of a robot's diameter of 10, which is
 # 0.08 of a range of 50: with this reading alone collisions fall with T as in the thesis whether there are four or eight
-# actions, and whichever state is rewarded; see docs/readings.md.
+# actions, and whichever state is rewarded; see docs/appendix/readings.md.
 CRITICAL = 0.08
 
 

@@ -18,11 +18,11 @@ PUBLIC = {
 }
 STANDARD = set(sys.stdlib_module_names)
 PAPERS = {name: item for name, item in items().items() if item.source == "paper"}
-DOCS = Path(__file__).parents[2] / "docs"
+APPENDIX = Path(__file__).parents[2] / "docs" / "appendix"
 
 
 def published_pages() -> str:
-    return "".join(page.read_text(encoding="utf-8") for page in sorted(DOCS.glob("published*.md")))
+    return "".join(page.read_text(encoding="utf-8") for page in sorted(APPENDIX.glob("published*.md")))
 
 
 def source_of(name: str) -> str:
@@ -71,7 +71,7 @@ class TestEveryModelOfAPaper:
         section = published_pages().partition(f"\n## {name}: ")[2].partition("\n## ")[0]
         assert re.search(r"\*\*(Confirmed|Confirmed with limits|Not confirmed)\.\*\*", section)
         assert f"(pictures/{name}.png)" in section
-        assert (DOCS / "pictures" / f"{name}.png").stat().st_size > 0
+        assert (APPENDIX / "pictures" / f"{name}.png").stat().st_size > 0
         assert "--quick" not in section
 
 
