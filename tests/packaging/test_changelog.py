@@ -8,6 +8,7 @@ import yaml
 
 import mesa_swarm
 from mesa_swarm.learning.hebbian import WITHOUT_EFFECT
+from mesa_swarm.base.moved import HOMES, NAMES
 from support.installing import ROOT
 
 TEXT = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
@@ -55,7 +56,8 @@ def test_the_list_of_deprecated_names_is_that_of_the_code():
     listed = {old: new or effect for old, new, effect in ROW.findall(TEXT)}
     without = {f"HebbianLearning({', '.join(f'{name}=' for name in WITHOUT_EFFECT)})": "without effect"}
     assert listed == {**deprecated_by_warnings(), **without}
-    assert "`moved.py` of the package lists" in " ".join(TEXT.split()), "former addresses"
+    assert not listed.keys() & {**HOMES, **NAMES}.keys(), "former addresses are listed in one place"
+    assert "`moved.py` of the package lists" in " ".join(TEXT.split())
 
 
 def test_the_changes_of_a_version_fit_on_a_page():

@@ -26,6 +26,7 @@ SECTIONS = ["5.2.2", "5.3.4", "10.2", "6.4", "7.3.2", "tuning", "req9.2", "9.4",
 # These take no runs; the others are made in the slow tests.
 FAST = ("8.1", "B.1", "D.1", "D.2", "D.3", "D.4")
 APPENDIX = Path(__file__).parents[2] / "docs" / "appendix"
+OVERVIEW = (APPENDIX.parent / "results.md").read_text(encoding="utf-8")
 PAGE = APPENDIX / "reproduction.md"
 
 
@@ -149,4 +150,5 @@ def test_the_verdicts_and_counts_of_a_page_follow_from_its_checks(name):
         verdicts.append(stated)
     counted = ", ".join(f"{verdicts.count(each)} {each}" for each in VERDICTS)
     assert f"\n{counted}.\n" in summary
+    assert re.search(rf"\(appendix/{name}\.md\)[^|]* \| {counted} \|", OVERVIEW)
     assert len(verdicts) == len(lines)
