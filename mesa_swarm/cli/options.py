@@ -50,6 +50,20 @@ SeedOrNone = Annotated[int | None, _SEED]
 StepsOfRuns = Annotated[
     int | None, typer.Option("--steps", min=1, max=MOST_STEPS, help="At most, in each run; the model's own by default.")
 ]
+Until = Annotated[
+    str | None,
+    typer.Option("--until", metavar="CONDITION", help="End a run when its reporters are so: 'fires_burning == 0'."),
+]
+Series = Annotated[
+    str | None,
+    typer.Option(
+        "--series", metavar="both|model|agents", help="Store the rows of each run and step, as Parquet in series/."
+    ),
+]
+Tables = Annotated[
+    list[str] | None,
+    typer.Option("--table", metavar="FORM", help="Write a table of the runs: csv or behaviorspace; may be repeated."),
+]
 Jobs = Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")]
 Folder = Annotated[Path, typer.Option("--out", help="Folder for tables, pictures and stored runs.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]

@@ -11,7 +11,9 @@ from typing import Any
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
 from mesa_swarm.experiments.runs import Run, do_runs, has_numbers, stored_in
+from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.files import check_writable
 
@@ -73,6 +75,9 @@ def compare(
     jobs: int = -1,
     progress: bool = False,
     out: str | os.PathLike[str] | None = None,
+    until: Callable[[Any], object] | str | None = None,
+    series: bool | str = False,
+    tables: Sequence[str] = (),
 ) -> Comparison:
     """Run a model with several values of one parameter over the same seeds, and compare the results.
 
@@ -111,6 +116,8 @@ def compare(
         Folder in which each run is stored as soon as it is done. A comparison that was interrupted, or whose process
         was killed, continues when it is called again with the same folder. Runs of code that was changed
         since are other runs (`source_hash`).
+    until, series, tables
+        See `sweep`; series and tables need `out`, the folder to which they are written.
 
     Raises
     ------
@@ -129,9 +136,10 @@ def compare(
     >>> compare("agglomeration", "n_robots", [4, 6], seeds=[7], steps=5, jobs=1).runs[0].rng
     7
     """
-    workers = checked_jobs(jobs)
-    plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures)
-    return run_plan(plan, workers, progress, folder=None if out is None else check_writable(out))
+    workers, forms, parts = checked_jobs(jobs), checked_forms(tables), checked_series(series)
+    plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures, until=until)
+    folder = checked_folder(out, series=parts, forms=forms)
+    return run_plan(plan, workers, progress, folder=folder, series=parts, tables=forms)
 
 
 def run_plan(
@@ -140,6 +148,8 @@ def run_plan(
     progress: bool = False,
     heard: Callable[[PairedOutcome], object] | None = None,
     folder: Path | None = None,
+    series: Sequence[str] = (),
+    tables: Sequence[str] = (),
 ) -> Comparison:
     """Do all runs of a plan that are not stored in a folder, and return all of them.
 
@@ -153,12 +163,15 @@ def run_plan(
         Called with each outcome as soon as its run is done.
     folder : Path, optional
         Where each run is stored as soon as it is done.
+    series, tables : sequence of str
+        Data sets and forms of tables that are written to the folder: see `checked_series`, `checked_forms`.
 
     Examples
     --------
     >>> len(run_plan(checked_plan("fire_fighting", seeds=1, steps=2)).runs)
     2
     """
+    plan = with_series(plan, folder, series)
     with nullcontext() if folder is None else Ledger(folder / LEDGER, fits=has_numbers) as ledger:
         runs = list(plan.runs(keyed=ledger is not None))
         stored = stored_in(ledger, runs)
@@ -177,7 +190,10 @@ def run_plan(
     done_before = sum(_is_alike(outcome, found[key]) for key, outcome in stored.items())
     # Of two values that are the same map, each has its own name in the tables.
     ordered = (replace(found[run.key], value=run.settings[plan.parameter]) for run in runs)
-    return Comparison(plan, tuple(ordered), done_before)
+    comparison = Comparison(plan, tuple(ordered), done_before)
+    if folder is not None:
+        write_stored(plan, list(zip(runs, comparison.runs, strict=True)), folder, tables, runs_csv(comparison))
+    return comparison
 
 
 def _left(runs: Sequence[Run], found: Mapping[str, Outcome]) -> Iterator[list[Run]]:

@@ -29,7 +29,7 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.experiments.driving import driven_world, tallied
 from mesa_swarm.experiments.evolution import Diary, Evolved, Maps, Trial, checked_maps, evolve
-from mesa_swarm.experiments.experiment import shown_value
+from mesa_swarm.experiments.fingerprints import shown_value
 from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.learning.evolution import Candidate, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness

@@ -12,9 +12,8 @@ import numpy as np
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.experiments.driving import driven_world, tallied
-from mesa_swarm.experiments.experiment import shown_value
+from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
 from mesa_swarm.experiments.pool import checked_jobs, in_order
-from mesa_swarm.experiments.runs import without_addresses
 from mesa_swarm.files import write_whole
 from mesa_swarm.learning.evolution import Evolution, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness

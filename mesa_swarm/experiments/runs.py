@@ -1,7 +1,6 @@
 """One run and its outcome; outstanding runs, done on many processes and stored in a ledger."""
 
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
@@ -12,9 +11,12 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
 from mesa_swarm.experiments.pool import is_remote, on_all
 from mesa_swarm.experiments.reports import counted, parts_of, reduced
+from mesa_swarm.experiments.series import OF_AGENTS, RNG, RUN, RunSeries, Watch
+from mesa_swarm.experiments.until import EndCondition
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
 from mesa_swarm.files import shown_path
 from mesa_swarm.geometry.compiling import compilation
@@ -26,6 +28,9 @@ from mesa_swarm.swarm_model import SwarmModel
 LARGEST_WHOLE = 2**63 - 1
 # Steps after which most of what a model needs is compiled.
 COMPILING_STEPS = 2
+
+
+SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +49,35 @@ class Run:
     reports: tuple[str, ...] = ()
     # Which point of its experiment it belongs to, from 0.
     point: int = 0
+    # What ends it before its number of steps, and where its series is stored.
+    until: EndCondition | None = None
+    series: RunSeries | None = None
 
     def made(self) -> Any:
         """Return the model before its first step, or the numbers of the function."""
         return self.make(**self.settings, rng=self.rng)
 
+    def watched(self, model: SwarmModel, progress: bool = False) -> Watch | None:
+        """Let its model take the steps, and return what watched it where there is a condition or a series."""
+        watch = None
+        if self.until is not None or self.series is not None:
+            watch = Watch(model, self.until, poses=self.series is not None and OF_AGENTS in self.series.parts)
+        model.run(self.steps, progress, until=watch)
+        return watch
 
-SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
+    def stored(self, model: SwarmModel, watch: Watch | None, outcome: SomeOutcome) -> SomeOutcome:
+        """Write the series of its model, if that is wanted, and return the outcome with what ended the run."""
+        if watch is None:
+            return outcome
+        if self.series is not None:
+            settings = {name: shown_value(value) for name, value in self.settings.items()}
+            self.series.write({RUN: self.key, **settings, RNG: self.rng}, model, watch)
+        return replace(outcome, ended_by=watch.ended_by(model))
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether its series is on the disk, if that is wanted."""
+        return self.series is None or self.series.has(self.key)
 
 
 def do_runs(
@@ -125,8 +152,8 @@ def completed(
 
 
 def stored_in(ledger: Ledger | None, runs: Iterable[Run]) -> dict[str, Outcome]:
-    """Return the outcomes that a ledger has of runs, by key."""
-    outcomes = {} if ledger is None else {run.key: ledger.outcome(run.key) for run in runs}
+    """Return the outcomes that a ledger has of runs whose series are stored, if they are to be, by key."""
+    outcomes = {} if ledger is None else {run.key: ledger.outcome(run.key) for run in runs if run.is_kept}
     return {key: outcome for key, outcome in outcomes.items() if outcome is not None}
 
 
@@ -138,7 +165,9 @@ def _is_stored(ledger: Ledger, run: Run, outcome: Outcome) -> bool:
 
 def simulate(run: Run) -> Outcome:
     """Do the run of a model; its errors are raised."""
-    return outcome_of(run.made().run(run.steps), reports=run.reports)
+    model = run.made()
+    watch = run.watched(model)
+    return run.stored(model, watch, outcome_of(model, reports=run.reports))
 
 
 def outcome_of(model: SwarmModel, measures: Sequence[str] = (), reports: Sequence[str] = ()) -> Outcome:
@@ -169,14 +198,14 @@ def attempt(
     try:
         model = run.made()
         with observed(model):
-            model.run(run.steps, progress=progress)
+            watch = run.watched(model, progress)
         outcome = outcome_of(model, reports=run.reports)
         results = {name: None if value is None else float(value) for name, value in outcome.numbers.items()}
-        return replace(outcome, results=results)
     except beyond:
         raise
     except (Exception, SystemExit) as error:
         return Outcome(error=(words or error_in_words)(error))
+    return run.stored(model, watch, replace(outcome, results=results))
 
 
 def error_in_words(error: BaseException) -> str:
@@ -184,11 +213,6 @@ def error_in_words(error: BaseException) -> str:
     words = " ".join(without_addresses(str(error)).split())
     # Names of files may hold what cannot be written as text.
     return f"{type(error).__name__}: {words}".encode("utf-8", "backslashreplace").decode()[:LONGEST_ERROR]
-
-
-def without_addresses(text: str) -> str:
-    """Return a text without the addresses of objects in memory, which differ between processes."""
-    return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
 
 
 def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
