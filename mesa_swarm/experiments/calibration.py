@@ -311,15 +311,28 @@ def calibrate(
         retry_failed=retry_failed,
     )
     history = _searched(design, checked, losses, budget, _checked_sampler(sampler, rng))
-    point = int(history[LOSS].argmin())
-    experiment = design.experiment
-    again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, budget.fresh))
-    made = run_experiment(again, check_writable(out) / FRESH, workers, progress, retry_failed=retry_failed)
+    how: dict[str, Any] = {"workers": workers, "progress": progress, "retry_failed": retry_failed}
+    return _judged(design, history, checked, losses, budget.fresh, check_writable(out) / FRESH, how)
+
+
+def _judged(
+    design: AdaptiveDesign,
+    history: pd.DataFrame,
+    ranges: Mapping[str, Range],
+    losses: "_Losses",
+    fresh: int,
+    folder: Path,
+    how: dict[str, Any],
+) -> Calibration:
+    """Run the best point of a search again with fresh seeds, and return what is known of it then."""
+    point, experiment = int(history[LOSS].argmin()), design.experiment
+    again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, fresh))
+    made = run_experiment(again, folder, **how)
     frame = made.frame()
     rows = losses.numbers(frame, again)
     return Calibration(
         experiment=experiment,
-        ranges=checked,
+        ranges=ranges,
         targets=losses.targets,
         history=history,
         point=point,

@@ -1,7 +1,7 @@
 """Compare values of a model's parameter over paired seeds, on all cores."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +12,7 @@ from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
-from mesa_swarm.experiments.runs import Run, do_runs, has_numbers, stored_in
+from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
 from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.files import check_writable
@@ -146,7 +146,7 @@ def run_plan(
     plan: ComparisonPlan,
     workers: int = 1,
     progress: bool = False,
-    heard: Callable[[PairedOutcome], object] | None = None,
+    heard: Callable[[PairedOutcome], object] = lambda outcome: None,
     folder: Path | None = None,
     series: Sequence[str] = (),
     tables: Sequence[str] = (),
@@ -175,18 +175,15 @@ def run_plan(
     with nullcontext() if folder is None else Ledger(folder / LEDGER, fits=has_numbers) as ledger:
         runs = list(plan.runs(keyed=ledger is not None))
         stored = stored_in(ledger, runs)
+        do = partial(completed, runs, plan.simulate, ledger=ledger, each=heard, workers=workers, progress=progress)
         # Portraits are not stored: for the pictures the runs with the first seed are done again.
-        found = {
-            run.key: plan.paired(run, stored[run.key]) for run in runs if run.key in stored and run.rng != plan.seeds[0]
-        }
-        for left in _left(runs, found):
-            done = len(runs) - len(left)
-            for run, outcome in do_runs(
-                left, plan.simulate, count=len(runs), done=done, ledger=ledger, workers=workers, progress=progress
-            ):
-                found[run.key] = outcome
-                if heard is not None:
-                    heard(outcome)
+        later = [run for run in runs if run.key in stored and run.rng != plan.seeds[0]]
+        known = {run.key: plan.paired(run, stored[run.key]) for run in later}
+        found = do(known=known)
+        first = found[runs[0].key]
+        other = {key for key, outcome in known.items() if not _is_alike(outcome, first)}
+        if other:  # runs that have other results than the first
+            found = do(known={key: outcome for key, outcome in found.items() if key not in other})
     done_before = sum(_is_alike(outcome, found[key]) for key, outcome in stored.items())
     # Of two values that are the same map, each has its own name in the tables.
     ordered = (replace(found[run.key], value=run.settings[plan.parameter]) for run in runs)
@@ -194,17 +191,6 @@ def run_plan(
     if folder is not None:
         write_stored(plan, list(zip(runs, comparison.runs, strict=True)), folder, tables, runs_csv(comparison))
     return comparison
-
-
-def _left(runs: Sequence[Run], found: Mapping[str, Outcome]) -> Iterator[list[Run]]:
-    """Yield the runs that were not found, and once they are done, those with other results than the first has."""
-    missing = [run for run in runs if run.key not in found]
-    others = [run for run in runs if run.key in found]
-    yield missing
-    first = found[runs[0].key]
-    different = [run for run in others if not _is_alike(found[run.key], first)]
-    if different:
-        yield different
 
 
 def _is_alike(one: Outcome, another: Outcome) -> bool:

@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
 from mesa_swarm.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
-from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
+from mesa_swarm.experiments.ledger import LONGEST_ERROR, Outcome
 from mesa_swarm.experiments.pool import is_remote, on_all
 from mesa_swarm.experiments.reports import counted, parts_of, reduced
 from mesa_swarm.experiments.series import OF_AGENTS, RNG, RUN, RunSeries, Watch
@@ -31,6 +32,18 @@ COMPILING_STEPS = 2
 
 
 SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
+
+
+class Store(Protocol):
+    """Where outcomes of runs are looked up and stored by the keys of runs: a `Ledger`, or files of another kind."""
+
+    path: Path
+
+    def outcome(self, key: str) -> Outcome | None:
+        """Return the outcome of a run, None if it is not done."""
+
+    def append(self, key: str, outcome: Outcome) -> None:
+        """Store the outcome of a run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +99,7 @@ def do_runs(
     *,
     count: int,
     done: int = 0,
-    ledger: Ledger | None = None,
+    ledger: Store | None = None,
     workers: int = 1,
     tries: int = 1,
     progress: bool = False,
@@ -113,7 +126,7 @@ def do_runs(
 
 
 @contextmanager
-def _stored_runs_named(ledger: Ledger | None) -> Iterator[None]:
+def _stored_runs_named(ledger: Store | None) -> Iterator[None]:
     """Add to the error about a lost scheduler where finished runs are."""
     try:
         yield
@@ -133,17 +146,18 @@ def call(run: Run) -> Outcome:
 
 def completed(
     runs: Sequence[Run],
-    work: Callable[[Run], Outcome] = call,
+    work: Callable[[Run], SomeOutcome] = call,  # type: ignore[assignment]
     *,
-    ledger: Ledger | None,
-    each: Callable[[Outcome], object] = lambda outcome: None,
+    ledger: Store | None,
+    known: Mapping[str, SomeOutcome] | None = None,
+    each: Callable[[SomeOutcome], object] = lambda outcome: None,
     **how: Any,
-) -> dict[str, Outcome]:
-    """Return the outcomes of all runs by key, after doing those that a ledger does not have as `do_runs` does.
+) -> dict[str, SomeOutcome]:
+    """Return the outcomes of all runs by key, after doing those that are not known as `do_runs` does.
 
-    `each` is called with each new outcome.
+    Those are known that a ledger has, unless `known` is given. `each` is called with each new outcome.
     """
-    found = stored_in(ledger, runs)
+    found = dict(stored_in(ledger, runs) if known is None else known)
     left = [run for run in runs if run.key not in found]
     for run, outcome in do_runs(left, work, count=len(runs), done=len(runs) - len(left), ledger=ledger, **how):
         found[run.key] = outcome
@@ -151,13 +165,13 @@ def completed(
     return found
 
 
-def stored_in(ledger: Ledger | None, runs: Iterable[Run]) -> dict[str, Outcome]:
+def stored_in(ledger: Store | None, runs: Iterable[Run]) -> dict[str, Outcome]:
     """Return the outcomes that a ledger has of runs whose series are stored, if they are to be, by key."""
     outcomes = {} if ledger is None else {run.key: ledger.outcome(run.key) for run in runs if run.is_kept}
     return {key: outcome for key, outcome in outcomes.items() if outcome is not None}
 
 
-def _is_stored(ledger: Ledger, run: Run, outcome: Outcome) -> bool:
+def _is_stored(ledger: Store, run: Run, outcome: Outcome) -> bool:
     """Return whether a ledger has results of the same names in the same order for a run, whatever their values."""
     before = ledger.outcome(run.key)
     return before is not None and list(before.numbers) == list(outcome.numbers)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm import extras
-from mesa_swarm.cli.studies import parsed_ranges
+from mesa_swarm.cli.parameter_searches import parsed_ranges
 from mesa_swarm.experiments.sampling import Range
 from mesa_swarm.extras import install_command
 from mesa_swarm.gallery import find_model
