@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import Jobs, Model, Quiet, Settings, StepsOfRuns, prepare, resumable
+from mesa_swarm.cli.options import Jobs, Model, Quiet, Settings, StepsOfRuns, Until, prepare, resumable
 from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.files import check_writable
 from mesa_swarm.gallery import find_model, short_name
@@ -53,6 +53,7 @@ def sensitivity(
     jobs: Jobs = -1,
     out: Results = None,
     retry_failed: Retry = False,
+    until: Until = None,
     quiet: Quiet = False,
 ) -> None:
     """Measure how much a measure depends on each parameter (SALib); continue an interrupted call."""
@@ -80,6 +81,7 @@ def sensitivity(
             jobs=jobs,
             progress=not quiet,
             retry_failed=retry_failed,
+            until=until,
         )
     _print(found, found.sweep.path, folder)
 
@@ -109,6 +111,7 @@ def calibrate(
     jobs: Jobs = -1,
     out: Results = None,
     retry_failed: Retry = False,
+    until: Until = None,
     quiet: Quiet = False,
 ) -> None:
     """Search parameters at which measures are near their targets (Optuna); continue an interrupted call."""
@@ -139,6 +142,7 @@ def calibrate(
             jobs=jobs,
             progress=not quiet,
             retry_failed=retry_failed,
+            until=until,
         )
     _print(found, folder / TABLE, folder)
 

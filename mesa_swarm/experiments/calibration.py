@@ -13,7 +13,6 @@ import pandas as pd
 from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.experiments.adaptive import AdaptiveDesign
 from mesa_swarm.experiments.experiment import (
-    FIXED,
     LARGEST_SEED,
     MOST_SEEDS,
     POINT,
@@ -229,6 +228,7 @@ def calibrate(
     jobs: int = -1,
     progress: bool = False,
     retry_failed: bool = False,
+    until: Callable[[Any], object] | str | None = None,
 ) -> Calibration:
     """Search the parameters at which measures of a model are nearest to their targets, on all cores.
 
@@ -268,7 +268,7 @@ def calibrate(
         The number that counts where a measure did not happen (None), such as `steps` for a time.
     sampler : optuna.samplers.BaseSampler, optional
         A new one, with a seed; by default Optuna's TPE ([1]_) with the seed `rng`.
-    steps, settings, jobs, progress, retry_failed
+    steps, settings, jobs, progress, retry_failed, until
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
         Seed of the search.
@@ -309,6 +309,7 @@ def calibrate(
         jobs=workers,
         progress=progress,
         retry_failed=retry_failed,
+        until=until,
     )
     history = _searched(design, checked, losses, budget, _checked_sampler(sampler, rng))
     how: dict[str, Any] = {"workers": workers, "progress": progress, "retry_failed": retry_failed}
@@ -372,7 +373,7 @@ class _Losses:
 
     def numbers(self, table: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
         """Return the measures of the runs that ended in no error, with numbers for those that did not happen."""
-        taken = {*FIXED, *experiment.columns}
+        taken = {*experiment.fixed, *experiment.columns}
         names = list(self.measure) or [str(name) for name in table if name not in taken]
         check_columns(names, {LOSS, FAILED})
         for name in self.missing.keys() - set(names):

@@ -5,7 +5,7 @@ import math
 import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 from mesa_swarm.errors import InvalidValueError, check_choice, shortened
@@ -41,32 +41,25 @@ EXPECTED = "expected a comparison of reporters with numbers, such as 'fires_burn
 class EndCondition:
     """A condition on a model that ends a run, made by `checked_condition`.
 
-    Parameters
-    ----------
-    text : str
-        The expression, or the name of the function.
-    function : callable
-        Given the model, returns whether it holds.
-    names : tuple of str
-        The reporters in the expression.
-    source : str
-        What identifies the condition in the key of a run: the expression, or the code of the function.
+    `source` is what identifies it in the key of a run: an expression over the reporters `names`, or the fingerprint of
+    the code of `function`.
     """
 
-    text: str
-    function: Callable[[Any], object]
+    source: str
     names: tuple[str, ...] = ()
-    source: str = ""
+    function: Callable[[Any], object] | None = None
 
     @classmethod
     def parsed(cls, text: str) -> "EndCondition":
         """Return the condition of an expression."""
-        plain = ast.unparse(_parsed(text))
-        return cls(plain, Expression(plain), tuple(dict.fromkeys(_names(_parsed(plain)))), plain)
+        tree = _parsed(text)
+        return cls(ast.unparse(tree), tuple(dict.fromkeys(_names(tree))))
 
     def __call__(self, model: SwarmModel) -> bool:
-        """Return whether the condition holds in the model's present state."""
-        return bool(self.function(model))
+        """Return whether the condition holds in the model's present state: is neither 0 nor missing."""
+        if self.function is not None:
+            return bool(self.function(model))
+        return _is_true(_value(_parsed(self.source), partial(number_of, model)))
 
     def check(self, model: SwarmModel) -> None:
         """Refuse a name that is not a reporter of the model, and a reporter that does not return numbers."""
@@ -75,17 +68,6 @@ class EndCondition:
             if name != STEPS or name in known:
                 check_choice(f"report of {type(model).__name__} in until", name, (*known, STEPS))
                 check_reporter(model, name)
-
-
-@dataclass(frozen=True, slots=True)
-class Expression:
-    """The value of a parsed expression over the reporters of a model; picklable, unlike a function made here."""
-
-    text: str
-
-    def __call__(self, model: SwarmModel) -> bool:
-        """Return whether the expression is true of the model: neither 0 nor missing."""
-        return _is_true(_value(_parsed(self.text), lambda name: number_of(model, name)))
 
 
 def checked_condition(until: object) -> EndCondition | None:
@@ -110,7 +92,7 @@ def checked_condition(until: object) -> EndCondition | None:
         return EndCondition.parsed(until)
     if not callable(until):
         raise InvalidValueError(f"until is {shortened(until)}; expected a function of the model, or an expression")
-    return EndCondition(getattr(until, "__name__", type(until).__name__), until, source=function_hash(until))
+    return EndCondition(function_hash(until), function=until)
 
 
 def number_of(model: SwarmModel, name: str) -> float:

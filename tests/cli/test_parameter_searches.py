@@ -16,7 +16,7 @@ RANGES = ["--range", "k1=0.0002:0.0008:log", "--range", "n_robots=2:4"]
 
 
 def test_sensitivity_prints_indices_paths_and_a_finding_and_continues(typed):
-    words = [*STUDY, *RANGES, "--method", "morris", "--points", "2", "--seeds", "2", "--quiet"]
+    words = [*STUDY, *RANGES, "--method", "morris", "--points", "2", "--seeds", "2", "--quiet", "--until", "steps == 9"]
     status, out, err = typed([*words, "--difference", "strategy=A,B"])
     folder = Path("results", "sensitivity_fire_fighting_morris")
     assert (status, err) == (0, "")

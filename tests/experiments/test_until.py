@@ -1,12 +1,15 @@
 """Runs end at a condition or at their number of steps, whichever is first, and their row names which of both it was."""
 
+import pandas as pd
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
 from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.experiments.calibration import calibrate
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.reality_gap import reality_gap
+from mesa_swarm.experiments.sensitivity import sensitivity
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.experiments.until import checked_condition
 
@@ -135,6 +138,17 @@ def test_a_reality_gap_is_measured_at_a_condition():
         "fire_fighting", dial=(0, 1), seeds=1, steps=60, measure="final value of collisions", until="steps == 9"
     )
     assert list(gap.scores) == [0.0, 1.0]
+
+
+def test_a_search_for_parameters_ends_its_runs_at_a_condition(tmp_path):
+    pytest.importorskip("optuna")
+    pytest.importorskip("SALib")
+    how = {"seeds": 2, "steps": 8, "until": "now == 3", "jobs": 1}
+    ranges = {"n_robots": (2, 4), "stops_at": (20, 40)}
+    calibrate(Counting, ranges, lambda means: means["robots"], points=2, batch=2, fresh=2, out=tmp_path / "a", **how)
+    sensitivity(Counting, ranges, "mean of now", method="morris", points=2, out=tmp_path / "b", **how)
+    for folder in ("a", "a/fresh", "b"):
+        assert set(pd.read_parquet(tmp_path / folder / "runs.parquet")["steps"]) == {3}
 
 
 def test_an_error_in_a_condition_is_that_of_the_run(tmp_path):
