@@ -3,7 +3,7 @@
 from html import escape
 from pathlib import Path
 
-from mesa_swarm.dashboard.gallery_pictures import moving_of, still_of
+from mesa_swarm.dashboard.gallery.gallery_pictures import moving_of, still_of
 from mesa_swarm.gallery import description, find_model, gallery_names
 
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.about import model_info
+from mesa_swarm import model_info
 from mesa_swarm.gallery import find_model, gallery_names
 
 STORED = Path(__file__).with_name("model_results.toml")

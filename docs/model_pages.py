@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 
 from measure_models import REST, SEEDS, STEPS, settings_of, stored
 
-from mesa_swarm.about import model_info
+from mesa_swarm import model_info
 from mesa_swarm.experiments.statistics import TIME, Interval, summarised
-from mesa_swarm.odd import odd
+from mesa_swarm.model.odd import odd
 
 # Where the part that is folded begins, before which results stand.
 FOLDED = "<details"

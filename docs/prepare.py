@@ -34,6 +34,24 @@ EMBEDDED = re.compile(r"^<!-- recorded run: (?P<name>\w+) -->$", re.MULTILINE)
 # How it is written: on a slide, and on a page, where `site.js` makes a frame of it.
 FRAME = '<iframe class="recorded-run" src="{source}" title="{title}" loading="lazy"></iframe>'
 LINK = "[{title}]({source}){{ .recorded-run }}"
+# Results and tables to look up, which the search of the site leaves out.
+APPENDIX = "appendix"
+NOT_SEARCHED = "---\nsearch:\n  exclude: true\n---\n\n"
+IN_THE_APPENDIX_NOW = (
+    *("deciding_constants", "differences", "fire_learning", "foresight", "learning_results", "published", "readings"),
+    *("reproduction", "validation", "without_a_compiler"),
+)
+# Former names of pages, and the pages where their contents are now.
+MOVED = {
+    **{name: f"{APPENDIX}/{name}" for name in IN_THE_APPENDIX_NOW},
+    "benchmarks": "one_machine",
+    "concepts": "how_it_works",
+}
+REDIRECT = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Moved</title><meta http-equiv="refresh" content="1; url=../{page}/">
+<script>location.replace("../{page}/" + location.hash)</script></head>
+<body><a href="../{page}/">This page has moved.</a></body></html>
+"""
 
 
 def prepare(target: Path = TARGET) -> None:
@@ -46,6 +64,8 @@ def prepare(target: Path = TARGET) -> None:
     _write_notebooks(target / "notebooks", runs)
     for page in sorted(target.rglob("*.md")):
         text = typeset(page.read_text(encoding="utf-8"))
+        if page.parent.name == APPENDIX:
+            text = NOT_SEARCHED + text
         if page.parent == target:  # in the repository notebooks lie beside docs/, on the site among the pages
             text = text.replace("](../notebooks/", "](notebooks/")
         if page.name == SLIDES:
@@ -55,6 +75,14 @@ def prepare(target: Path = TARGET) -> None:
             up = "../" * (len(page.relative_to(target).parts) - 1)
             page.write_text(_with_runs(text, LINK, up, runs), encoding="utf-8")
     _write_runs(target / "recorded", runs)
+    write_redirects(target)
+
+
+def write_redirects(folder: Path) -> None:
+    """Write at each former address of a page what leads to the present one."""
+    for former, page in MOVED.items():
+        (folder / former).mkdir()
+        (folder / former / "index.html").write_text(REDIRECT.format(page=page), encoding="utf-8")
 
 
 def _write_repository(folder: Path) -> None:

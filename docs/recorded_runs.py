@@ -11,11 +11,11 @@ from typing import Any
 import nbformat
 
 from mesa_swarm import Recording, model_info
-from mesa_swarm.dashboard.gallery_pictures import SHOTS
+from mesa_swarm.base.wording import quantity
+from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS
 from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing.replay_page import replay_page
-from mesa_swarm.wording import quantity
 
 # Rows that a page plays in a second at its usual speed, and seconds that are recorded.
 ROWS_A_SECOND, SECONDS = 30, 16

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 # In an editable installation a link leads here: modules, and machine code stored by their paths, have one path only.
 __path__[:] = map(os.path.realpath, __path__)
 
-from mesa_swarm.composer import provide_composer
-from mesa_swarm.lazy import lazy_names
-from mesa_swarm.moved import MovedFinder
+from mesa_swarm.base.composer import provide_composer
+from mesa_swarm.base.lazy import lazy_names
+from mesa_swarm.base.moved import MovedFinder
 
 __version__ = "0.2.0"
 
@@ -30,17 +30,19 @@ def _composer() -> Callable[..., Any]:
 provide_composer(_composer)
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
-    from mesa_swarm.about import ModelInfo, model_info
-    from mesa_swarm.experiments.adaptive import AdaptiveDesign
+    from mesa_swarm.base.streams import Seed, Streams
     from mesa_swarm.experiments.batch import batch_run
-    from mesa_swarm.experiments.calibration import calibrate
     from mesa_swarm.experiments.compare import compare
-    from mesa_swarm.experiments.sensitivity import sensitivity
     from mesa_swarm.experiments.sweep import sweep
     from mesa_swarm.experiments.warm_up import warm_up
     from mesa_swarm.kernels.part import Column, Context, Part, Phase, Shown, Stage
-    from mesa_swarm.looks import Chart, ColourMap, Looks
+    from mesa_swarm.maps.map import Map
+    from mesa_swarm.model.info import ModelInfo, model_info
+    from mesa_swarm.model.looks import Chart, ColourMap, Looks
+    from mesa_swarm.model.parameters import Choice, Slider
     from mesa_swarm.model.processes import Process
+    from mesa_swarm.model.reporters import event_count, event_total, held
+    from mesa_swarm.model.scattering import Wander, scatter
     from mesa_swarm.physics.neighbours import NeighbourSensor
     from mesa_swarm.recording.recording import Recording
     from mesa_swarm.robots.actuators import Actuator, Emitter, Lamp
@@ -69,25 +71,29 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
         bump_sensor,
         laser_sensor,
     )
-    from mesa_swarm.scattering import Wander, scatter
+    from mesa_swarm.searches.adaptive import AdaptiveDesign
+    from mesa_swarm.searches.calibration import calibrate
+    from mesa_swarm.searches.sensitivity import sensitivity
     from mesa_swarm.swarm_model import SwarmModel, show
     from mesa_swarm.world.fields import Field, ScalarField
-    from mesa_swarm.world.map import Map
     from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
 # Module: the public names that live in it.
 _MODULES = {
-    "about": "ModelInfo model_info",
+    "model.info": "ModelInfo model_info",
     "experiments.batch": "batch_run",
-    "experiments.adaptive": "AdaptiveDesign",
-    "experiments.calibration": "calibrate",
+    "searches.adaptive": "AdaptiveDesign",
+    "searches.calibration": "calibrate",
     "experiments.compare": "compare",
-    "experiments.sensitivity": "sensitivity",
+    "searches.sensitivity": "sensitivity",
     "experiments.sweep": "sweep",
     "experiments.warm_up": "warm_up",
-    "looks": "Chart ColourMap Looks",
+    "model.looks": "Chart ColourMap Looks",
     "kernels.part": "Column Context Part Phase Shown Stage",
+    "base.streams": "Seed Streams",
+    "model.parameters": "Choice Slider",
     "model.processes": "Process",
+    "model.reporters": "event_count event_total held",
     "recording.recording": "Recording",
     "physics.neighbours": "NeighbourSensor",
     "robots.actuators": "Actuator Emitter Lamp",
@@ -97,10 +103,10 @@ _MODULES = {
     "robots.radio": "Radio",
     "robots.real_robots": "E_PUCK I_SWARM KHEPERA_4 KILOBOT REAL_ROBOTS RealRobot S_BOT Scale THYMIO_2 TURTLEBOT_3",
     "robots.sensors": "FieldSensor LineSensor ProximitySensor RadiationSensor Sensor bump_sensor laser_sensor",
-    "scattering": "Wander scatter",
+    "model.scattering": "Wander scatter",
     "swarm_model": "SwarmModel show",
     "world.fields": "Field ScalarField",
-    "world.map": "Map",
+    "maps.map": "Map",
     "world.shapes": "Shape disc polygon rectangle",
 }
 
@@ -122,6 +128,7 @@ __all__ = [
     "AdaptiveDesign",
     "Carried",
     "Chart",
+    "Choice",
     "ColourMap",
     "Column",
     "Context",
@@ -150,10 +157,13 @@ __all__ = [
     "RobotDesign",
     "ScalarField",
     "Scale",
+    "Seed",
     "Sensor",
     "Shape",
     "Shown",
+    "Slider",
     "Stage",
+    "Streams",
     "SwarmModel",
     "Wander",
     "all_round",
@@ -162,6 +172,9 @@ __all__ = [
     "calibrate",
     "compare",
     "disc",
+    "event_count",
+    "event_total",
+    "held",
     "laser_sensor",
     "model_info",
     "omni_speeds",

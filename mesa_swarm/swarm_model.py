@@ -4,22 +4,22 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self
 
-from mesa_swarm.composer import composer
-from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
-from mesa_swarm.extras import missing
+from mesa_swarm.base.composer import composer
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, shortened
+from mesa_swarm.base.extras import missing_package_line
+from mesa_swarm.base.lazy import ImportedMethod
+from mesa_swarm.base.streams import Seed
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fires
 from mesa_swarm.fire.part import FiresPart
-from mesa_swarm.gallery import find_model
-from mesa_swarm.lazy import ImportedMethod
+from mesa_swarm.maps.map import Map
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.parts import delegate
-from mesa_swarm.streams import Seed
-from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.map import Map
 
 if TYPE_CHECKING:  # optional, or slow to load
-    from mesa_swarm.about import ModelInfo
+    from mesa_swarm.model.info import ModelInfo
     from mesa_swarm.recording.continuing import continued
     from mesa_swarm.recording.recorder import record
     from mesa_swarm.recording.verify import Verification
@@ -198,7 +198,7 @@ class SwarmModel(EngineModel, shows_all=True):
         ModelInfo
             As the last line of a cell of a notebook it is shown as text with equations and code.
         """
-        from mesa_swarm.about import model_info  # noqa: PLC0415 - rarely needed
+        from mesa_swarm.model.info import model_info  # noqa: PLC0415 - rarely needed
 
         return model_info(cls)
 
@@ -253,7 +253,7 @@ class SwarmModel(EngineModel, shows_all=True):
         try:
             from mesa_swarm.viewing.canvas_widget import Beside, show  # noqa: PLC0415 - optional
         except ModuleNotFoundError as error:
-            raise SwarmError(missing("show needs", error.name or "a package", "dashboard")) from error
+            raise SwarmError(missing_package_line("show needs", error.name or "a package", "dashboard")) from error
         beside = Beside(controls=controls, charts=charts, inspector=inspector, reset=reset)
         if not beside:
             return show(self, speed=speed, width=width, height=height)

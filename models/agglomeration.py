@@ -27,14 +27,11 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Radio, SwarmModel
+from mesa_swarm import AGENT9, Choice, Radio, Seed, Slider, SwarmModel, held
 from mesa_swarm.analysis import clusters, nearest_neighbour_distances
 from mesa_swarm.control import Avoid, Explore, Gather, HeadOn, Lead, MatchVelocity, Subsumption
 from mesa_swarm.control.head_on import NUMBERS
 from mesa_swarm.errors import check_choice, check_count
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
 
 # Greatest distance between the centres of linked robots: two robot diameters and a margin.
 LINK = 25.0

@@ -21,11 +21,9 @@ from typing import Annotated, Any
 import numpy as np
 import shapely
 
-from mesa_swarm import AGENT9, Emitter, Field, FieldSensor, Map, RobotDesign, Sensor, SwarmModel, polygon
+from mesa_swarm import AGENT9, Emitter, Field, FieldSensor, Map, RobotDesign, Seed, Sensor, Slider, SwarmModel, polygon
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count, check_number
-from mesa_swarm.parameters import Slider
-from mesa_swarm.streams import Seed
 
 BOUNDS, LEVEL, ENDS, FORKS, MIDDLE = (0.0, 0.0, 715.0, 480.0), 340.0, (15.0, 700.0), (270.0, 570.0), 420.0
 # How far branches go off at 45 degrees; half a corridor's width; a lane's distance from its middle; the view ahead.

@@ -25,11 +25,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Actuator, Map, Radio, RobotDesign, Sensor, SwarmModel, rectangle
+from mesa_swarm import AGENT9, Actuator, Choice, Map, Radio, RobotDesign, Seed, Sensor, Slider, SwarmModel, rectangle
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import check_choice, check_count, check_number
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.streams import Seed
 
 # Where the nest begins and ends; the sites are left and right of it.
 WIDTH, HEIGHT, NEST = 600.0, 300.0, (200.0, 400.0)

@@ -24,13 +24,10 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import HolonomicDrive, SwarmModel, all_round
+from mesa_swarm import Choice, HolonomicDrive, Seed, Slider, SwarmModel, all_round, held
 from mesa_swarm.analysis import directions, later_mean, neighbour_alignment, polarization
 from mesa_swarm.control import Align, Cohere, Cruise, Separate, VectorSum
 from mesa_swarm.errors import check_count, check_number
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
 
 SENSORS = 12
 

@@ -26,14 +26,11 @@ REFERENCE. Thesis, sections 5.2.3.2, 5.3.3 and 10.2.
 
 from typing import Annotated
 
-from mesa_swarm import AGENT3, AGENT6, AGENT9, Radio, SwarmModel
+from mesa_swarm import AGENT3, AGENT6, AGENT9, Choice, Radio, Seed, Slider, SwarmModel, held
 from mesa_swarm.analysis import Chains, chains
 from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
 from mesa_swarm.control.head_on import NUMBERS
 from mesa_swarm.errors import check_choice, check_count
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
 
 DESIGNS = {"AGENT3": AGENT3, "AGENT6": AGENT6, "AGENT9": AGENT9}
 SWITCH = ("on", "off")

@@ -25,11 +25,21 @@ REFERENCE. Thesis, sections 5.2.2 and 5.3.1.
 from dataclasses import replace
 from typing import Annotated
 
-from mesa_swarm import AGENT3, AGENT6, AGENT9, REAL_ROBOTS, ProximitySensor, RobotDesign, SwarmModel, scatter
+from mesa_swarm import (
+    AGENT3,
+    AGENT6,
+    AGENT9,
+    REAL_ROBOTS,
+    Choice,
+    ProximitySensor,
+    RobotDesign,
+    Seed,
+    Slider,
+    SwarmModel,
+    scatter,
+)
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_choice, check_count
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.streams import Seed
 
 WIDE3 = RobotDesign(
     name="WIDE3", sensors=tuple(ProximitySensor(bearing_degrees=b, field_of_view_degrees=60) for b in (0, 60, -60))

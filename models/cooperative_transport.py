@@ -24,11 +24,9 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import Radio, SwarmModel, all_round, disc, rectangle
+from mesa_swarm import Choice, Radio, Seed, Slider, SwarmModel, all_round, disc, rectangle
 from mesa_swarm.control import Avoid, Explore, Push, Subsumption
 from mesa_swarm.errors import check_choice, check_count
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.streams import Seed
 
 START, GOAL = (250.0, 300.0), (600.0, 300.0)
 HALF = 25.0

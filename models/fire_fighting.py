@@ -27,13 +27,11 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT_FIRE, AGENT_HEAT, Radio, SwarmModel
+from mesa_swarm import AGENT_FIRE, AGENT_HEAT, Choice, Radio, Seed, Slider, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Follow, Respond, Subsumption
 from mesa_swarm.control.respond import TO
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.fire import FightFire, FireConstants, SeekHeat, Spreading, design_constants
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.streams import Seed
 
 DEFAULT = design_constants()
 # Under A a hot robot flees fires; under B it waits in front of one.

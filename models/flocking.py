@@ -23,13 +23,10 @@ REFERENCE. Thesis, section 5.3.4; Vicsek et al., Physical Review Letters 75 (199
 from math import isnan
 from typing import Annotated
 
-from mesa_swarm import SwarmModel, all_round
+from mesa_swarm import Choice, Seed, Slider, SwarmModel, all_round, held
 from mesa_swarm.analysis import later_mean, neighbour_alignment, polarization
 from mesa_swarm.control import Avoid, Explore, MatchVelocity, Subsumption
 from mesa_swarm.errors import check_choice, check_count, check_number
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
 
 
 class Flocking(SwarmModel):

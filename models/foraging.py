@@ -19,12 +19,24 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import Carried, Gripper, LineSensor, Map, Radio, RobotDesign, Sensor, SwarmModel, all_round, disc
+from mesa_swarm import (
+    Carried,
+    Choice,
+    Gripper,
+    LineSensor,
+    Map,
+    Radio,
+    RobotDesign,
+    Seed,
+    Sensor,
+    Slider,
+    SwarmModel,
+    all_round,
+    disc,
+    held,
+)
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_choice, check_count
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
 
 FIELD = Map(name="field", bounds=(0, 0, 400, 400))
 NEST, NEST_RADIUS, FOOD_RADIUS, ROOM = (200.0, 200.0), 45.0, 2.5, 12.0

@@ -26,13 +26,11 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import AGENT_FIRE, SwarmModel
+from mesa_swarm import AGENT_FIRE, Choice, Seed, Slider, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Follow, Subsumption
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning.fire_learning import LearnFires
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.streams import Seed
 
 CONTROLLERS = ("shared", "own", "A", "B", "follower", "random")
 

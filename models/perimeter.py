@@ -24,12 +24,9 @@ from typing import Annotated
 
 import numpy as np
 
-from mesa_swarm import SwarmModel, all_round, control
+from mesa_swarm import Choice, Seed, Slider, SwarmModel, all_round, control, held
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.errors import check_count
-from mesa_swarm.parameters import Choice, Slider
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
 
 # A full circle of narrow sensors: robots on the ring must see backwards.
 SENSORS = 36

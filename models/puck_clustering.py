@@ -22,13 +22,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import Carried, Gripper, Map, ProximitySensor, RobotDesign, Sensor, SwarmModel, disc
+from mesa_swarm import Carried, Gripper, Map, ProximitySensor, RobotDesign, Seed, Sensor, Slider, SwarmModel, disc, held
 from mesa_swarm.analysis import clusters
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count
-from mesa_swarm.parameters import Slider
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
 
 APART, COLUMNS, PUCK, ROBOT = 30.0, 4, 2.0, 7.0  # distance of pucks, how many a row; radii
 LINK = 2 * (ROBOT + PUCK)  # pucks whose centres are nearer are in one cluster: no robot passes between them

@@ -29,13 +29,11 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm import AGENT9, Choice, Seed, Slider, SwarmModel, held
 from mesa_swarm.control import Subsumption
 from mesa_swarm.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.learning import TableQLearning, q_learning
-from mesa_swarm.parameters import YES_NO, Choice, Slider, is_yes
-from mesa_swarm.reporters import held
-from mesa_swarm.streams import Seed
+from mesa_swarm.model.parameters import YES_NO, is_yes
 
 
 class QLearning(SwarmModel):

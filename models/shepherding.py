@@ -18,11 +18,9 @@ from typing import Annotated, Any
 import mesa
 import numpy as np
 
-from mesa_swarm import HolonomicDrive, Map, RobotDesign, Sensor, SwarmModel, all_round, disc
+from mesa_swarm import HolonomicDrive, Map, RobotDesign, Seed, Sensor, Slider, SwarmModel, all_round, disc
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.errors import check_count
-from mesa_swarm.parameters import Slider
-from mesa_swarm.streams import Seed
 
 METRE = 4.0
 FIELD = Map(name="field", bounds=(0, 0, 1000, 1000))

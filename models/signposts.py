@@ -14,11 +14,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Column, Context, Part, Phase, Sensor, Shown, Stage, SwarmModel
+from mesa_swarm import AGENT9, Column, Context, Part, Phase, Seed, Sensor, Shown, Slider, Stage, SwarmModel
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import check_count, check_number
-from mesa_swarm.parameters import Slider
-from mesa_swarm.streams import Seed
 
 # Radii of the source and of reading, map units; steps between visits that count, and from fading to fading.
 SOURCE, REACH, AGAIN, FADES, NEVER = 30.0, 45.0, 100, 10, 10**6

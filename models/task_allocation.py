@@ -27,11 +27,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mesa_swarm import AGENT9, Actuator, RobotDesign, Sensor, SwarmModel
+from mesa_swarm import AGENT9, Actuator, RobotDesign, Seed, Sensor, Slider, SwarmModel
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.errors import check_count, check_number
-from mesa_swarm.parameters import Slider
-from mesa_swarm.streams import Seed
 
 # Time units a step: the paper's rates are for a time unit.
 PACE = 0.05

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.files import check_apart, check_writable, checked_file, write_all
 from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
-from mesa_swarm.files import check_apart, check_writable, checked_file, write_all
 
 if TYPE_CHECKING:
     from mesa_swarm_studies.benchmarks.learn_bench import Benchmark, Training

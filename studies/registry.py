@@ -114,8 +114,10 @@ checks without chance are exact, and where all runs gave the same number it is u
 INTRODUCTION = f"""\
 # Reproduced results
 
-This page is written by `mesa-swarm reproduce --report docs/reproduction.md`; `mesa-swarm reproduce --figure 8.3`
-reproduces a single figure, with its picture and table. The thesis reports one run of each behaviour. Here each is
+For readers of the thesis: which of its results hold over many seeds, and which do not.
+
+This page is written by `mesa-swarm reproduce --report docs/appendix/reproduction.md`; `mesa-swarm reproduce --figure
+8.3` reproduces a single figure, with its picture and table. The thesis reports one run of each behaviour. Here each is
 repeated over many seeds, and comparisons are paired by seed: same start positions and same noise. Intervals are 95 %
 (Student's t for means and differences, Wilson's for shares).
 
@@ -135,7 +137,9 @@ pictures in the thesis: the column "thesis" quotes its text about them.
 OF_READINGS = f"""\
 # How much the verdicts depend on how one reads
 
-This page is written by `mesa-swarm reproduce --readings --report docs/readings.md`.
+For readers of the thesis: what changes where its text can be read in several ways.
+
+This page is written by `mesa-swarm reproduce --readings --report docs/appendix/readings.md`.
 
 {VERDICTS_IN_WORDS}
 Settings and criteria were fixed, and committed, before the runs that are judged, which have seeds from 1,001 on. The
@@ -146,10 +150,12 @@ changes; the second table of each section has the claims of the thesis that hold
 OF_PAPERS = f"""\
 # Published results
 
-This page is written by `mesa-swarm reproduce --published --report docs/published.md`; `mesa-swarm reproduce --figure
-task_allocation` reproduces a single result, with its picture and table. Each result is one model of the gallery, of at
-most 150 lines that use public names alone, beside what a paper reports. Runs are repeated over many seeds; comparisons
-are paired by seed. Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
+For readers of the papers: which of their results the models of the gallery reproduce.
+
+This page is written by `mesa-swarm reproduce --published --report docs/appendix/published.md`; `mesa-swarm reproduce
+--figure task_allocation` reproduces a single result, with its picture and table. Each result is one model of the
+gallery, built on public names alone, beside what a paper reports. Runs are repeated over many
+seeds; comparisons are paired by seed. Intervals are 95 % (Student's t for means and differences, Wilson's for shares).
 
 {VERDICTS_IN_WORDS}
 Settings and criteria were fixed before the runs that are judged, which have seeds from 1 on; settings were chosen in
@@ -159,9 +165,11 @@ how.
 OF_THEORIES = f"""\
 # Validation: what physics predicts
 
-This page is written by `mesa-swarm validate --report docs/validation.md`; with `--quick` the command is a trial of a
-minute. Whatever can be computed with pencil and paper is measured here in runs of the package, each repeated over many
-seeds.
+For users who want to trust the engine: runs beside what can be computed with pencil and paper.
+
+This page is written by `mesa-swarm validate --report docs/appendix/validation.md`; with `--quick` the command is a
+trial of a minute. Whatever can be computed with pencil and paper is measured here in runs of the package, each repeated
+over many seeds.
 
 Verdicts are computed. A check is *passed* if the {100 * AGAINST_THEORY:g} % interval of the mean over runs (Student's
 t) includes the theory and is as narrow as required, *undecided* if it includes the theory but is wider, and *failed*

@@ -12,7 +12,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1] / "docs"))  # what makes the site
 sys.path.append(str(Path(__file__).parents[1] / "release"))  # what builds the package
 
-from mesa_swarm import cli, gallery
+from mesa_swarm import cli
+from mesa_swarm.model import gallery
 from support.hostile import Tally, table
 from support.pace import is_out_of_time, shuffle_files
 
@@ -32,7 +33,7 @@ def pytest_sessionstart(session):
     is_whole = running.args_source is pytest.Config.ArgsSource.TESTPATHS and not running.option.collectonly
     if is_whole and not hasattr(running, "workerinput"):
         # Tests report what is wrong if it fails.
-        subprocess.run([sys.executable, "-m", "mesa_swarm.cli", "warm-up"], check=False)
+        subprocess.run([sys.executable, "-m", "mesa_swarm", "warm-up"], check=False)
 
 
 @pytest.fixture(scope="session", autouse=True)

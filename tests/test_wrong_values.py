@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, Radio, SwarmModel, disc
-from mesa_swarm.control import Avoid, Subsumption, VectorSum
-from mesa_swarm.control.head_on import HeadOn
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     SwarmError,
     check_choice,
@@ -20,6 +18,8 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.control import Avoid, Subsumption, VectorSum
+from mesa_swarm.control.head_on import HeadOn
 from mesa_swarm.fire.constants import design_constants
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.learning.q_learning import QPolicy

@@ -30,7 +30,7 @@ from mesa_swarm.analysis.spacing import (
     nearest_neighbour_distances,
     random_nearest_neighbour_distance,
 )
-from mesa_swarm.moved import moved_name
+from mesa_swarm.base.moved import moved_name
 
 __all__ = [
     "ChainEvent",

@@ -7,7 +7,7 @@ from numbers import Real
 
 import numpy as np
 
-from mesa_swarm.errors import DegreesWarning, InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import DegreesWarning, InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.masks import unmasked
 
 # As far from the origin as a map may reach: squares of such lengths are far from overflow.

@@ -9,7 +9,7 @@ import numpy as np
 from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array, check_headings, check_steps
 from mesa_swarm.analysis.chains import Chains, Links, nearest_ahead, paths
 from mesa_swarm.analysis.missing import masked_where, without_position
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 
 KINDS = ("birth", "end", "merge", "split", "reversal", "meeting")
 # The fewest robots of a chain, and of a part that counts as its successor.

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from mesa_swarm.analysis.arrays import LARGEST_COORDINATE, check_array, check_headings
 from mesa_swarm.analysis.missing import masked_where, without_position
-from mesa_swarm.errors import InvalidValueError, check_number
+from mesa_swarm.base.errors import InvalidValueError, check_number
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

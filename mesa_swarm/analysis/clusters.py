@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from mesa_swarm.analysis.arrays import check_length, check_points, check_whole_or_missing
 from mesa_swarm.analysis.missing import Value, by_row, masked_where, without_position
-from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.base.errors import InvalidValueError, check_count
 
 # A pair takes about 50 bytes: more of them than this would fill a small machine's memory.
 MOST_PAIRS = 20_000_000

@@ -7,8 +7,14 @@ import numpy as np
 
 from mesa_swarm.analysis.arrays import Bounds, check_bounds, check_flags, check_length, check_points
 from mesa_swarm.analysis.missing import Measure, Measures, without_position
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.geometry.room import areas_by_cell, cells_of_nearest_parts, outside, part_around, room_for_disc
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.room import (
+    areas_by_cell,
+    cells_of_nearest_parts,
+    circumscribed_ratio,
+    part_around,
+    room_for_disc,
+)
 
 # Corners of a quarter circle of a grown body: its outline is at most 7.6e-5 of its radius too far out.
 QUARTER_SEGMENTS = 64
@@ -79,7 +85,7 @@ def reachable_cells(
     parts = _check_solids(solids)
     space = room_for_disc(limits, parts, radius, QUARTER_SEGMENTS)
     widest = radius + max((grown for _, grown in parts), default=0.0)
-    part = part_around(space, place, TOUCH * radius + (outside(QUARTER_SEGMENTS) - 1.0) * widest)
+    part = part_around(space, place, TOUCH * radius + (circumscribed_ratio(QUARTER_SEGMENTS) - 1.0) * widest)
     if part is None:
         x, y = place
         raise InvalidValueError(f"start is ({x:g}, {y:g}), where a robot of radius {radius:g} does not fit")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.analysis.arrays import check_headings, check_points
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 
 # What a measure returns: a `Measure`, or of a table over time `Measures` with one for each row.
 Value = Any

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from mesa_swarm.analysis.arrays import check_headings, check_points
 from mesa_swarm.analysis.missing import Value, by_row, with_position, without_position
-from mesa_swarm.errors import InvalidValueError, check_number
+from mesa_swarm.base.errors import InvalidValueError, check_number
 
 # Nearer to the centroid than this share of the coordinates' size, what is left of the distance is rounding.
 ROUNDING = 1e-12

@@ -15,7 +15,7 @@ from mesa_swarm.analysis.arrays import (
     check_whole,
     check_whole_or_missing,
 )
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number
 
 OBSTACLE, ROBOT, FIRE, LOAD = 0, 1, 2, 3
 FRONT, LEFT, RIGHT = range(3)

@@ -6,7 +6,7 @@ import numpy as np
 
 from mesa_swarm.analysis.arrays import check_array, check_flags_or_missing
 from mesa_swarm.analysis.missing import Measure, Measures
-from mesa_swarm.errors import InvalidValueError, check_count, check_number
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number
 
 MOST_LAYERS = 1000
 

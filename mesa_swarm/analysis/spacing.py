@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from mesa_swarm.analysis.arrays import check_points
 from mesa_swarm.analysis.missing import Value, by_row, with_position, without_position
-from mesa_swarm.errors import check_count, check_number
+from mesa_swarm.base.errors import check_count, check_number
 
 
 def nearest_neighbour_distances(position: np.ndarray) -> np.ndarray:

@@ -11,11 +11,23 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, parameter_searches, policies, run
+from mesa_swarm.base.errors import SwarmError, error_line, located
+from mesa_swarm.base.work_done import one_line
+from mesa_swarm.cli import (
+    check,
+    compare,
+    design,
+    draw,
+    info,
+    learn,
+    listing,
+    page,
+    parameter_searches,
+    policies,
+    run,
+)
 from mesa_swarm.cli.installed import command_of, installed_commands
 from mesa_swarm.cli.lines import any_letters
-from mesa_swarm.errors import SwarmError, in_words, located
-from mesa_swarm.work_done import one_line
 
 INTERRUPTED = 130
 DISK_FULL = (errno.ENOSPC, errno.EFBIG)
@@ -49,7 +61,7 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except EOFError as error:
-            raise OSError(f"a file or the input ended too early: {in_words(error)} (--debug shows where)") from error
+            raise OSError(f"a file or the input ended too early: {error_line(error)} (--debug shows where)") from error
 
 
 app = typer.Typer(
@@ -115,7 +127,7 @@ def _in_words(error: Exception) -> str:
         command = getattr(getattr(error, "ctx", None), "command_path", "mesa-swarm")
         return f"{error.format_message()}{_range_of(error)} ({command} --help lists what is possible)"
     if isinstance(error, SwarmError):
-        return in_words(error).replace("overwrite=True (--force)", "--force")  # the option, not the Python parameter
+        return error_line(error).replace("overwrite=True (--force)", "--force")  # the option, not the Python parameter
     if isinstance(error, OSError):
         unnamed = "standard output or a temporary file" if error.errno in DISK_FULL else None
         return ": ".join(str(part) for part in (error.filename or unnamed, error.strerror or error) if part)

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.errors import InvalidValueError
+from mesa_swarm.base.files import check_writable, write_whole
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import (
     FAILED,
@@ -23,10 +26,7 @@ from mesa_swarm.cli.options import (
     prepare,
     resumable,
 )
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.files import check_writable, write_whole
-from mesa_swarm.gallery import find_model, loaded_models, short_name
-from mesa_swarm.wording import quantity
+from mesa_swarm.model.gallery import find_model, loaded_models, short_name
 
 if TYPE_CHECKING:
     from mesa_swarm.experiments.experiment import Experiment
@@ -139,7 +139,7 @@ def compare(
     from mesa_swarm.experiments.run_tables import FILES, checked_forms
     from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.tables import WIDEST
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
 
     model_class, forms, parts = find_model(model), checked_forms(table or ()), checked_series(series)
     folder = check_writable(out or Path("results", f"compare_{short_name(model)}"))
@@ -167,7 +167,7 @@ def compare(
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
     """Return values separated by commas, as the parameter's type."""
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
 
     name = parameter or getattr(model_class, "compares", (None,))[0]
     if name is None:
@@ -203,7 +203,7 @@ def reality_gap(
     """Turn a dial from ideal to imperfect robots and draw the model's score; continue an interrupted call."""
     prepare()
     from mesa_swarm.experiments import reality_gap as gaps
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
     from mesa_swarm.viewing.pictures import png
 
     of_one = {"--set": setting, "--measure": measure, "--until": until}

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
+from mesa_swarm.base.files import check_writable, write_all
 from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
-from mesa_swarm.files import check_writable, write_all
 
 commands = typer.Typer()
 
@@ -35,8 +35,8 @@ def design(
     quiet: Quiet = False,
 ) -> None:
     """Search for a state machine that does a mission; continue there after an interruption."""
-    from mesa_swarm.experiments.design import MachineSpace, Mission, design_machine
-    from mesa_swarm.experiments.design_gap import search_maps
+    from mesa_swarm.searches.design import MachineSpace, Mission, design_machine
+    from mesa_swarm.searches.design_gap import search_maps
     from mesa_swarm.viewing.machine_drawing import machine_figure
     from mesa_swarm.viewing.pictures import png
 
@@ -78,8 +78,8 @@ def design_gap(
     quiet: Quiet = False,
 ) -> None:
     """Design state machines and networks for ideal robots, and compare what they lose on imperfect ones."""
-    from mesa_swarm.experiments import design_gap as gaps
-    from mesa_swarm.experiments.design import Mission
+    from mesa_swarm.searches import design_gap as gaps
+    from mesa_swarm.searches.design import Mission
     from mesa_swarm.viewing.pictures import png
 
     folder = check_writable(out)
@@ -121,8 +121,8 @@ def diversity(
 ) -> None:
     """Search for reflexes that behave differently (pyribs), and draw the best of each cell; continue there."""
     from mesa_swarm.experiments import diversity as search
-    from mesa_swarm.experiments.design_gap import search_maps
-    from mesa_swarm.experiments.evolution import Trial
+    from mesa_swarm.searches.design_gap import search_maps
+    from mesa_swarm.searches.evolution import Trial
     from mesa_swarm.viewing.pictures import png
 
     folder = check_writable(out)

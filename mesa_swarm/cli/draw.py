@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count
+from mesa_swarm.base.files import check_apart, checked_file, write_whole
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import (
     MOST_STEPS,
@@ -19,16 +22,13 @@ from mesa_swarm.cli.options import (
     files_of,
     prepare,
 )
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count
-from mesa_swarm.files import check_apart, checked_file, write_whole
-from mesa_swarm.gallery import short_name
-from mesa_swarm.wording import quantity
+from mesa_swarm.model.gallery import short_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from mesa_swarm.maps.map import Map
     from mesa_swarm.swarm_model import SwarmModel
-    from mesa_swarm.world.map import Map
 
 DEFAULT_STEPS = {"stages": "0,1000,3000", "trace": "10000", "ethogram": "500"}
 LAST_STEP = 10_000_000
@@ -151,7 +151,7 @@ def import_map(
     force: Force = False,
 ) -> None:
     """Write a map as TOML, or as SVG if OUT ends in .svg."""
-    from mesa_swarm.world.map import Map
+    from mesa_swarm.maps.map import Map
 
     world = Map.load(file)
     target = Path(f"{Path(file).stem}.toml") if out is None else out
@@ -170,7 +170,7 @@ def show_map(
     out: Annotated[Path | None, typer.Option(help="Draw it as this .png.")] = None,
 ) -> None:
     """Print what is on a map, and draw it on request."""
-    from mesa_swarm.world.map import Map
+    from mesa_swarm.maps.map import Map
 
     world = Map.load(file)
     if out is not None:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.wording import in_brief
 from mesa_swarm.cli.lines import terminal_width, wrapped
 from mesa_swarm.cli.options import Model, prepare
-from mesa_swarm.wording import in_brief
 
 if TYPE_CHECKING:
-    from mesa_swarm.about import ModelInfo
+    from mesa_swarm.model.info import ModelInfo
 
 # Longer lines are hard to read.
 WIDEST = 100
@@ -30,8 +30,8 @@ def info(
 ) -> None:
     """Explain a model: what it is, how it works, what to watch, and commands to try."""
     prepare()
-    from mesa_swarm.about import model_info
-    from mesa_swarm.odd import odd as description_of
+    from mesa_swarm.model.info import model_info
+    from mesa_swarm.model.odd import odd as description_of
 
     if odd:
         print(description_of(model_info(model)), end="")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from mesa_swarm.errors import InvalidValueError, SwarmError, located, shortened, without_middle
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, located, shortened, without_middle
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.errors import check_choice, check_number
+from mesa_swarm.base.files import check_writable, write_all
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet
-from mesa_swarm.errors import check_choice, check_number
-from mesa_swarm.files import check_writable, write_all
-from mesa_swarm.wording import quantity
 
 if TYPE_CHECKING:
     from mesa_swarm.learning.reward_lab import Profile
@@ -36,13 +36,13 @@ def reward_lab(
     quiet: Quiet = False,
 ) -> None:
     """Draw reward, learned values and choice over the distance ahead; measure where robots oscillate."""
+    from mesa_swarm.base.progress import progress_bar
     from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, oscillation, trained
     from mesa_swarm.experiments.learning_figures import reward_figure
     from mesa_swarm.experiments.tables import csv_text, fitting
     from mesa_swarm.learning.actions import checked_actions
     from mesa_swarm.learning.reward_lab import learned_profile, reward_profile
     from mesa_swarm.learning.rewards import REWARDS
-    from mesa_swarm.progress import progress_bar
     from mesa_swarm.robots.design import AGENT9
     from mesa_swarm.viewing.pictures import png
 
@@ -132,8 +132,8 @@ def tune(
     quiet: Quiet = False,
 ) -> None:
     """Tune temperature and gamma of the Q-learner to few collisions at a speed; compare with the thesis's values."""
-    from mesa_swarm.experiments import tuning
     from mesa_swarm.experiments.tables import fitting
+    from mesa_swarm.searches import tuning
 
     least_speed = tuning.LEAST_SPEED if least_speed is None else least_speed
     goal = tuning.LearningGoal(steps=steps, least_speed=least_speed, robots=robots)

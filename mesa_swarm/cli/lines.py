@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from mesa_swarm.wording import in_plain_letters
+from mesa_swarm.base.wording import in_plain_letters
 
 __all__ = ["print_lines", "terminal_width"]
 

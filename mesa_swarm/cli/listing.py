@@ -10,11 +10,11 @@ from typing import Annotated, Any
 
 import typer
 
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.base.wording import in_brief
 from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import known_model
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.gallery import PACKAGE, class_name, description, find_model, gallery_names, model_names
-from mesa_swarm.wording import in_brief
+from mesa_swarm.model.gallery import PACKAGE, class_name, description, find_model, gallery_names, model_names
 
 ROOT = PACKAGE.partition(".")[0]
 # Where its help stands among the arguments of what a parameter is declared with.
@@ -58,7 +58,7 @@ def listed(name: str) -> list[str]:
 
 def lines_of(model: type) -> list[str]:
     """Return the lines of a class."""
-    from mesa_swarm.parameters import parameters_of
+    from mesa_swarm.model.parameters import parameters_of
 
     return _lines(description(model), [(one.name, one.default, one.help) for one in parameters_of(model).values()])
 
@@ -135,7 +135,7 @@ class Source:
 def _common() -> list[tuple[str, Any, str]]:
     """Return name, default and help of the parameters that every model takes."""
     package = Path(__file__).parent.parent
-    texts = [Path(package, name).read_bytes() for name in ("model/engine_model.py", "parameters.py")]
+    texts = [Path(package, name).read_bytes() for name in ("model/engine_model.py", "model/parameters.py")]
     module, declared = map(ast.parse, texts)
     hints = {line.targets[0].id: line.value for line in declared.body if _is_alias(line)}  # type: ignore[attr-defined]
     model = _only(node for node in module.body if isinstance(node, ast.ClassDef) and node.name == "EngineModel")

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.lazy import without_collection
+from mesa_swarm.base.wording import in_brief
 from mesa_swarm.cli.lines import print_lines
-from mesa_swarm.gallery import BASE, check_model, find_model
-from mesa_swarm.lazy import without_collection
-from mesa_swarm.wording import in_brief
+from mesa_swarm.model.gallery import BASE, check_model_name, find_model
 
 if TYPE_CHECKING:
     from mesa_swarm.swarm_model import SwarmModel
@@ -27,7 +27,7 @@ FAILED = 1
 
 def known_model(name: str | None) -> str | None:
     """Return the name or address of a model, or None."""
-    return name if name is None else check_model(name)
+    return name if name is None else check_model_name(name)
 
 
 Model = Annotated[
@@ -84,7 +84,7 @@ def prepare() -> None:
 def built_model(name: str, settings: Sequence[str] | None, rng: int) -> "SwarmModel":
     """Build a model with settings such as "n_robots=5"."""
     prepare()
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
 
     model_class = find_model(name)
     return model_class(**parsed_settings(model_class, settings or ()), rng=rng)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mesa_swarm.base.errors import InvalidValueError, shortened
+from mesa_swarm.base.files import check_writable
 from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.cli.options import Jobs, Model, Quiet, Settings, StepsOfRuns, Until, prepare, resumable
-from mesa_swarm.errors import InvalidValueError, shortened
-from mesa_swarm.files import check_writable
-from mesa_swarm.gallery import find_model, short_name
+from mesa_swarm.model.gallery import find_model, short_name
 
 if TYPE_CHECKING:
     from mesa_swarm.experiments.sampling import Range
@@ -58,8 +58,8 @@ def sensitivity(
 ) -> None:
     """Measure how much a measure depends on each parameter (SALib); continue an interrupted call."""
     prepare()
-    from mesa_swarm.experiments import sensitivity as studies
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.searches import sensitivity as studies
 
     studies.need_salib()
     model_class = find_model(model)
@@ -116,9 +116,9 @@ def calibrate(
 ) -> None:
     """Search parameters at which measures are near their targets (Optuna); continue an interrupted call."""
     prepare()
-    from mesa_swarm.experiments import calibration as studies
     from mesa_swarm.experiments.sweep import TABLE
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.searches import calibration as studies
 
     studies.need_optuna()
     model_class = find_model(model)
@@ -150,7 +150,7 @@ def calibrate(
 def parsed_ranges(model_class: type, texts: Sequence[str] | None) -> "dict[str, Range]":
     """Return the ranges that texts such as "k1=0.001:0.01" describe, as the parameters' types."""
     from mesa_swarm.experiments.sampling import Range
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
 
     if not texts:
         raise InvalidValueError("no range is given; give one for each parameter, such as --range n_robots=5:20")
@@ -174,7 +174,7 @@ def parsed_ranges(model_class: type, texts: Sequence[str] | None) -> "dict[str, 
 
 def _parsed_difference(model_class: type, text: str) -> tuple[str, Any, Any]:
     """Return the parameter and the two values of a text such as "strategy=A,B"."""
-    from mesa_swarm.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parsed_settings
 
     name, _, listed = text.partition("=")
     parts = [part.strip() for part in listed.split(",")]

@@ -6,9 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    LearningError,
+    UnknownNameError,
+    check_choice,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.base.files import check_apart, check_writable, shown_path
 from mesa_swarm.cli.options import Force
-from mesa_swarm.errors import InvalidValueError, LearningError, UnknownNameError, check_choice, shortened, unknown_name
-from mesa_swarm.files import check_apart, check_writable, shown_path
 
 if TYPE_CHECKING:
     from mesa_swarm.control.state_machine import StateMachine
@@ -101,7 +108,7 @@ def machine_in(file: Path) -> "StateMachine":
 
 def design_named(name: str) -> "RobotDesign":
     """Return a design of the package by its name, or another one by its address."""
-    from mesa_swarm.gallery import is_address, object_at
+    from mesa_swarm.model.gallery import is_address, object_at
     from mesa_swarm.robots import design as designs
 
     known = {key: value for key, value in vars(designs).items() if isinstance(value, designs.RobotDesign)}

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.files import check_apart
 from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import (
     FAILED,
@@ -26,9 +28,7 @@ from mesa_swarm.cli.options import (
     prepare,
     print_pairs,
 )
-from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.files import check_apart
-from mesa_swarm.gallery import check_model, find_model, short_name
+from mesa_swarm.model.gallery import check_model_name, find_model, short_name
 
 if TYPE_CHECKING:
     from mesa_swarm.experiments.series import Watch
@@ -63,7 +63,7 @@ def run(
         if not run_job(model, record, force, until, progress=not quiet):
             raise typer.Exit(FAILED)
         return
-    check_model(model)
+    check_model_name(model)
     seed = 1 if rng is None else rng
     file = None if record is None else recording_named(record, short_name(model), seed)
     if file:

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from mesa_swarm.base.lazy import lazy_names
 from mesa_swarm.control.behaviour import PASS, behaviour  # named like its module, which would else replace it
-from mesa_swarm.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.control.approach import Approach, Halt, Retreat

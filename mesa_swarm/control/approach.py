@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses
-from mesa_swarm.errors import check_choice, check_name, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.world.statics import KINDS
@@ -35,7 +35,10 @@ class Steering(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that sense such things."""
-        towards, critical = self.sign * directions(senses, self.target), math.radians(self.critical_angle_degrees)
+        towards, critical = (
+            self.sign * directions_to_targets(senses, self.target),
+            math.radians(self.critical_angle_degrees),
+        )
         go_towards(towards, senses.max_speed, senses.radius, critical, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
@@ -120,7 +123,7 @@ class Halt(Memoryless):
         return Reason("it is to stand")
 
 
-def directions(senses: Senses, target: str) -> np.ndarray:
+def directions_to_targets(senses: Senses, target: str) -> np.ndarray:
     """Return where each robot senses a target, as vectors (n, 2) in its own frame, (0, 0) for nothing."""
     if target == GOAL:
         return np.nan_to_num(senses.heard_goal)

@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, asked, check_name, check_number, shortened
+from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.layer import Layer, Senses
-from mesa_swarm.errors import InvalidValueError, asked, check_name, check_number, shortened
-from mesa_swarm.geometry.block import Block, KernelCall, address_of, call_at, unpack
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel, kernel_of
+from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.radio import send_goals
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import limit_command, no_longer
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.streams import Streams
 
 MOST_LAYERS = 64
 
@@ -218,7 +218,7 @@ class Subsumption(Arbiter):
     def kernel_for(self, senses: Senses, swarm: Swarm, sends: bool, attend: Callable[[int], None]) -> Kernel:
         """Return what decides on these columns, where all layers have kernels."""
         layers, columns = self.kernels_of_layers(senses, swarm), swarm.columns
-        calls = [Block(KernelCall(address_of(kernel.function), kernel.block)).numbers for kernel in layers if kernel]
+        calls = [Block(KernelCall(code_address(kernel.function), kernel.block)).numbers for kernel in layers if kernel]
         given = {name: columns[name] for name in DecideArrays._fields if name in columns}
         block = Block(DecideArrays(layers=np.array(calls), sideways=senses.sideways, sends=sends, **given))
         return Kernel(decide_layers, block.numbers, (block, layers), attend)
@@ -343,12 +343,12 @@ def add_weighted(wanted, active, weight, index, command, layer, largest):
         if weight != 0.0 and any_nan(wanted[i]) and largest[i] < math.inf:
             command[i, 0], command[i, 1], layer[i], largest[i] = math.nan, math.nan, index, math.inf
             continue
-        x, y = weighted(wanted[i, 0], weight), weighted(wanted[i, 1], weight)
+        x, y = weigh_command(wanted[i, 0], weight), weigh_command(wanted[i, 1], weight)
         command[i, 0] += x
         command[i, 1] += y
         share = math.hypot(x, y)
         for w in range(2, wanted.shape[1]):
-            z = weighted(wanted[i, w], weight)
+            z = weigh_command(wanted[i, w], weight)
             command[i, w] += z
             share = math.hypot(share, z)
         if layer[i] < 0 or share > largest[i]:
@@ -365,7 +365,7 @@ def any_nan(numbers) -> bool:
 
 
 @compiled
-def weighted(wanted: float, weight: float) -> float:
+def weigh_command(wanted: float, weight: float) -> float:
     """Return the weighted command, finite; 0 if the weight is 0."""
     if weight == 0.0:
         return 0.0

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mesa_swarm.base.errors import check_choice, check_count, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
-from mesa_swarm.errors import check_choice, check_count, check_name, check_number
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import CodeRows, Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import CodeRows, Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.robots.swarm import Swarm

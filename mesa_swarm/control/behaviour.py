@@ -8,11 +8,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from mesa_swarm.control.custom_fields import RuleFields, checked_memory
-from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
-from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     BehaviourError,
     InvalidValueError,
     UncompiledBehaviourWarning,
@@ -21,6 +17,10 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.control.custom_fields import RuleFields, checked_memory
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
+from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
 from mesa_swarm.robots.swarm import Swarm
 
 # Of which senses a rule has views, the views, and the fields that the model adds.

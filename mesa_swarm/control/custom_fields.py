@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
-from mesa_swarm.errors import InvalidValueError, shortened
 from mesa_swarm.geometry.masks import holds_masked, unmasked
 from mesa_swarm.robots.devices import check_identifier, reserve
 

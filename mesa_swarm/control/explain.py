@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mesa_swarm.base.errors import BehaviourError
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Layer
-from mesa_swarm.errors import BehaviourError
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.snapshots import Snapshots

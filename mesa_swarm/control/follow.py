@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.control.layer import Memoryless, Senses, nearest_ahead
-from mesa_swarm.errors import check_name, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import check_name, check_number
+from mesa_swarm.control.layer import Memoryless, Senses, find_nearest_ahead
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -54,11 +54,11 @@ class Follow(Memoryless):
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see another ahead."""
         nearest = np.empty(len(layer), np.int64)
-        nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
+        find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
         sensed = nearest, senses.distance, senses.bearing, senses.design, senses.max_speed, senses.radius
         gap = math.inf if self.gap is None else float(self.gap)
         rule = math.radians(self.critical_angle_degrees), gap, float(self.chase_speed), float(self.cruise_speed)
-        follow(*sensed, *rule, command, layer, index)
+        follow_robots(*sensed, *rule, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return which robot it follows, and whether it must catch up."""
@@ -69,7 +69,7 @@ class Follow(Memoryless):
 
 
 @compiled
-def follow(
+def follow_robots(
     nearest, distance, bearing, design, max_speed, radius, critical_angle, gap, chase, cruise, command, layer, index
 ):
     """Write the commands of robots that see another ahead and are driven by no earlier layer."""

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses, centroids, draw_once
-from mesa_swarm.errors import InvalidValueError, check_name, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -50,7 +50,7 @@ class Gather(Memoryless):
         """Turn or stop the robots that see others."""
         centroid, seen = centroids(senses)
         critical = math.radians(self.critical_angle_degrees)
-        gather(
+        gather_robots(
             centroid, seen, senses.max_speed, senses.radius, critical, float(self.stop_distance), command, layer, index
         )
 
@@ -63,7 +63,7 @@ class Gather(Memoryless):
 
 
 @compiled
-def gather(centroid, seen, max_speed, radius, critical_angle, stop_distance, command, layer, index):
+def gather_robots(centroid, seen, max_speed, radius, critical_angle, stop_distance, command, layer, index):
     """Write the commands of robots that see others and are driven by no earlier layer."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0 or seen[i] == 0:

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.control.layer import Senses, draw_once, nearest_ahead
-from mesa_swarm.errors import InvalidValueError, check_choice, check_name, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_name, check_number
+from mesa_swarm.control.layer import Senses, draw_once, find_nearest_ahead
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -109,7 +109,7 @@ class HeadOn:
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn the robots that meet another head-on."""
         nearest = np.empty(len(layer), np.int64)
-        nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
+        find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
         columns = self._swarm.columns
         memory = tuple(columns[f"{self._prefix}.{m}"] for m in ("front", "least", "speed", "left"))
         sensed = nearest, senses.distance, senses.kind, senses.design, senses.forward, senses.last_command

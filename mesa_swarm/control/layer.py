@@ -10,8 +10,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from mesa_swarm.geometry.block import Block
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.devices import reserve
@@ -201,7 +201,7 @@ def nearest_of(distance, kind, i, sought):
 
 
 @compiled
-def nearest_ahead(distance, kind, bearing, design, nearest):
+def find_nearest_ahead(distance, kind, bearing, design, nearest):
     """Write which sensor with |bearing| < 90 degrees sees the nearest robot (n,), -1 if none does (5.2, corrected).
 
     Of equal distances the sensor that looks more nearly ahead counts, then the first.

@@ -29,7 +29,7 @@ from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
 
 from mesa_swarm.control.source import attributes_used, functions_used, operands, operations, values_used
-from mesa_swarm.geometry.compiled import FUNCTIONS
+from mesa_swarm.kernels.compiled import FUNCTIONS
 
 MOST_LOOPS = 1_000_000
 # Operations of which a function with loops has one.
@@ -94,12 +94,12 @@ def count_loop(context: Any) -> tuple[Any, Callable]:
     return types.boolean(), generate
 
 
-def kept(record: Any, name: str, value: Any) -> Any:
+def checked_field_value(record: Any, name: str, value: Any) -> Any:
     """Return what a field of a record may be set to; compiled code calls it before each assignment."""
     return value
 
 
-@overload(kept, prefer_literal=True)
+@overload(checked_field_value, prefer_literal=True)
 def _compiled_kept(record: Any, name: Any, value: Any) -> Callable | None:
     if not isinstance(name, types.StringLiteral):
         return None
@@ -251,7 +251,7 @@ def _limited(code: Any, scope: Any, old: Any) -> Iterator[Any]:
     if isinstance(old, ir.SetAttr):
         name, value = scope.redefine("$limit_name", old.loc), scope.redefine("$limit_value", old.loc)
         yield ir.Assign(ir.Const(old.attr, old.loc), name, old.loc)
-        yield from _call(scope, kept, [old.target, name, old.value], value, old.loc)
+        yield from _call(scope, checked_field_value, [old.target, name, old.value], value, old.loc)
         yield ir.SetAttr(old.target, old.attr, value, old.loc)
     elif isinstance(old, (ir.SetItem, ir.StaticSetItem)):
         value = scope.redefine("$limit_value", old.loc)

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from mesa_swarm.base.errors import check_name, check_number
 from mesa_swarm.control.layer import Senses, centroids
-from mesa_swarm.errors import check_name, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE

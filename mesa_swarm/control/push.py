@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses, nearest_of
-from mesa_swarm.errors import check_choice, check_name, check_number
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE

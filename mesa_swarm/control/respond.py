@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses
-from mesa_swarm.errors import check_choice, check_name, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -64,7 +64,7 @@ class Respond(Memoryless):
         target = senses.heard_from if self.to == "state" else senses.heard_goal
         robots = senses.hot, senses.fire, senses.max_speed, senses.radius
         critical = math.radians(self.critical_angle_degrees)
-        respond(target, *robots, float(self.near), critical, command, layer, index)
+        respond_to_fires(target, *robots, float(self.near), critical, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return where the call came from."""
@@ -74,7 +74,7 @@ class Respond(Memoryless):
 
 
 @compiled
-def respond(target, hot, fire, max_speed, radius, near, critical_angle, command, layer, index):
+def respond_to_fires(target, hot, fire, max_speed, radius, near, critical_angle, command, layer, index):
     """Write the commands of robots that no earlier layer drives; `target` (n, 2) is NaN without a call."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0 or hot[i] or fire[i] >= 0:

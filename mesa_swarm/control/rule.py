@@ -16,6 +16,7 @@ from numba import literal_unroll, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
+from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
 from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, fields_used, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.limits import (
@@ -32,8 +33,7 @@ from mesa_swarm.control.limits import (
     uncounted,
 )
 from mesa_swarm.control.source import Read
-from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
-from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
+from mesa_swarm.kernels.custom_code import digest_function, renamed, stored_on_disk
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import brief, reserve
 from mesa_swarm.robots.drive import speeds_in_words
@@ -373,7 +373,7 @@ def _tried(
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
     fields = fields_used(function, (*Me._fields, *form.names))
-    digest = digest_of(function, str(form), fields, numbers, VERSION, places_of_loops(function))
+    digest = digest_function(function, str(form), fields, numbers, VERSION, places_of_loops(function))
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
     rule: Any = njit(error_model="numpy", boundscheck=True, pipeline_class=LimitedCompiler)(renamed(function, digest))
     places, loop = _loop(form, fields, rule, COMPILED)

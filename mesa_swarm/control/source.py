@@ -170,12 +170,12 @@ def _held_by(owner: Any) -> dict[str, Any]:
     """Return the attributes of a module, a class or a plain object; none of other packages, which are constant."""
     if isinstance(owner, type):
         return {name: value for base in reversed(owner.__mro__) for name, value in vars(base).items()}
-    if isinstance(owner, ModuleType) and is_apart(owner.__name__):
+    if isinstance(owner, ModuleType) and is_python_or_numeric(owner.__name__):
         return {}
     return dict(getattr(owner, "__dict__", {}))
 
 
-def is_apart(module: str) -> bool:
+def is_python_or_numeric(module: str) -> bool:
     """Return whether a module belongs to Python, or to a package that computes."""
     package = module.partition(".")[0]
     is_python = package in sys.stdlib_module_names and package != "__main__"
@@ -208,7 +208,7 @@ def what_is_read(function: FunctionType) -> Read:
         attributes = sorted(dict(attributes_used(part)).items(), key=itemgetter(0))
         for name, value in (*values_used(part), *attributes):
             functions = _functions_in(value)
-            called = [function for function in functions if not is_apart(function.__module__ or "")]
+            called = [function for function in functions if not is_python_or_numeric(function.__module__ or "")]
             parts += [function for function in called if function not in parts]
             if not functions and (plain := frozen(value)) is not NOTHING:
                 values.append((name, plain))

@@ -11,6 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_name,
+    error_line,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.approach import Approach, Halt, Retreat
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.avoid import Avoid
@@ -24,18 +33,9 @@ from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.control.perimeter import Perimeter
 from mesa_swarm.control.push import Push
 from mesa_swarm.control.respond import Respond
-from mesa_swarm.errors import (
-    InvalidValueError,
-    UnknownNameError,
-    check_name,
-    in_words,
-    shortened,
-    unknown_name,
-)
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.streams import Streams
 
 # Names of states: words, between which may be single spaces or hyphens.
 STATE_NAME = re.compile(r"\w+(?:[ -]\w+)*")
@@ -474,7 +474,7 @@ def _at_line(number: int, make: Any) -> Any:
     except UnknownNameError as error:
         raise UnknownNameError(f"line {number}: {error}") from None
     except (ValueError, TypeError) as error:
-        raise InvalidValueError(f"line {number}: {in_words(error)}") from None
+        raise InvalidValueError(f"line {number}: {error_line(error)}") from None
 
 
 @compiled

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, check_name, shortened
+from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.arbiter import MOST_LAYERS, Arbiter, check_drives
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, check_name, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.streams import Streams
 
 Key = RobotDesign | str
 # Of the keys in messages.
@@ -57,7 +57,7 @@ class Team(Arbiter, Mapping):
                 _check_key(key)
             if arbiter is not None and (not isinstance(arbiter, Arbiter) or isinstance(arbiter, Team)):
                 raise InvalidValueError(
-                    f"control of {label_of(key)} is {shortened(arbiter)}; expected an arbiter such as "
+                    f"control of {message_label(key)} is {shortened(arbiter)}; expected an arbiter such as "
                     "Subsumption(Avoid(), Explore()), or None for robots that stand still"
                 )
         if not arbiters:
@@ -92,7 +92,7 @@ class Team(Arbiter, Mapping):
         counts = [len(arbiter.layers) for arbiter in self.arbiters]
         self._firsts = [sum(counts[:k]) for k in range(len(counts))]
         self._places = {key: k for k, key in enumerate(driving)}
-        labels = list(map(label_of, driving))
+        labels = list(map(message_label, driving))
         self._labels = [f"{one} {k + 1}" if labels.count(one) > 1 else one for k, one in enumerate(labels)]
 
     @property
@@ -142,7 +142,7 @@ class Team(Arbiter, Mapping):
             if key == design:  # not by hash: custom drives need none
                 return key
         of_group = f" in the group {group}" if group else ""
-        known = ", ".join(f"the {'group' if isinstance(key, str) else 'design'} {label_of(key)}" for key in self)
+        known = ", ".join(f"the {'group' if isinstance(key, str) else 'design'} {message_label(key)}" for key in self)
         shown = known if len(known) <= LONGEST_LIST else f"{known[:LONGEST_LIST]}..."
         raise InvalidValueError(
             f"robots of the design {design.name}{of_group} have no arbiter; control has one for {shown}; "
@@ -172,7 +172,7 @@ class Team(Arbiter, Mapping):
         layer.fill(-1)
         for place, arbiter in enumerate(self.arbiters):
             arbiter.decide(senses, self._wanted, self._won)
-            take_over(owners, place, self._firsts[place], self._wanted, self._won, command, layer)
+            take_over_commands(owners, place, self._firsts[place], self._wanted, self._won, command, layer)
 
     def _owners(self) -> np.ndarray:
         """Return the place of each robot's arbiter (n,), -1 for none, and prepare for these robots."""
@@ -203,7 +203,7 @@ def robots_of(swarm: Swarm) -> Iterator[tuple[RobotDesign, str]]:
         yield swarm.designs[pair // len(groups)], groups[pair % len(groups)]
 
 
-def label_of(key: object) -> str:
+def message_label(key: object) -> str:
     """Return how messages and pictures call a design or a group."""
     return key.name if isinstance(key, RobotDesign) else str(key)
 
@@ -215,7 +215,7 @@ def _check_key(key: object) -> None:
 
 
 @compiled
-def take_over(owner, place, first, wanted, won, command, layer):
+def take_over_commands(owner, place, first, wanted, won, command, layer):
     """Write what an arbiter decided where it owns the robot; the indices of its layers begin at `first`."""
     for i in range(owner.shape[0]):
         if owner[i] != place or won[i] < 0:

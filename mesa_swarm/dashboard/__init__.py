@@ -12,9 +12,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mesa_swarm.errors import SwarmError, UnknownNameError, check_choice, check_count, shortened
-from mesa_swarm.extras import need
-from mesa_swarm.gallery import find_model, gallery_names, is_address, model_names
+from mesa_swarm.base.errors import SwarmError, UnknownNameError, check_choice, check_count, shortened
+from mesa_swarm.base.extras import need
+from mesa_swarm.model.gallery import find_model, gallery_names, is_address, model_names
 
 if TYPE_CHECKING:
     import uvicorn

@@ -17,27 +17,27 @@ from reacton import ipyvuetify as rv
 from solara.server import settings
 
 from mesa_swarm.dashboard import FIRST, MODEL_VARIABLE
-from mesa_swarm.dashboard.addresses import WATCH
-from mesa_swarm.dashboard.charts import ChartBoard, Charting
-from mesa_swarm.dashboard.compare_view import Compare
-from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.editing import Editing, Editor
-from mesa_swarm.dashboard.events_view import EventList
-from mesa_swarm.dashboard.experiment_view import ExperimentTab
-from mesa_swarm.dashboard.experimenting import Experimenting
-from mesa_swarm.dashboard.exporting import ExportDesk, Exporter
-from mesa_swarm.dashboard.gallery_view import Gallery, title
-from mesa_swarm.dashboard.info_view import Info
-from mesa_swarm.dashboard.inspector import Inspecting, Inspector
-from mesa_swarm.dashboard.layout import LEFT, PRODUCT, RIGHT, ColumnFold, ScreenButtons, page_title
-from mesa_swarm.dashboard.navigation import Navigation, PageBar, PageLink
-from mesa_swarm.dashboard.replay_view import Replay
-from mesa_swarm.dashboard.replaying import Replaying
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Button, Linked, TroubleCard
-from mesa_swarm.gallery import description, find_model
-from mesa_swarm.looks import looks_of
+from mesa_swarm.dashboard.compare.compare_view import Compare
+from mesa_swarm.dashboard.compare.comparing import Comparing
+from mesa_swarm.dashboard.experiment.experiment_view import ExperimentTab
+from mesa_swarm.dashboard.experiment.experimenting import Experimenting
+from mesa_swarm.dashboard.gallery.gallery_view import Gallery, title
+from mesa_swarm.dashboard.info.info_view import Info
+from mesa_swarm.dashboard.page.addresses import WATCH
+from mesa_swarm.dashboard.page.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.page.layout import LEFT, PRODUCT, RIGHT, ColumnFold, ScreenButtons, page_title
+from mesa_swarm.dashboard.page.navigation import Navigation, PageBar, PageLink
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.page.widgets import Button, Linked, TroubleCard
+from mesa_swarm.dashboard.replay.replay_view import Replay
+from mesa_swarm.dashboard.replay.replaying import Replaying
+from mesa_swarm.dashboard.run.charts import ChartBoard, Charting
+from mesa_swarm.dashboard.run.editing import Editing, Editor
+from mesa_swarm.dashboard.run.events_view import EventList
+from mesa_swarm.dashboard.run.exporting import ExportDesk, Exporter
+from mesa_swarm.dashboard.run.inspector import Inspecting, Inspector
+from mesa_swarm.model.gallery import description, find_model
+from mesa_swarm.model.looks import looks_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.canvas_widget import ON_A_PAGE, PlayerView
@@ -74,7 +74,16 @@ class Places:
 
 STYLES = tuple(
     f"dashboard/{name}.css"
-    for name in ("style", "gallery", "info", "charts", "editing", "experiment", "frame", "layout")
+    for name in (
+        "page/style",
+        "gallery/gallery",
+        "info/info",
+        "run/charts",
+        "run/editing",
+        "experiment/experiment",
+        "page/frame",
+        "page/layout",
+    )
 )
 CSS = style_sheet(".v-application", ".v-application.theme--dark") + text_of(*STYLES)
 MODELS = "models"
@@ -175,7 +184,7 @@ def Watch(session: Session, faults: tuple[str, ...]) -> None:
         with solara.Div(classes=["swarm-middle"]):
             with solara.Div(classes=["swarm-unseen"]):  # its tools are put upon the canvas
                 Linked(Editor, Editing, session)
-            Trouble(session, faults).key(f"trouble {faults}")
+            SessionFault(session, faults).key(f"trouble {faults}")
             PlayerView(session, session.reset, {**ON_A_PAGE, "remember": WATCH})
         ColumnFold.element(side=RIGHT, label="Robot, charts, export")
         with solara.Div(classes=["swarm-side"]):
@@ -237,7 +246,7 @@ def OwnPanel(panel: Callable[[SwarmModel], object], session: Session, beat: Beat
 
 
 @solara.component
-def Trouble(session: Session, faults: tuple[str, ...]) -> None:
+def SessionFault(session: Session, faults: tuple[str, ...]) -> None:
     """Show an error of the model or of the link on a card."""
     use_changes(session.changed)
     left, leave = solara.use_state(False)

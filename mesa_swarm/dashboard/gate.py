@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode
 
-from mesa_swarm.dashboard.gallery_pictures import PREFIX, picture_at
+from mesa_swarm.dashboard.gallery.gallery_pictures import PREFIX, picture_at
 from mesa_swarm.viewing.headers import safe_headers
 
 # As ASGI has them.
@@ -99,7 +99,7 @@ class Gate:
             await _refuse(scope, send, 400, "This dashboard answers to 127.0.0.1 and localhost only.")
         elif "origin" in headers and not is_from(host, headers["origin"]):
             await _refuse(scope, send, 403, "Requests from other pages are refused.")
-        elif not self.token or _same(cookie_of(headers.get("cookie", "")), digest_of(self.token)):
+        elif not self.token or _same(cookie_of(headers.get("cookie", "")), digest_token(self.token)):
             await self._pass_on(scope, receive, send)
         else:
             await self._ask(scope, send)
@@ -137,7 +137,7 @@ class Gate:
         """Take the token from the address and remember it in a cookie, or ask for it."""
         words = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
         if scope["type"] == "http" and _same(words.pop("token", ""), self.token):
-            cookie = f"{COOKIE}={digest_of(self.token)}; Path=/; HttpOnly; SameSite=Lax"
+            cookie = f"{COOKIE}={digest_token(self.token)}; Path=/; HttpOnly; SameSite=Lax"
             # Two slashes, or one and a backslash, would be another host.
             place = "/" + quote(scope["path"].lstrip("/\\")) + (f"?{urlencode(words)}" if words else "")
             await _answer(send, 303, "", [(b"location", place.encode()), (b"set-cookie", cookie.encode())])
@@ -185,7 +185,7 @@ def is_from(host: str, origin: str) -> bool:
     return origin.lower() in (f"http://{host.lower()}", f"https://{host.lower()}")
 
 
-def digest_of(token: str) -> str:
+def digest_token(token: str) -> str:
     """Return the content of the cookie for a token; cookies cannot hold every character."""
     return hashlib.sha256(token.encode()).hexdigest()
 
@@ -233,7 +233,7 @@ def _completely(send: Send, *, packs: bool) -> Send:
         elif begun and message["type"] == "http.response.body":
             parts.append(message.get("body", b""))
             if not message.get("more_body"):
-                page = completed(b"".join(parts))
+                page = complete_page(b"".join(parts))
                 page = gzip.compress(page, mtime=0) if packs else page
                 headers = [*_with_length(begun[0]["headers"], len(page)), *(PACKED if packs else ())]
                 await send({**begun[0], "headers": headers})
@@ -253,7 +253,7 @@ def _with_length(headers: list[tuple[bytes, bytes]], length: int) -> list[tuple[
     return [(name, b"%d" % length if name == b"content-length" else value) for name, value in headers]
 
 
-def completed(page: bytes) -> bytes:
+def complete_page(page: bytes) -> bytes:
     """Return Solara's page with what it lacks."""
     for pattern, text in COMPLETED:
         page = pattern.sub(text, page, count=1)

@@ -8,21 +8,21 @@ from typing import Any
 import anywidget
 import ipywidgets
 
-from mesa_swarm.dashboard.charts import ChartBoard, Charting
-from mesa_swarm.dashboard.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.inspector import Inspecting, Inspector
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, unknown_name
+from mesa_swarm.dashboard.page.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.run.charts import ChartBoard, Charting
+from mesa_swarm.dashboard.run.inspector import Inspecting, Inspector
+from mesa_swarm.maps.map import Map
 from mesa_swarm.recording.provenance import parameters_of_run
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.canvas_widget import IN_A_NOTEBOOK, Beside, SwarmCanvas, give_size, show_on
-from mesa_swarm.world.map import Map
 
 # The canvas is in each view of a notebook, and knows which theme surrounds it.
 LIGHT, DARK = ".swarm-notebook", '.swarm-notebook:has(> * > .swarm-player[data-theme="dark"])'
 # Style sheets of the page whose rules panels need.
-PAGE = ("dashboard/style.css", "dashboard/charts.css")
+PAGE = ("dashboard/page/style.css", "dashboard/run/charts.css")
 
 
 def in_notebooks(rules: str) -> str:
@@ -82,7 +82,7 @@ class ChosenControls(Panel):
         with self.widget.hold_sync():
             super().refresh()
             if self._names is not None:
-                self.widget.groups = chosen(self.widget.groups, self._names)
+                self.widget.groups = select_controls(self.widget.groups, self._names)
 
 
 class NotebookView(ipywidgets.Box):
@@ -171,7 +171,7 @@ def known_names(what: str, names: Any, known: Any) -> list[str]:
     return list(names)
 
 
-def chosen(groups: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
+def select_controls(groups: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
     """Return groups of controls with only those of these names."""
     found = [{**group, "fields": [one for one in group["fields"] if one["name"] in names]} for group in groups]
     return [group for group in found if group["fields"]]

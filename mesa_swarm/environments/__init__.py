@@ -8,8 +8,8 @@ first used: `VectorSwarmEnv` needs neither Gymnasium nor PettingZoo.
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from mesa_swarm.base.lazy import lazy_names
 from mesa_swarm.environments.registration import register
-from mesa_swarm.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.environments.parallel import ParallelSwarmEnv

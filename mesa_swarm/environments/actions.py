@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_flag, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_flag, shortened
 from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.learning.actions import ACTIONS
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from mesa_swarm.analysis.spacing import nearest_neighbour_distances
+from mesa_swarm.base.errors import check_number
 from mesa_swarm.control import Avoid, Explore, Gather, Layer
 from mesa_swarm.environments.scores import LARGEST_REWARD, Score, cluster_sizes
 from mesa_swarm.environments.task import Task
-from mesa_swarm.errors import check_number
+from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import AGENT9, RobotDesign
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.world.map import Map
 
 FAR_SIGHTED = AGENT9.with_proximity(range=100)
 

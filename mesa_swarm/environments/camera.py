@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from mesa_swarm.environments.registration import need
-from mesa_swarm.errors import check_choice
+from mesa_swarm.base.errors import check_choice
+from mesa_swarm.environments.registration import need_learning_package
+from mesa_swarm.maps.map import Map
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT, fire_steps, rgb
-from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import Shape
 
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
@@ -46,7 +46,7 @@ class Display:
     def __init__(self, render_mode: str | None) -> None:
         self._human = render_mode == "human"
         if self._human:
-            need("pygame")
+            need_learning_package("pygame")
         self._cameras: list[Camera] = []
         self._window: Any = None
         self._clock: Any = None

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import shapely
 
+from mesa_swarm.base.errors import InvalidValueError, PlacementError, check_choice, check_count, check_number
 from mesa_swarm.control import Layer, behaviour
 from mesa_swarm.environments.actions import CONTINUOUS
 from mesa_swarm.environments.scores import CARRIED, LARGEST_REWARD, NEST, ObservationEncoder, Score
 from mesa_swarm.environments.task import Task
-from mesa_swarm.errors import InvalidValueError, PlacementError, check_choice, check_count, check_number
 from mesa_swarm.geometry.room import part_around, room_for_disc
+from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.gripper import Carried, Gripper
 from mesa_swarm.robots.sensors import LARGEST_RANGE, LineSensor, Sensor
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import disc
 from mesa_swarm.world.statics import KINDS as BUILT_IN_KINDS
 from mesa_swarm.world.statics import OBSTACLE, ROBOT

@@ -5,18 +5,18 @@ from typing import Any
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.environments.actions import checked_clip, shares
 from mesa_swarm.environments.camera import METADATA, Display, checked_mode
-from mesa_swarm.environments.registration import need
+from mesa_swarm.environments.registration import need_learning_package
 from mesa_swarm.environments.spaces import action_space, observation_space, state_space
 from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Conditions, Options
 from mesa_swarm.environments.vector import check_seed, measures, new_world, stream
-from mesa_swarm.errors import InvalidValueError, SwarmError, shortened
 
-need("pettingzoo")
+need_learning_package("pettingzoo")
 
 from gymnasium.spaces import Discrete, Space  # noqa: E402 - the error above names what is missing
 from pettingzoo import AECEnv, ParallelEnv  # noqa: E402 - the error above names what is missing

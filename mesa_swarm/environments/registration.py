@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from mesa_swarm.extras import need as need_package
+from mesa_swarm.base.extras import need as need_package
 
 NAMESPACE = "MesaSwarm"
 # The task by Gymnasium's name of the environment.
@@ -15,7 +15,7 @@ REGISTERED = {
 }
 
 
-def need(package: str, extra: str = "rl") -> None:
+def need_learning_package(package: str, extra: str = "rl") -> None:
     """Check that a package of an extra is installed; if not, the error gives the command that installs it."""
     need_package(package, extra, "this environment needs")
 
@@ -25,7 +25,7 @@ def register() -> None:
 
     Where PettingZoo has a registry (1.27 and later), its ``make`` knows them too.
     """
-    need("gymnasium")
+    need_learning_package("gymnasium")
     from gymnasium.envs import registration  # noqa: PLC0415 - heavy, and optional
 
     for name, task in REGISTERED.items():

@@ -6,12 +6,12 @@ from typing import Any, Self
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.environments.camera import Display, checked_mode
-from mesa_swarm.environments.registration import need
+from mesa_swarm.environments.registration import need_learning_package
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Options
 from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, by_worlds
-from mesa_swarm.errors import InvalidValueError, SwarmError
 
 Indices = int | Iterable[int] | None
 
@@ -55,7 +55,7 @@ class SharedPolicyVecEnv:
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Return an instance that is a VecEnv as well, which is imported only now."""
-        need("stable_baselines3", "sb3")
+        need_learning_package("stable_baselines3", "sb3")
         own: Any = cls
         return object.__new__(_with_base(own))
 

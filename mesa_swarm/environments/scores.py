@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from mesa_swarm.analysis.coverage import cells_from_places
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, check_choice
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 from mesa_swarm.robots.design import RobotDesign

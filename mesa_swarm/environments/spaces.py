@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from mesa_swarm.environments.registration import need
+from mesa_swarm.environments.registration import need_learning_package
 from mesa_swarm.environments.scores import TeamEncoder
 from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.tasks import Task
 
-need("gymnasium")
+need_learning_package("gymnasium")
 
 from gymnasium.spaces import Box, Discrete, Space  # noqa: E402 - the error above names what is missing
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.swarm_model import SwarmModel
 
 OF_ROBOT, OF_FIRE, OF_THING = 9, 5, 3

@@ -7,11 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.control import Avoid, Explore, Layer
-from mesa_swarm.environments.actions import CONTINUOUS, checked_choice
-from mesa_swarm.environments.scores import LARGEST_REWARD, MESSAGE, ObservationEncoder, Score, TeamEncoder
-from mesa_swarm.environments.variation import Conditions, Variation
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     UnknownNameError,
     check_count,
@@ -19,12 +15,16 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.control import Avoid, Explore, Layer
+from mesa_swarm.environments.actions import CONTINUOUS, checked_choice
+from mesa_swarm.environments.scores import LARGEST_REWARD, MESSAGE, ObservationEncoder, Score, TeamEncoder
+from mesa_swarm.environments.variation import Conditions, Variation
 from mesa_swarm.fire import FireConstants
+from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import AGENT9, RobotDesign
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.world.map import Map
 
 # Fires that neither grow nor can be put out, and heat no robot: they only have to be found.
 LASTING = FireConstants(k1=1e-9, k2=1e-12, k3=0.0, k4=0.0, leave=1.0, join=0.0)

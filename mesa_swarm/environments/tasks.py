@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.control import Avoid, Explore, Layer
 from mesa_swarm.environments.aggregation import Aggregation
 from mesa_swarm.environments.foraging import Foraging
@@ -17,12 +18,11 @@ from mesa_swarm.environments.scores import (
     ThesisScore,
 )
 from mesa_swarm.environments.task import LASTING, Task
-from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.fire import FightFire, FireConstants, design_constants
 from mesa_swarm.learning.rewards import CRITICAL, REWARD_STATES, REWARDS, STATE
+from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import AGENT_FIRE, RobotDesign
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.world.map import Map
 
 __all__ = ["LASTING", "TASKS", "Aggregation", "CollisionAvoidance", "ExtinguishFires", "FindFires", "Foraging", "Task"]
 

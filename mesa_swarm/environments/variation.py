@@ -7,9 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_count, check_number, shortened, unknown_name
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    UnknownNameError,
+    check_count,
+    check_number,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.imperfections import MEASURED, Imperfections
-from mesa_swarm.world.map import Map
 
 FASTEST = 100.0
 # What `reset(options=...)` may fix for one episode.

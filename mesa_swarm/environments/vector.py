@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
 from mesa_swarm.environments.actions import checked_clip, shares
 from mesa_swarm.environments.scores import TeamEncoder
 from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Conditions, Options, Variation, checked_options
-from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice, check_count, shortened
 from mesa_swarm.geometry.masks import unmasked
 
 if TYPE_CHECKING:  # optional

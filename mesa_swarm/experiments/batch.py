@@ -6,15 +6,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.experiments.experiment import MOST_STEPS
 from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, is_remote, on_all
 from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.experiments.series import Watch
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.mesa_model import checked_seed, collected_of_agents
-from mesa_swarm.parameters import check_names
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.model.parameters import check_names
 from mesa_swarm.swarm_model import SwarmModel
 
 LAST = -1  # the period of collected rows of which only the last is wanted

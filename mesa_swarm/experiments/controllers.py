@@ -14,25 +14,25 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.environments.task import Task
-from mesa_swarm.environments.task_world import TaskWorld
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     LONGEST_NAME,
     BehaviourError,
     InvalidValueError,
     LearningError,
     SwarmError,
     check_name,
-    in_words,
+    error_line,
     shortened,
     without_middle,
 )
+from mesa_swarm.base.extras import need
+from mesa_swarm.base.files import shown_path
+from mesa_swarm.base.streams import Seed
+from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.environments.task import Task
+from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.experiments.fingerprints import files_hash
-from mesa_swarm.extras import need
-from mesa_swarm.files import shown_path
-from mesa_swarm.gallery import is_address, object_at
 from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.learning.actions import ACTIONS, described
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
@@ -40,7 +40,7 @@ from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
 from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
 from mesa_swarm.learning.policy import Policy, PolicyLayer
 from mesa_swarm.learning.policy_files import load_policy, unreadable_archive
-from mesa_swarm.streams import Seed
+from mesa_swarm.model.gallery import is_address, object_at
 
 Act = Callable[[np.ndarray], np.ndarray]
 OfFires = TypeVar("OfFires", SkillPolicy, FireWheelPolicy)
@@ -133,7 +133,7 @@ class Controller:
             except SwarmError:
                 raise
             except (Exception, SystemExit) as error:  # foreign code may raise anything
-                raise BehaviourError(without_middle(f"{self.name} failed: {in_words(error)}")) from error
+                raise BehaviourError(without_middle(f"{self.name} failed: {error_line(error)}")) from error
             found = _actions_of(returned, len(observations), actions, numbers)
             if found is None:
                 raise BehaviourError(
@@ -294,7 +294,7 @@ def _of_sb3(file: Path, greedy: bool) -> Controller:
             warnings.simplefilter("ignore")  # of other versions of packages
             model = getattr(import_module("stable_baselines3"), algorithm).load(file, device="cpu")
     except (Exception, SystemExit) as error:  # pickles raise anything
-        text = f"{shown_path(file)} cannot be loaded as {algorithm}: {in_words(error)}"
+        text = f"{shown_path(file)} cannot be loaded as {algorithm}: {error_line(error)}"
         raise LearningError(without_middle(text)) from None
     shape: Any = model.observation_space.shape
     if shape is None or len(shape) != 1:
@@ -374,7 +374,7 @@ def _made(address: str, kind: type) -> Act:
     try:
         made: Any = kind()
     except (Exception, SystemExit) as error:  # foreign code may raise anything
-        raise BehaviourError(without_middle(f"{address} cannot be made: {in_words(error)}")) from error
+        raise BehaviourError(without_middle(f"{address} cannot be made: {error_line(error)}")) from error
     act = getattr(made, "act", made)
     if not callable(act):
         raise InvalidValueError(f"{address} has no method act and cannot be called; give the class one of them")

@@ -17,11 +17,11 @@ from distributed.protocol.pickle import dumps, loads
 from distributed.security import Security
 from joblib import parallel_config
 
-from mesa_swarm.errors import InvalidValueError, in_words, shortened
+from mesa_swarm.base.errors import InvalidValueError, error_line, shortened
+from mesa_swarm.base.progress import notice
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError, worked
-from mesa_swarm.gallery import imported
-from mesa_swarm.progress import notice
-from mesa_swarm.wording import quantity
+from mesa_swarm.model.gallery import imported
 
 ADDRESS = re.compile(r"((tcp|tls)://)?[^\s/]+:[0-9]{1,5}")
 # A chunk takes about so long, s, and ends with the run that takes it beyond twice this: what is lost with a worker, and
@@ -165,7 +165,7 @@ class Chunks:
             if not isinstance(missing, ImportError):
                 raise
             raise InvalidValueError(
-                f"the scheduler or a worker cannot import what it needs: {in_words(missing)[:150]}; install the same "
+                f"the scheduler or a worker cannot import what it needs: {error_line(missing)[:150]}; install the same "
                 "packages on all machines, that of the scheduler too"
             ) from None
         else:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.analysis.pathology import Pathologies, find_pathologies, flips_of
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.experiments.pool import checked_jobs, in_order
-from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import PolicyLayer, QPolicy
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.robots.snapshots import Snapshots, check_watched
 from mesa_swarm.swarm_model import SwarmModel
@@ -40,7 +40,7 @@ def pathologies_of(model: SwarmModel) -> Pathologies:
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> model = find_model("collision_avoidance")(n_robots=3, rng=1)
     >>> watched = model.watch(last=None)
     >>> len(pathologies_of(model.run(100)))

@@ -7,18 +7,18 @@ from importlib.metadata import version
 from itertools import islice, product
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.experiments.fingerprints import fingerprint, shown_value, source_hash
 from mesa_swarm.experiments.ledger import ENDED_BY
-from mesa_swarm.experiments.reports import check_report, parts_of
+from mesa_swarm.experiments.reports import check_report, split_measure
 from mesa_swarm.experiments.runs import Run, check_results
 from mesa_swarm.experiments.sampling import Points, Sample, as_list, check_different, grid_columns
 from mesa_swarm.experiments.series import RUN, RunSeries
 from mesa_swarm.experiments.until import EndCondition, checked_condition
-from mesa_swarm.gallery import address_of, find_model
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.maps.map import Map, builtin_maps
+from mesa_swarm.model.gallery import find_model, model_address
+from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.world.map import Map, builtin_maps
 
 MOST_SEEDS = 100_000
 # Seeds are compared as floats are, in tables and in TOML of other programs.
@@ -89,12 +89,12 @@ class Experiment:
     @property
     def reports(self) -> tuple[str, ...]:
         """The measures that are reports of the model, each reduced to one number."""
-        return tuple(name for name in self.measures if parts_of(name))
+        return tuple(name for name in self.measures if split_measure(name))
 
     def key(self, settings: Mapping[str, Any], rng: int) -> str:
         """Return the fingerprint of all that decides a run: model, source, version, parameters, seed and steps."""
         defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
-        place = address_of(self.model_class)
+        place = model_address(self.model_class)
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
         ends = () if self.until is None else (self.until.source,)
         decisive = place, self.source, package_version("mesa-swarm"), parameters, rng, self.steps, *ends
@@ -140,7 +140,7 @@ def checked_experiment(
         until=checked_condition(until),
     )
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
-    check_columns(check_measures(experiment, first_built(experiment)), {*experiment.fixed, *experiment.columns})
+    check_result_names(check_measures(experiment, first_built(experiment)), {*experiment.fixed, *experiment.columns})
     return experiment
 
 
@@ -219,14 +219,14 @@ def check_measures(experiment: Experiment, model: SwarmModel) -> Mapping[str, An
         check_results(model)
         results = model.results()
     for name in experiment.measures:
-        if name not in results and parts_of(name):
+        if name not in results and split_measure(name):
             check_report(name, model)
         else:
             check_choice(f"result of {experiment.model_class.__name__}", name, results)
     return results
 
 
-def check_columns(results: Iterable[str], taken: Set[str]) -> None:
+def check_result_names(results: Iterable[str], taken: Set[str]) -> None:
     """Refuse results that are named as other columns of the table."""
     for name in results:
         if name in taken:

@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
+from mesa_swarm.base.files import write_all
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
-from mesa_swarm.files import write_all
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png, world_figure
-from mesa_swarm.wording import quantity
 
 # Of a screen in a lecture room: 16 to 9, letters that can be read from the last row.
 WIDE = (12.8, 7.2)

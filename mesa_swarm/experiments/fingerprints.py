@@ -11,16 +11,16 @@ from importlib import import_module
 from pathlib import Path
 from types import CodeType
 
-from mesa_swarm.gallery import PACKAGE as MODELS
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import PACKAGE as MODELS
 
 PACKAGE = Path(__file__).resolve().parent.parent
 # The version number of these packages stands for their content.
 VERSIONED = ("builtins", "mesa", "mesa_swarm")
 # Files that decide the result of a run, apart from those that define the runs.
 ENGINE = (
-    *("kernels", "geometry", "world", "robots", "physics", "control", "model", "fire", "learning", "analysis"),
-    *("streams.py", "swarm_model.py"),
+    *("kernels", "geometry", "world", "maps", "robots", "physics", "control", "model", "fire", "learning", "analysis"),
+    *("base/streams.py", "swarm_model.py"),
 )
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, ValidationInfo
 
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     JobError,
     SwarmError,
@@ -20,14 +20,14 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.base.files import check_present_format
 from mesa_swarm.experiments.experiment import MOST_STEPS, Experiment, checked_experiment, checked_seeds
 from mesa_swarm.experiments.run_records import OPTIONS, RunRecords, file_within, filled_in
 from mesa_swarm.experiments.sampling import MOST_POINTS, Sample
-from mesa_swarm.files import check_present_format
-from mesa_swarm.gallery import check_model, find_model, is_address
-from mesa_swarm.world.map import builtin_name
-from mesa_swarm.world.map_parts import file_content, text_of
-from mesa_swarm.world.map_toml import parsed_toml
+from mesa_swarm.maps.map import builtin_name
+from mesa_swarm.maps.map_parts import decode_text, file_content
+from mesa_swarm.maps.toml import parsed_toml
+from mesa_swarm.model.gallery import check_model_name, find_model, is_address
 
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
@@ -90,7 +90,7 @@ class RunTable(_Table):
     """The keys of one run; `robots` is short for the parameter n_robots."""
 
     name: Annotated[str | None, _checked_by(_check_name)] = None
-    model: Annotated[str, _checked_by(lambda _, value: check_model(value))]
+    model: Annotated[str, _checked_by(lambda _, value: check_model_name(value))]
     map: str | None = None
     robots: Annotated[int | None, _checked_by(check_count)] = None
     steps: Annotated[int | None, _checked_by(check_count, minimum=1, maximum=MOST_STEPS)] = None
@@ -179,7 +179,7 @@ def read_job(path: str | os.PathLike[str], until: str | None = None) -> Job:
     check_present_format(path, JobError)
     file = _found(path)
     with _naming(file.name):
-        tables = _tables(parsed_toml(text_of(file_content(file, LARGEST_JOB), file.name), file.name))
+        tables = _tables(parsed_toml(decode_text(file_content(file, LARGEST_JOB), file.name), file.name))
         runs = []
         for number, table in enumerate(tables, start=1):
             runs.append(_run(number, table, file, tables, until))
@@ -193,7 +193,7 @@ def read_job(path: str | os.PathLike[str], until: str | None = None) -> Job:
 def named_files(path: str | os.PathLike[str]) -> list[Path]:
     """Return the file of a job, and what its texts would name if they were files: a map, or a model's module."""
     file = _found(path)
-    texts = _texts_in(parsed_toml(text_of(file_content(file, LARGEST_JOB), file.name), file.name))
+    texts = _texts_in(parsed_toml(decode_text(file_content(file, LARGEST_JOB), file.name), file.name))
     return [file, *(file.parent / (text.rpartition(":")[0] or text) for text in texts)]
 
 

@@ -13,14 +13,14 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import StrMethodFormatter
 
 from mesa_swarm.analysis.series import central_moving_average
-from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.base.errors import InvalidValueError, check_count
+from mesa_swarm.base.moved import moved_name
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.statistics import mean_interval
-from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.reward_lab import Profile
 from mesa_swarm.learning.rewards import CRITICAL
-from mesa_swarm.moved import moved_name
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal
 

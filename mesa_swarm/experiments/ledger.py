@@ -16,8 +16,8 @@ from zlib import crc32
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.files import lock, shown_path, unlock
+from mesa_swarm.base.errors import InvalidValueError
+from mesa_swarm.base.files import lock, shown_path, unlock
 
 KEY_BYTES = 16
 KEY = re.compile(f"[0-9a-f]{{{2 * KEY_BYTES}}}")

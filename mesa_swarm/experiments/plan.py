@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.experiments.experiment import (
     Experiment,
     check_measures,
@@ -20,7 +20,7 @@ from mesa_swarm.experiments.reports import sum_of_left_out
 from mesa_swarm.experiments.runs import Run, outcome_of
 from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.experiments.until import checked_condition
-from mesa_swarm.parameters import Choice, parameters_of
+from mesa_swarm.model.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
 

@@ -15,10 +15,10 @@ from typing import Any
 from joblib import Parallel, cpu_count, delayed
 from joblib.parallel import LokyBackend, get_active_backend
 
-from mesa_swarm.errors import InvalidValueError, check_count
+from mesa_swarm.base.errors import InvalidValueError, check_count
+from mesa_swarm.base.extras import need
 from mesa_swarm.experiments.workers import WorkerDiedError, worked
-from mesa_swarm.extras import need
-from mesa_swarm.gallery import imported
+from mesa_swarm.model.gallery import imported
 
 MOST_JOBS = 1024
 LOCAL = "LokyBackend"

@@ -13,25 +13,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.compare import LEDGER
 from mesa_swarm.experiments.experiment import checked_settings
 from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
-from mesa_swarm.experiments.reports import counted, notes_on_rows, parts_of, sum_of_left_out
+from mesa_swarm.experiments.reports import counted, notes_on_rows, split_measure, sum_of_left_out
 from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
-from mesa_swarm.gallery import find_model, short_name
+from mesa_swarm.model.gallery import find_model, short_name
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections, together
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png
-from mesa_swarm.wording import quantity
 
 DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
 SEEDS = 10
@@ -150,7 +150,7 @@ def reality_gap(
     model_class = find_model(model)
     if IMPERFECTIONS in (settings or {}):
         raise InvalidValueError("imperfections is given as a setting; leave it out, the dial sets it")
-    reports = () if measure is None or parts_of(measure) is None else (measure,)
+    reports = () if measure is None or split_measure(measure) is None else (measure,)
     free = _freed(model_class, settings)
     plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=free, measures=reports, until=until)
     plan = with_series(plan, folder, parts)

@@ -8,7 +8,7 @@ import mesa
 import numpy as np
 import pandas as pd
 
-from mesa_swarm.errors import InvalidValueError, asked, check_choice, shortened
+from mesa_swarm.base.errors import InvalidValueError, asked, check_choice, shortened
 from mesa_swarm.swarm_model import SwarmModel
 
 OF = " of "
@@ -23,12 +23,12 @@ OF_NUMBERS: dict[str, Callable[[np.ndarray], Any]] = {
 REDUCTIONS = (FINAL, *OF_NUMBERS, LEFT_OUT)
 
 
-def parts_of(measure: str) -> tuple[str, str] | None:
+def split_measure(measure: str) -> tuple[str, str] | None:
     """Return the reduction and the reporter that a measure names, None if it is another measure.
 
     Examples
     --------
-    >>> parts_of("mean of alignment"), parts_of("items")
+    >>> split_measure("mean of alignment"), split_measure("items")
     (('mean', 'alignment'), None)
     """
     reduction, of, reporter = measure.partition(OF)
@@ -69,7 +69,7 @@ def counted(measures: Iterable[str]) -> tuple[str, ...]:
     ('mean of alignment', 'sum of alignment', 'rows left out of alignment')
     """
     listed = list(measures)
-    reporters = [parts[1] for measure in listed if (parts := parts_of(measure))]
+    reporters = [parts[1] for measure in listed if (parts := split_measure(measure))]
     return tuple(dict.fromkeys([*listed, *(f"{LEFT_OUT}{OF}{name}" for name in reporters)]))
 
 
@@ -107,7 +107,7 @@ def check_report(measure: str, model: SwarmModel) -> None:
 
     A reporter that raises an error before the first step may be right after it.
     """
-    reduction, reporter = parts_of(measure) or ("", measure)
+    reduction, reporter = split_measure(measure) or ("", measure)
     _check_known(model, reporter)
     _check_sum(model, reduction, reporter)
     check_reporter(model, reporter)
@@ -154,7 +154,7 @@ def reduced(model: SwarmModel, measures: Iterable[str]) -> dict[str, float | Non
     >>> reduced(model, ["mean of now", "final value of now"])
     {'mean of now': 2.0, 'final value of now': 3.0}
     """
-    named = {measure: parts for measure in measures if (parts := parts_of(measure))}
+    named = {measure: parts for measure in measures if (parts := split_measure(measure))}
     rows = {reporter: _rows(model, reporter) for _, reporter in named.values()}
     return {measure: _reduced(model, *parts, rows[parts[1]]) for measure, parts in named.items()}
 

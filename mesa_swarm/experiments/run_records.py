@@ -10,11 +10,11 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, check_choice, shortened, unknown_name
+from mesa_swarm.base.errors import InvalidValueError, RecordingError, check_choice, shortened, unknown_name
+from mesa_swarm.base.files import free_draft, put_in_place, shown_path, unwritable
 from mesa_swarm.experiments.experiment import Experiment, first_built
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.runs import Run, attempt
-from mesa_swarm.files import free_draft, put_in_place, shown_path, unwritable
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.recorder import record
 

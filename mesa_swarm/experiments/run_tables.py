@@ -11,14 +11,14 @@ from typing import Any, TypeVar
 
 from pyarrow import parquet
 
-from mesa_swarm.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.base.files import check_writable, draft_of, write_whole
 from mesa_swarm.experiments.experiment import Experiment, first_built
 from mesa_swarm.experiments.fingerprints import shown_value
 from mesa_swarm.experiments.ledger import ENDED_BY, Outcome
 from mesa_swarm.experiments.runs import Run
 from mesa_swarm.experiments.series import FOLDER, OF_MODEL, RNG, RUN, STEP, RunSeries, check_reporters, column_of
-from mesa_swarm.files import check_writable, draft_of, write_whole
-from mesa_swarm.gallery import address_of
+from mesa_swarm.model.gallery import model_address
 
 CSV, BEHAVIORSPACE = "csv", "behaviorspace"
 # By form the file's name.
@@ -118,7 +118,7 @@ def write_behaviorspace(path: Path, experiment: Experiment, pairs: Pairs) -> Pat
     low_x, low_y, high_x, high_y = first_built(experiment).map.bounds
     about = [
         [f"BehaviorSpace results (mesa-swarm {version('mesa-swarm')})", "Table version 2.0"],
-        [address_of(experiment.model_class)],
+        [model_address(experiment.model_class)],
         [experiment.name],
         [datetime.now().astimezone().strftime("%m/%d/%Y %H:%M:%S:000 %z")],
         ["min-pxcor", "max-pxcor", "min-pycor", "max-pycor"],

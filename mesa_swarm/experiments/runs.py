@@ -11,18 +11,18 @@ from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.files import shown_path
+from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Outcome
 from mesa_swarm.experiments.pool import is_remote, on_all
-from mesa_swarm.experiments.reports import counted, parts_of, reduced
+from mesa_swarm.experiments.reports import counted, reduced, split_measure
 from mesa_swarm.experiments.series import OF_AGENTS, RNG, RUN, RunSeries, Watch
 from mesa_swarm.experiments.until import EndCondition
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
-from mesa_swarm.files import shown_path
-from mesa_swarm.geometry.compiling import compilation
 from mesa_swarm.geometry.masks import unmasked
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.kernels.compiling import compilation
 from mesa_swarm.swarm_model import SwarmModel
 
 # NumPy has no numbers for larger whole ones.
@@ -261,7 +261,7 @@ def has_numbers(outcome: Outcome) -> bool:
 
 
 def _is_infinite_report(name: str, number: object) -> bool:
-    return isinstance(number, float) and math.isinf(number) and parts_of(name) is not None
+    return isinstance(number, float) and math.isinf(number) and split_measure(name) is not None
 
 
 def check_result(name: str, number: object) -> float:

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.parameters import Parameter, parameters_of
-from mesa_swarm.wording import in_brief
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.base.wording import in_brief
+from mesa_swarm.model.parameters import Parameter, parameters_of
 
 KINDS = ("latin_hypercube", "sobol")
 MOST_POINTS = 1_000_000
@@ -113,7 +113,7 @@ def checked_ranges(model_class: type, ranges: object) -> dict[str, Range]:
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> checked_ranges(find_model("fire_fighting"), {"n_robots": (5, 8)})["n_robots"].high
     8
     """
@@ -165,7 +165,7 @@ class Sample:
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> sample = Sample("sobol", {"n_robots": (5, 8)}, points=4)
     >>> sorted(point["n_robots"] for point in sample.settings(find_model("fire_fighting")))
     [5, 6, 7, 8]
@@ -271,7 +271,7 @@ def grid(model_class: type, values: Mapping[str, Any]) -> list[dict[str, Any]]:
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> grid(find_model("fire_fighting"), {"strategy": ["A", "B"], "n_robots": [5]})
     [{'strategy': 'A', 'n_robots': 5}, {'strategy': 'B', 'n_robots': 5}]
     """
@@ -308,7 +308,7 @@ def check_different(name: str, values: Iterable[Any], what: str = "values") -> l
     >>> check_different("n_robots", [3, 4, 3])
     Traceback (most recent call last):
     ...
-    mesa_swarm.errors.InvalidValueError: n_robots has 3 twice; expected different values
+    mesa_swarm.base.errors.InvalidValueError: n_robots has 3 twice; expected different values
     """
     seen: set[Any] = set()
     others: list[Any] = []  # values without a hash, such as objects of a user's class

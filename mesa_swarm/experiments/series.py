@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet
 
-from mesa_swarm.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.base.files import draft_of
 from mesa_swarm.experiments.until import ALL_STEPS, CONDITION, MODEL, EndCondition
-from mesa_swarm.files import draft_of
 from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.model.mesa_model import collected_of_agents
 from mesa_swarm.swarm_model import SwarmModel

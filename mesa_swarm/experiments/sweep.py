@@ -13,11 +13,12 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.files import check_writable, draft_of, shown_path
 from mesa_swarm.experiments.experiment import (
     POINT,
     Experiment,
-    check_columns,
+    check_result_names,
     checked_experiment,
     first_built,
 )
@@ -37,8 +38,7 @@ from mesa_swarm.experiments.run_tables import (
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.series import RUN, RunSeries, check_reporters, checked_series
-from mesa_swarm.files import check_writable, draft_of, shown_path
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.model.parameters import parameters_of
 
 LEDGER = "ledger.jsonl"
 SHARD = re.compile(r"([0-9]{1,6})/([0-9]{1,6})")
@@ -409,7 +409,7 @@ def check_columns_of(experiment: Experiment, *, recorded: bool, series: Sequence
     if recorded or series:
         built = first_built(experiment)
         added = {*((RECORDING,) if recorded else ()), *((RUN,) if series else ())}
-        check_columns(built.results() if hasattr(built, "results") else {}, added)
+        check_result_names(built.results() if hasattr(built, "results") else {}, added)
         if series:
             check_reporters(built)
 
@@ -451,7 +451,7 @@ def _done(taken: set[str], archive: Archive | None, words: Callable[[BaseExcepti
     """Do a run, and record it if there is an archive; a result named as another column is an error."""
     outcome = attempt(run, words=words) if archive is None else archive.attempt(run)
     try:
-        check_columns(outcome.numbers, taken)
+        check_result_names(outcome.numbers, taken)
     except InvalidValueError as error:
         return Outcome(error=error_in_words(error))
     return outcome

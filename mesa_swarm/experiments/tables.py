@@ -9,6 +9,7 @@ from itertools import chain, groupby, zip_longest
 from textwrap import wrap
 from typing import Any
 
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows
 from mesa_swarm.experiments.statistics import (
@@ -22,7 +23,6 @@ from mesa_swarm.experiments.statistics import (
     summarised,
     superiority,
 )
-from mesa_swarm.wording import quantity
 
 WIDEST = 100
 GAP = "  "

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.experiments.fingerprints import function_hash
 from mesa_swarm.experiments.reports import check_reporter, latest_number
 from mesa_swarm.swarm_model import SwarmModel

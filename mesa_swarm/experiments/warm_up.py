@@ -9,15 +9,15 @@ from tempfile import TemporaryFile
 from time import perf_counter, sleep
 from typing import IO
 
-from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.progress import progress_bar
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.pool import checked_jobs, ending_with_us
 from mesa_swarm.experiments.workers import WorkerDiedError
-from mesa_swarm.gallery import find_model
-from mesa_swarm.geometry.code_files import drop_damaged, is_stored, places, problems, unstored
-from mesa_swarm.geometry.compiling import compilation, needed_functions, places_of, stored_functions
-from mesa_swarm.geometry.custom_code import FOLDER
-from mesa_swarm.progress import progress_bar
-from mesa_swarm.wording import quantity
+from mesa_swarm.kernels.code_files import drop_damaged, is_stored, places, problems, unstored
+from mesa_swarm.kernels.compiling import code_folders, compilation, needed_functions, stored_functions
+from mesa_swarm.kernels.custom_code import FOLDER
+from mesa_swarm.model.gallery import find_model
 
 LAYOUT = "compiling, once per installation: {n_fmt} of {total_fmt} |{bar:30}|"
 # Steps after which the models of the gallery have called all functions.
@@ -93,11 +93,11 @@ def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:
     >>> warm_up(jobs=0)
     Traceback (most recent call last):
     ...
-    mesa_swarm.errors.InvalidValueError: jobs is 0; expected a whole number at least 1 and at most 1024, or -1 for ...
+    mesa_swarm.base.errors.InvalidValueError: jobs is 0; expected a whole number at least 1 and at most 1024, or ...
     """
     workers, start = checked_jobs(jobs), perf_counter()
     missing, damaged = missing_functions(), drop_damaged(FOLDER)
-    left, before = set().union(*missing.values()), places_of(set().union(*needed_functions().values()))
+    left, before = set().union(*missing.values()), code_folders(set().union(*needed_functions().values()))
     # Damaged code of rules and sensors may be that of any model.
     models = [*missing, *(model for model in needed_functions() if damaged and model not in missing)]
     if models:

@@ -6,8 +6,8 @@ from typing import Any
 
 from tqdm import tqdm
 
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.gallery import Imported
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.model.gallery import Imported
 
 
 class WorkerDiedError(RuntimeError):

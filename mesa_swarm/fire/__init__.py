@@ -5,7 +5,7 @@ Names are imported when they are first used: `design_constants` needs neither Me
 
 from typing import TYPE_CHECKING
 
-from mesa_swarm.lazy import lazy_names
+from mesa_swarm.base.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.fire.burning import Burning, is_hot, next_temperature

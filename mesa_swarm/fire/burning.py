@@ -3,10 +3,10 @@
 import math
 from typing import Any, NamedTuple
 
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import Codes, Flags, Integers, RealRows, Reals
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import Codes, Flags, Integers, RealRows, Reals
 from mesa_swarm.world.statics import FIRE, OBSTACLE
 
 NO_FIRE = -1
@@ -101,9 +101,9 @@ def burn(
     for i in range(position.shape[0]):
         near = nearest_fire(position[i, 0], position[i, 1], radius[i], rows, place, reach, out, extinguish_range)
         if near != NO_FIRE:
-            warm_up(i, heat_of[rows[near]], area[near], constants, temperature, heat)
+            heat_robot(i, heat_of[rows[near]], area[near], constants, temperature, heat)
         else:
-            warm_up(i, 0.0, 0.0, constants, temperature, heat)
+            heat_robot(i, 0.0, 0.0, constants, temperature, heat)
         fire[i] = near if near != NO_FIRE and not hot[i] else NO_FIRE
         if fire[i] != NO_FIRE:
             fighters[near] += 1
@@ -145,7 +145,7 @@ def nearest_fire(x, y, radius, rows, place, reach, out, extinguish_range):
 
 
 @compiled
-def warm_up(i, fire_temperature, area, constants, temperature, heat):
+def heat_robot(i, fire_temperature, area, constants, temperature, heat):
     """Change the temperature of robot i: H <- max(H + k3 T A - k4, 0) (B.5); T is 0 where no fire is near."""
     heat[i] = constants[2] * fire_temperature * area
     temperature[i] = max(temperature[i] + heat[i] - constants[3], 0.0)

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from mesa_swarm.errors import FireConstantsWarning, InvalidValueError, check_flag, check_number, shortened
+from mesa_swarm.base.errors import FireConstantsWarning, InvalidValueError, check_flag, check_number, shortened
 
 LONGEST = 1e12
 # Of the extinguishing with which one robot just holds the smallest fire: rounding must not tip the balance.

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number
-from mesa_swarm.trigger import Trigger
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.world.arena import Arena, Model
 from mesa_swarm.world.bodies import Body, BodyTable
 from mesa_swarm.world.read_only import read_only

@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.burning import Burning, HeatArrays, burn_all
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire, Fires
-from mesa_swarm.geometry.block import Block
+from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
-from mesa_swarm.model.robots import check_stored
-from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA
+from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
+from mesa_swarm.model.robots import check_stored_numbers
 from mesa_swarm.world.shapes import Shape, disc
 from mesa_swarm.world.statics import FIRE
 
@@ -84,7 +84,7 @@ class FiresPart(Part):
         if "constants" in stored:
             self.set_constants(stored["constants"])
         if "extinguish_range" in stored:
-            check_stored("extinguish_range", stored["extinguish_range"], (float, int, np.float64))
+            check_stored_numbers("extinguish_range", stored["extinguish_range"], (float, int, np.float64))
             self.extinguish_range = stored["extinguish_range"]
         if "history" in stored:
             self.fires.history.restore(*stored["history"], present=len(self.fires))

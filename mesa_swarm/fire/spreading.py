@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import check_count, check_number
-from mesa_swarm.world.map import RADIUS_OF_UNIT_AREA
+from mesa_swarm.base.errors import check_count, check_number
+from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
 from mesa_swarm.world.movers import occupied
 from mesa_swarm.world.shapes import disc
 

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses, kernel_with
-from mesa_swarm.errors import InvalidValueError, check_choice, check_name, check_number
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import CodeRows, Flags, Integers, RealRows, Reals, RealTables
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import CodeRows, Flags, Integers, RealRows, Reals, RealTables
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import ByteRows, Flags, IntegerRows, Integers, RealRows
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import ByteRows, Flags, IntegerRows, Integers, RealRows
 
 EAST, WEST, NORTH, SOUTH, BLOCKED = 1, 2, 4, 8, 16
 OPEN = EAST | WEST | NORTH | SOUTH
@@ -244,7 +244,7 @@ def withdraw(values, cells, amounts, taken):
 
 
 @compiled
-def look_up(values, sides, frame, positions, found, slopes):
+def interpolate_cells(values, sides, frame, positions, found, slopes):
     """Interpolate values and slopes bilinearly between the centres of cells.
 
     The slope of a cell is the central difference of its neighbours. What is behind a closed link counts as the value on

@@ -2,8 +2,8 @@
 
 import math
 
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.outlines import product, sum_of
+from mesa_swarm.kernels.compiled import compiled
 
 # More parts without common digits than a sum of floats can have.
 MOST_PARTS = 64

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import Integers
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Integers
 
 # A uniform grid as compiled functions take it: x and y of its lower left corner, cells per map unit, columns, rows.
 GridNumbers = tuple[float, float, float, int, int]

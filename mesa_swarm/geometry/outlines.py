@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 
 # Share of a sum of products below which the sign of their difference may be that of rounding, as in GEOS.
 UNSURE = 1e-15
@@ -405,7 +405,7 @@ def is_point(solid, outlines):
 
 
 @compiled
-def place_of(solid, outlines):
+def first_point(solid, outlines):
     """Return the first point of a solid, all of a point."""
     v = outlines.rings[outlines.solids[solid]]
     return outlines.points[v, 0], outlines.points[v, 1]
@@ -415,10 +415,10 @@ def place_of(solid, outlines):
 def gap_of(a, b, limit, outlines):
     """Return the distance of two solids, of a disc of its centre; `limit` if it is not less."""
     if is_point(b, outlines):
-        x, y = place_of(b, outlines)
+        x, y = first_point(b, outlines)
         return gap_to_point(a, x, y, limit, outlines)[0]
     if is_point(a, outlines):
-        x, y = place_of(a, outlines)
+        x, y = first_point(a, outlines)
         return gap_to_point(b, x, y, limit, outlines)[0]
     return gap_between(a, b, limit, outlines)[0]
 
@@ -442,11 +442,11 @@ def nearest_points(a, b, outlines):
     Segments that touch but for rounding, where GEOS might take them to cross, are apart here.
     """
     if is_point(b, outlines):
-        x, y = place_of(b, outlines)
+        x, y = first_point(b, outlines)
         px, py = nearest_to_point(a, x, y, math.inf, outlines)
         return px, py, x, y
     if is_point(a, outlines):
-        x, y = place_of(a, outlines)
+        x, y = first_point(a, outlines)
         px, py = nearest_to_point(b, x, y, math.inf, outlines)
         return x, y, px, py
     gap, i, j = gap_between(a, b, math.inf, outlines)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 
 
 @compiled

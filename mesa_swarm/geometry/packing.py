@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import cell_index
+from mesa_swarm.kernels.compiled import compiled
 
 
 @compiled

@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 import shapely
 
-from mesa_swarm.errors import InvalidValueError, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.geometry.grid import Grid, cell_index, list_boxes_by_cell
+from mesa_swarm.kernels.compiled import compiled
 
 Bounds = tuple[float, float, float, float]
 # With more solids, or more pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
@@ -36,12 +36,12 @@ RIM = 1e-4
 USUALLY_NEAR = 1000
 
 
-def outside(quarter_segments: int) -> float:
+def circumscribed_ratio(quarter_segments: int) -> float:
     """Return the ratio of the distance of a polygon's corners to the radius of the circle that it is drawn around.
 
     Examples
     --------
-    >>> round(outside(16), 4)
+    >>> round(circumscribed_ratio(16), 4)
     1.0012
     """
     return 1.0 / math.cos(math.pi / (4 * quarter_segments))
@@ -157,7 +157,7 @@ class SmallDiscs:
         >>> free
         array([False,  True])
         """
-        far = (reach * outside(quarter_segments) * (1 + RIM) + _rounding(centres, reach))[:, None]
+        far = (reach * circumscribed_ratio(quarter_segments) * (1 + RIM) + _rounding(centres, reach))[:, None]
         boxes = np.column_stack([centres - far, centres + far])
         start, items = list_boxes_by_cell(boxes, 0.0, grid.numbers)
         return cls(centres, reach, quarter_segments, grid, start, items)
@@ -165,7 +165,7 @@ class SmallDiscs:
     def exclude(self, points: np.ndarray, free: np.ndarray) -> None:
         """Set `free` to False for the points, shape (n, 2), that are in or on a polygon."""
         low = self.reach * (1 - RIM) - _rounding(self.centres, self.reach)
-        high = self.reach * outside(self.quarter_segments) * (1 + RIM) + _rounding(self.centres, self.reach)
+        high = self.reach * circumscribed_ratio(self.quarter_segments) * (1 + RIM) + _rounding(self.centres, self.reach)
         given = points, self.centres, low, high, self.start, self.items, self.grid.numbers, free
         near = np.empty((USUALLY_NEAR, 2), np.int64)
         count = exclude_by_circles(*given, near)
@@ -314,7 +314,9 @@ def _edges(ring: np.ndarray) -> np.ndarray:
 def _grown(pieces: np.ndarray, reach: np.ndarray, quarter_segments: int) -> np.ndarray:
     grown = pieces.copy()
     far = reach > 0
-    grown[far] = shapely.buffer(pieces[far], reach[far] * outside(quarter_segments), quad_segs=quarter_segments)
+    grown[far] = shapely.buffer(
+        pieces[far], reach[far] * circumscribed_ratio(quarter_segments), quad_segs=quarter_segments
+    )
     return grown
 
 

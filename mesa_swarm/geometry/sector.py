@@ -8,7 +8,7 @@ points along +x, y is to the left. The half angle h is given as (cos h, sin h), 
 
 import math
 
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 
 # A segment nearer than this (rad) to a ray's direction is taken as parallel to it.
 PARALLEL = 1e-12

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.design import RANGE
 from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
 

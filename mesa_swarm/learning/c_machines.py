@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, shortened, without_middle
+from mesa_swarm.base.files import write_all
 from mesa_swarm.control import conditions as kinds_of
 from mesa_swarm.control.approach import HEAT, Approach, Halt, Retreat
 from mesa_swarm.control.avoid import Avoid
@@ -16,8 +18,6 @@ from mesa_swarm.control.conditions import Condition
 from mesa_swarm.control.explore import Explore
 from mesa_swarm.control.follow import Follow
 from mesa_swarm.control.state_machine import StateMachine
-from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, shortened, without_middle
-from mesa_swarm.files import write_all
 from mesa_swarm.learning.c_source import (
     GENERATOR,
     INCLUDES,

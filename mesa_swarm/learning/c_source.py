@@ -8,8 +8,15 @@ from string import Template
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, LearningError, UnknownNameError, check_choice, check_count, shortened
-from mesa_swarm.files import write_all
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    LearningError,
+    UnknownNameError,
+    check_choice,
+    check_count,
+    shortened,
+)
+from mesa_swarm.base.files import write_all
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.networks import NetworkPolicy
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, as_floats, boltzmann, checked_actions, described
 from mesa_swarm.learning.reward_lab import wall_readings
 from mesa_swarm.learning.rewards import CRITICAL, REWARD_STATES, REWARDS, STATE, rewarded

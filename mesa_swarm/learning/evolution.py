@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened
-from mesa_swarm.extras import need
+from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count, check_number, shortened
+from mesa_swarm.base.extras import need
 from mesa_swarm.geometry.masks import unmasked
 
 

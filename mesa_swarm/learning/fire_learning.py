@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
 from mesa_swarm.control.layer import Senses, nearest_of
-from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
 from mesa_swarm.learning.policy import SensorLayout, check_stored, sensors_of
 from mesa_swarm.learning.value_tables import TableLayer, ValueTables

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, best_of, chosen, ranges_of
 from mesa_swarm.learning.learner import LARGEST, ChoosingLayer
 from mesa_swarm.learning.networks import PARTS, Networks

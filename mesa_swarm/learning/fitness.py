@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.reflex_policy import nearness
 
 FITNESSES = ("floreano", "careful")

@@ -6,7 +6,7 @@ from copy import deepcopy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.learning.networks import TANH, Networks, points_of, present
 
 REHEARSALS = ("none", "interleaved", "consolidated")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_flag, check_name, check_number, shortened
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, check_choice, check_flag, check_name, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.learner import LearningLayer
 from mesa_swarm.learning.policy import sensors_of

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_flag, check_number, shortened
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_flag, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, ranges_of
 from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks
 from mesa_swarm.learning.policy import check_designs, sensors_of

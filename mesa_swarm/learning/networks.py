@@ -8,8 +8,8 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ENCODINGS, as_floats, choose_all, described
 from mesa_swarm.learning.policy import SensorLayout, check_stored, checked_chances, checked_numbers
 

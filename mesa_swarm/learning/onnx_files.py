@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count, shortened, without_middle
-from mesa_swarm.extras import need
-from mesa_swarm.files import shown_path, write_whole
+from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count, shortened, without_middle
+from mesa_swarm.base.extras import need
+from mesa_swarm.base.files import shown_path, write_whole
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.c_source import exportable
 from mesa_swarm.learning.policy import Policy, SensorLayout, checked_chances, checked_numbers
@@ -79,7 +79,7 @@ def export_onnx(policy: Policy, path: str | os.PathLike[str], *, copy: int | Non
     >>> export_onnx(policy, "robot.txt")
     Traceback (most recent call last):
         ...
-    mesa_swarm.errors.LearningError: 'robot.txt' does not end with .onnx; give the policy such a name
+    mesa_swarm.base.errors.LearningError: 'robot.txt' does not end with .onnx; give the policy such a name
     """
     try:
         file = Path(path)

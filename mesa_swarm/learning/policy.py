@@ -9,10 +9,18 @@ from typing import Any, ClassVar, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mesa_swarm.base.errors import (
+    BehaviourError,
+    InvalidValueError,
+    LearningError,
+    asked,
+    check_flag,
+    check_name,
+    shortened,
+)
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, asked, check_flag, check_name, shortened
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import as_floats, described
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -265,7 +273,7 @@ class PolicyLayer:
     >>> PolicyLayer(policy=QPolicy.untrained(AGENT9, rng=np.random.default_rng(1)))
     Traceback (most recent call last):
         ...
-    mesa_swarm.errors.LearningError: the policy is untrained; train it first, or let it explore with explore=True
+    mesa_swarm.base.errors.LearningError: the policy is untrained; train it first, or let it explore with explore=True
     """
 
     policy: Policy

@@ -11,8 +11,15 @@ from typing import IO, Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, LearningError, check_count, check_number, shortened, without_middle
-from mesa_swarm.files import draft_of, shown_path
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    LearningError,
+    check_count,
+    check_number,
+    shortened,
+    without_middle,
+)
+from mesa_swarm.base.files import draft_of, shown_path
 from mesa_swarm.learning.fire_learning import SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_name, shortened
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, check_name, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import (
     ACTION_NAMES,
     ACTIONS,
@@ -24,7 +24,7 @@ from mesa_swarm.learning.learner import Learner, UnboundState, cool, discount_of
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
-from mesa_swarm.parameters import YES_NO
+from mesa_swarm.model.parameters import YES_NO
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm

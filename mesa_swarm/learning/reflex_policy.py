@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.policy import DOUBLE, SensorLayout, check_stored, checked_chances, checked_numbers
 from mesa_swarm.world.statics import ROBOT
 

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, checked_actions
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.q_learning import QPolicy

@@ -2,8 +2,8 @@
 
 import math
 
-from mesa_swarm.errors import check_choice, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import check_choice, check_number
+from mesa_swarm.kernels.compiled import compiled
 
 REWARDS = ("a", "b", "c")
 # The state by whose readings an action is rewarded: the one in which it was chosen, as in the thesis, or the next.
@@ -11,7 +11,7 @@ STATE, NEXT_STATE = "state", "next state"
 REWARD_STATES = (STATE, NEXT_STATE)
 # d_crit of the thesis is 0.4, in units that it does not state. We read it as 0.4 of a robot's diameter of 10, which is
 # 0.08 of a range of 50: with this reading alone collisions fall with T as in the thesis whether there are four or eight
-# actions, and whichever state is rewarded; see docs/readings.md.
+# actions, and whichever state is rewarded; see docs/appendix/readings.md.
 CRITICAL = 0.08
 
 

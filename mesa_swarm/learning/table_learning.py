@@ -9,8 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     check_choice,
     check_count,
@@ -19,7 +18,8 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.control.layer import Senses
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import (
     ACTION_NAMES,
     ACTIONS,

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number
 from mesa_swarm.learning.actions import as_floats
 from mesa_swarm.learning.learner import ChoosingLayer
 from mesa_swarm.learning.policy import SensorLayout, check_layout

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_name, check_number, shortened
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, check_count, check_name, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, least_of, write_inputs
 from mesa_swarm.learning.learner import LARGEST, Learner, cool, discount_of, is_bounded, rate_of, regulate
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward

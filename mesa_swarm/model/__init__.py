@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from mesa_swarm.moved import moved_name
+from mesa_swarm.base.moved import moved_name
 
 if not TYPE_CHECKING:  # with this, a type checker would take any name for one of this module
 

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     UnknownNameError,
     check_choice,

@@ -6,12 +6,13 @@ from typing import Any, cast
 
 import numpy as np
 
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, asked, check_count, shortened
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.control.arbiter import Arbiter, Subsumption, begin_decisions, driver
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key, Team, robots_of
-from mesa_swarm.errors import BehaviourError, InvalidValueError, asked, check_count, shortened
 from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
 from mesa_swarm.physics.own_devices import clear_actions
@@ -21,7 +22,6 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.snapshots import DECISIONS, Snapshots, check_watched
-from mesa_swarm.trigger import Trigger
 
 # Columns that arbiters and layers write.
 OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import mesa
 import numpy as np
 
-from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.control.team import Key
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     StepWarning,
     check_choice,
@@ -19,8 +17,14 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
+from mesa_swarm.base.progress import progress_bar
+from mesa_swarm.base.streams import Seed, Streams
+from mesa_swarm.base.trigger import Trigger
+from mesa_swarm.control.arbiter import Arbiter
+from mesa_swarm.control.team import Key
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.kernels.plan import Plan
+from mesa_swarm.maps.map import Map
 from mesa_swarm.model.bodies import BodiesPart
 from mesa_swarm.model.common import with_common
 from mesa_swarm.model.control import ControlPart
@@ -37,30 +41,26 @@ from mesa_swarm.model.mesa_model import (
     seed_sequence,
 )
 from mesa_swarm.model.observers import Observers
+from mesa_swarm.model.parameters import Dial, Noise, Slip
 from mesa_swarm.model.parts import AnyPart, Parts, delegate
 from mesa_swarm.model.processes import Process, ProcessesPart
 from mesa_swarm.model.radio import RadioPart
 from mesa_swarm.model.robots import RobotsPart
 from mesa_swarm.model.state import State, StatePart
 from mesa_swarm.model.state_hash import state_hash_of
-from mesa_swarm.parameters import Dial, Noise, Slip
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.physics.threads import checked_threads
-from mesa_swarm.progress import progress_bar
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale, scale_or_none
 from mesa_swarm.robots.robot import Robot, remove_together
 from mesa_swarm.robots.snapshots import Snapshots
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.streams import Seed, Streams
-from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import Agents, Arena, next_id, uncollected
 from mesa_swarm.world.bodies import Body, Load, Obstacle
 from mesa_swarm.world.fields import NamedFields
-from mesa_swarm.world.map import Map
 from mesa_swarm.world.movers import Driven, Movers
 from mesa_swarm.world.statics import FIRE
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, shortened
-from mesa_swarm.geometry.block import Block
+from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.geometry.diffusion import FieldBlocks, advance_fields
+from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Context, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.world.fields import Field, NamedFields, ScalarField
 from mesa_swarm.world.shapes import Shape

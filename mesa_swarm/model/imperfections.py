@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.kernels.part import Column, Itself, Part
 from mesa_swarm.physics.imperfect import Imperfect
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections, together

@@ -10,12 +10,12 @@ from typing import Any, Self, cast
 import mesa
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, StepWarning, UnobservedStepError, shortened
-from mesa_swarm.geometry.compiling import compilation
+from mesa_swarm.base.errors import InvalidValueError, StepWarning, UnobservedStepError, shortened
+from mesa_swarm.base.streams import Seed
+from mesa_swarm.base.trigger import Trigger
+from mesa_swarm.kernels.compiling import compilation
 from mesa_swarm.model.observers import Observers
-from mesa_swarm.parameters import check_names
-from mesa_swarm.streams import Seed
-from mesa_swarm.trigger import Trigger
+from mesa_swarm.model.parameters import check_names
 from mesa_swarm.world.arena import ArenaAgent, hold_agents
 
 # Mesa 4 has neither `steps` nor `batch_run`, and seeds `random` in another way.

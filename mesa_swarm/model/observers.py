@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, Protocol, SupportsIndex, runtime_checkable
 
-from mesa_swarm.errors import InvalidValueError, asked, shortened
+from mesa_swarm.base.errors import InvalidValueError, asked, shortened
 
 # Methods of a list that change it.
 MUTATORS = (

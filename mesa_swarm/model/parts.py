@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
 from mesa_swarm.kernels.part import ROLES, Column, Context, Part
 from mesa_swarm.kernels.plan import Plan
 

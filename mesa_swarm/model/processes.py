@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import Any, Protocol, runtime_checkable
 
-from mesa_swarm.errors import InvalidValueError, asked, shortened
+from mesa_swarm.base.errors import InvalidValueError, asked, shortened
 from mesa_swarm.kernels.part import Itself, Part, Phase, Stage, kernel_of
-from mesa_swarm.model.state import Checkpointed, attributes_of, fingerprint, refuse_attributes, state_of
+from mesa_swarm.model.state import Checkpointed, attributes_of, quick_fingerprint, refuse_attributes, stored_state
 from mesa_swarm.model.state_hash import described_process
 
 
@@ -74,7 +74,7 @@ class ProcessesPart(Part):
         """Return which processes there are, and a fingerprint of the state of each."""
         return {
             "set of processes": Itself(self.numbered),
-            **{name: fingerprint(state) for name, state in self.states()},
+            **{name: quick_fingerprint(state) for name, state in self.states()},
         }
 
     def store(self) -> dict[str, Any]:
@@ -174,5 +174,5 @@ class ProcessesPart(Part):
     def states(self) -> Iterator[tuple[str, Any]]:
         """Iterate over the state of processes, by name."""
         for number, process in self.numbered.items():
-            if state := state_of(process):
+            if state := stored_state(process):
                 yield f"process {number} ({type(process).__name__})", state

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
 from mesa_swarm.physics.radio import Channel
 from mesa_swarm.robots.radio import Radio

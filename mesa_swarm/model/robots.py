@@ -6,9 +6,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_choice, check_count, check_name, check_number, shortened
-from mesa_swarm.geometry.block import Block
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_name, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Role, Stage
 from mesa_swarm.model.state import checked_state
 from mesa_swarm.model.state_hash import described_designs
@@ -38,7 +38,7 @@ OF_HANDLES = ("position", "heading", "command", "max_speed", "tendency", "temper
 SET_BY_HAND, NAMES_OF_MARKS = itemgetter(*OF_HANDLES), [f"{name} of robots" for name in OF_HANDLES]
 
 
-def check_stored(name: str, value: Any, kinds: tuple[type, ...]) -> None:
+def check_stored_numbers(name: str, value: Any, kinds: tuple[type, ...]) -> None:
     """Refuse a stored number of another type, below 0 or too large."""
     if type(value) not in kinds or not 0 <= value < LARGEST_NUMBER:
         raise InvalidValueError(f"invalid {name}: {shortened(value)}")
@@ -145,7 +145,7 @@ class RobotsPart(Part):
         """Take back what `store` returned, checked."""
         for name, value in stored.items():
             if name != "noise":
-                check_stored(name, value, STORED[name])
+                check_stored_numbers(name, value, STORED[name])
             elif value is not None:
                 _check_noise(value)
             setattr(self, name, value)

@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from mesa import Agent
 
-from mesa_swarm.errors import InvalidValueError, check_name, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_name, shortened
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.world.read_only import ReadOnlyArray
 
@@ -107,7 +107,7 @@ class StatePart(Part):
 
     def mark(self) -> dict[str, Any]:
         """Return a fingerprint of each value."""
-        return {f"state of {name}": fingerprint(value) for name, value in self.values.items()}
+        return {f"state of {name}": quick_fingerprint(value) for name, value in self.values.items()}
 
     def store(self) -> dict[str, Any]:
         """Return all values."""
@@ -191,14 +191,14 @@ def _slots_of(kind: type) -> tuple[str, ...]:
     return tuple(name for name in names if name not in ("__dict__", "__weakref__"))
 
 
-def state_of(owner: object) -> dict[str, Any]:
+def stored_state(owner: object) -> dict[str, Any]:
     """Return the state of a process or a layer: what its `checkpoint` returns, without one its attributes."""
     if isinstance(owner, Checkpointed) and not isinstance(owner, type):
         return owner.checkpoint()
     return attributes_of(owner)
 
 
-def fingerprint(value: Any) -> bytes:
+def quick_fingerprint(value: Any) -> bytes:
     """Return what differs, almost surely, after a value was changed, in a microsecond and one for each 10 kB.
 
     Of what cannot be stored only the type counts.

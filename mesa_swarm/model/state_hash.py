@@ -24,8 +24,8 @@ from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.behaviour import Behaviour
-from mesa_swarm.control.source import Read, is_apart, what_is_read
-from mesa_swarm.control.team import Team, label_of
+from mesa_swarm.control.source import Read, is_python_or_numeric, what_is_read
+from mesa_swarm.control.team import Team, message_label
 from mesa_swarm.kernels.part import HASHED
 from mesa_swarm.model.state import ATOMS, DEEPEST, KINDS, SEQUENCES, State, add_to, attributes_of, is_float
 from mesa_swarm.robots.design import RobotDesign
@@ -260,7 +260,7 @@ def values_read_by(part: Any) -> list:
 
 @cache
 def _values_read_by(kind: type) -> list:
-    bases = [base for base in kind.__mro__ if not is_apart(base.__module__)]
+    bases = [base for base in kind.__mro__ if not is_python_or_numeric(base.__module__)]
     methods = [value for base in bases for value in vars(base).values() if isinstance(value, FunctionType)]
     return [[method.__qualname__, values] for method in methods if (values := what_is_read(method).values)]
 
@@ -273,7 +273,9 @@ def described_policy(policy: Any) -> list:
 def described_control(control: Arbiter) -> list:
     """Return the arbiters of a control, each with its layers, and what else it is made of."""
     if isinstance(control, Team):
-        return [[label_of(key), described_control(one) if one is not None else None] for key, one in control.items()]
+        return [
+            [message_label(key), described_control(one) if one is not None else None] for key, one in control.items()
+        ]
     layers = [described_layer(layer) for layer in control.layers]
     if graph := control._graph():
         return [type(control).__qualname__, layers, *graph]

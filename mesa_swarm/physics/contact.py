@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import CellLists, cell_at
 from mesa_swarm.geometry.overlap import nearest_on_segment
-from mesa_swarm.geometry.type_names import Codes, Integers, RealRows, Reals
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Codes, Integers, RealRows, Reals
 from mesa_swarm.physics.moving import MoverArrays
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT

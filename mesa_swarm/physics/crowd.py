@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import Block, unpack
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import GridNumbers, cell_index, cells_of, sort_into_cells
-from mesa_swarm.geometry.type_names import Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.contact import ContactArrays
 from mesa_swarm.physics.motion import copy_places, largest_of
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.physics.crowd import LISTED, Crowd
 from mesa_swarm.physics.loads import push_all, stuck_loads, take_back

@@ -5,9 +5,9 @@ from zlib import crc32
 
 import numpy as np
 
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.radio import GOLDEN, mixed
-from mesa_swarm.robots.design import RANGE, places_of
+from mesa_swarm.robots.design import RANGE, places_of_custom_sensors
 from mesa_swarm.robots.drive import no_longer
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
 from mesa_swarm.robots.sensors import BUILT_IN, LineSensor, ProximitySensor, RadiationSensor
@@ -67,7 +67,7 @@ class Imperfect:
     def _spoil_readings(self, swarm: Swarm, step: int) -> None:
         columns, table, limits = swarm.columns, swarm.table, self.imperfections.sensing.limits
         by_chance = columns["design"], columns["number"], step, np.uint64(self.key)
-        last = {name: kept(swarm, name) for name in ("distance", "kind", "radiation", "line")}
+        last = {name: imperfection_column(swarm, name) for name in ("distance", "kind", "radiation", "line")}
         seen = columns["distance"], columns["kind"], last["distance"], last["kind"]
         spoil(*seen, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
         # The kinds that only proximity sensors read are neither looked at nor stored for the others.
@@ -110,7 +110,7 @@ class Imperfect:
         if not (self._drives or fails or table.battery.any()):
             return columns["command"]
         driven = columns["command"].copy()
-        worn = [kept(swarm, name) for name in ("told", "wheels", "used", "broken")]
+        worn = [imperfection_column(swarm, name) for name in ("told", "wheels", "used", "broken")]
         bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
         slips = float(given.slip_probability), float(given.slip_magnitude)
         charge = np.where(table.battery > 0.0, table.battery, given.battery)
@@ -144,7 +144,7 @@ def blind_custom(swarm: Swarm, failed: np.ndarray) -> None:
     for d, design in enumerate(swarm.designs):
         rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
         own = [s for s, sensor in enumerate(design.sensors) if type(sensor) not in BUILT_IN]
-        for s, (sensor, first) in zip(own, places_of(design), strict=True) if len(rows) else ():
+        for s, (sensor, first) in zip(own, places_of_custom_sensors(design), strict=True) if len(rows) else ():
             columns[sensor.name][rows[failed[rows, s]], first : first + int(sensor.width)] = np.nan
 
 
@@ -153,14 +153,14 @@ def _limits_of(swarm: Swarm, name: str) -> tuple[np.ndarray, np.ndarray]:
     least = np.full((len(swarm.designs), swarm.table.readings[name]), np.nan)
     largest = least.copy()
     for d, design in enumerate(swarm.designs):
-        for sensor, first in places_of(design):
+        for sensor, first in places_of_custom_sensors(design):
             if sensor.name == name and sensor.spoiled:
                 place = slice(first, first + int(sensor.width))
                 least[d, place], largest[d, place] = sensor.minimum, sensor.maximum
     return least, largest
 
 
-def kept(swarm: Swarm, name: str) -> np.ndarray:
+def imperfection_column(swarm: Swarm, name: str) -> np.ndarray:
     """Return a column of the state of imperfect robots."""
     return swarm.columns[f"{LASTING}{name}"]
 

@@ -5,7 +5,6 @@ from typing import NamedTuple, cast
 import numpy as np
 import shapely
 
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.exact import hypot
 from mesa_swarm.geometry.outlines import (
     Outlines,
@@ -16,6 +15,7 @@ from mesa_swarm.geometry.outlines import (
     outlines_of,
     place_solid,
 )
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.statics import CARRIED, Statics
 
@@ -113,7 +113,7 @@ def room_of(statics: Statics, bodies: BodyTable, pushed: np.ndarray, sent: np.nd
 
 
 @compiled
-def place_all(poses, room):
+def place_outlines(poses, room):
     """Place the outlines of all loads and driven bodies."""
     for k in range(room.loads):
         row = poses.loads[k]

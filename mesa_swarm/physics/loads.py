@@ -25,12 +25,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.exact import MOST_PARTS, exact_sum, hypot
 from mesa_swarm.geometry.outlines import gap_to_point, nearest_to_point
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.contact import SLOP
-from mesa_swarm.physics.load_room import Room, find_stops, has_room, list_near, place_all, place_load
+from mesa_swarm.physics.load_room import Room, find_stops, has_room, list_near, place_load, place_outlines
 from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.world.bodies import Pose
@@ -90,7 +90,7 @@ def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.n
 @compiled
 def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
     """Move all loads, one after the other; write how many robots push each, and which ones moved."""
-    place_all(poses, room)
+    place_outlines(poses, room)
     least = math.inf
     for radius in robots.radius:
         least = min(least, radius)
@@ -267,7 +267,7 @@ def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], s
             row = surroundings.loads[k]
             *t.position[row], t.heading[row] = before.pop(k)
             t.moved[row] = False
-        place_all(poses, room)
+        place_outlines(poses, room)
         stuck = [k for k in before if not has_room_here(k, poses, room)]
     surroundings.follow()
 

@@ -2,8 +2,8 @@
 
 import math
 
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.kernels.compiled import compiled
 
 # A motion may overlap at most this share of a radius before contact is resolved.
 LONGEST_PIECE = 0.5
@@ -17,7 +17,7 @@ def copy_places(source, target):
 
 
 @compiled
-def least_of(radius):
+def least_radius(radius):
     """Return the least radius, 0 without any: for ``radius.min()`` Numba would compile ``take`` and its errors."""
     least = radius[0] if len(radius) else 0.0
     for r in radius:
@@ -40,7 +40,7 @@ def count_pieces(motion, radius):
     square = 0.0
     for i in range(motion.shape[0]):
         square = max(square, motion[i, 0] * motion[i, 0] + motion[i, 1] * motion[i, 1])
-    return max(1, math.ceil(math.sqrt(square) / (LONGEST_PIECE * least_of(radius)) - 1e-9)) if square > 0.0 else 1
+    return max(1, math.ceil(math.sqrt(square) / (LONGEST_PIECE * least_radius(radius)) - 1e-9)) if square > 0.0 else 1
 
 
 @compiled

@@ -11,12 +11,12 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from mesa_swarm.geometry.block import Block, unpack
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
-from mesa_swarm.physics.motion import least_of
+from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
+from mesa_swarm.physics.motion import least_radius
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import CARRIED, Statics, edges_of
@@ -152,7 +152,7 @@ class Moving:
 
     def place(self) -> None:
         """Write and list all items at the present poses of their bodies."""
-        place_all(self.block, self._statics.edges, self._statics.discs)
+        place_bodies(self.block, self._statics.edges, self._statics.discs)
         self._listed_for_sight = False
 
     def begin(self) -> None:
@@ -179,7 +179,7 @@ class Moving:
 
 
 @compiled
-def place_all(block, edges, discs):
+def place_bodies(block, edges, discs):
     """Write and list the items of all bodies where these are now."""
     follow_bodies(unpack(block, MoverArrays), edges, discs)
 
@@ -245,7 +245,7 @@ def item_box(item, edges, discs):
 
 
 @compiled
-def way_of(b, movers):
+def bound_of_way(b, movers):
     """Return how far a body is to travel in this step: an upper bound of the way of any of its points."""
     if movers.blocked[b]:
         return 0.0
@@ -262,9 +262,9 @@ def count_body_pieces(pieces, radius, movers):
     """
     if movers is None:
         return pieces
-    m, longest = unpack(movers, MoverArrays), LONGEST_STEP * least_of(radius)
+    m, longest = unpack(movers, MoverArrays), LONGEST_STEP * least_radius(radius)
     for b in m.rows:
-        needed = math.ceil(way_of(b, m) / longest - 1e-9)
+        needed = math.ceil(bound_of_way(b, m) / longest - 1e-9)
         if needed <= MOST_PIECES:
             pieces = max(pieces, int(needed))
     return pieces
@@ -286,10 +286,10 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
         movers.jumps,
     )
     jumps[:] = False
-    longest, moved = LONGEST_STEP * least_of(radius), False
+    longest, moved = LONGEST_STEP * least_radius(radius), False
     for b in movers.rows:
         movers.before[b, 0], movers.before[b, 1], before_heading[b] = position[b, 0], position[b, 1], heading[b]
-        way = way_of(b, movers)
+        way = bound_of_way(b, movers)
         if way == 0.0:
             continue
         jumps[b] = piece == 0 and way > (MOST_PIECES + 1e-9) * longest

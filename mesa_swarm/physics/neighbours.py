@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_flag, check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_number
 from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
-from mesa_swarm.physics.radio import is_cut_but, is_nearer, sorted_senders
+from mesa_swarm.physics.radio import is_cut_but, is_nearer_robot, sorted_senders
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
@@ -48,13 +48,15 @@ def read_neighbours(
                 square = (places[j, 0] - x) ** 2 + (places[j, 1] - y) ** 2
                 if (j == me and bodies[j] < 0) or square > reach * reach:
                     continue
-                if found == most and not is_nearer(square, number[j], squares[most - 1], number[nearest[most - 1]]):
+                if found == most and not is_nearer_robot(
+                    square, number[j], squares[most - 1], number[nearest[most - 1]]
+                ):
                     continue
                 if occluded and is_cut_but(places[j, 0], places[j, 1], x, y, obstacles, owners, bodies[j]):
                     continue
                 found = min(found + 1, most)
                 place = found - 1
-                while place > 0 and is_nearer(square, number[j], squares[place - 1], number[nearest[place - 1]]):
+                while place > 0 and is_nearer_robot(square, number[j], squares[place - 1], number[nearest[place - 1]]):
                     squares[place], nearest[place] = squares[place - 1], nearest[place - 1]
                     place -= 1
                 squares[place], nearest[place] = square, j

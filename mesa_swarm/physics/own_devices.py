@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     BehaviourError,
     InvalidValueError,
     SwarmError,
@@ -15,7 +15,7 @@ from mesa_swarm.errors import (
 from mesa_swarm.physics.radio import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
-from mesa_swarm.robots.design import places_of
+from mesa_swarm.robots.design import places_of_custom_sensors
 from mesa_swarm.robots.devices import Device, DeviceFunction, device_function_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
@@ -174,7 +174,7 @@ def _rows_with(swarm: Swarm, has: list[bool]) -> np.ndarray:
 
 def _sensors_by_rows(swarm: Swarm) -> Iterator[tuple[Sensor, int, np.ndarray]]:
     """Yield each sensor and where in its column it writes, with the rows of the robots that have it there."""
-    places = [places_of(design) for design in swarm.designs]
+    places = [places_of_custom_sensors(design) for design in swarm.designs]
     for place in dict.fromkeys(place for of_design in places for place in of_design):
         rows = _rows_with(swarm, [place in of_design for of_design in places])
         if len(rows):

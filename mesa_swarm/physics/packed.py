@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.type_names import (
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import (
     CodeRows,
     Codes,
     FlagRows,

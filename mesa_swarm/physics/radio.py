@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import Block, unpack
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import CellLists, Grid, GridNumbers, cell_index, cells_of, sort_into_cells
 from mesa_swarm.geometry.overlap import nearest_on_segment, segments_meet
-from mesa_swarm.geometry.type_names import Integers, RealRows, Reals
+from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.sensing import into_frame
 from mesa_swarm.physics.surroundings import Surroundings
@@ -233,7 +233,9 @@ def hear_messages(
                 square = (position[j, 0] - x) ** 2 + (position[j, 1] - y) ** 2
                 if j == i or square > reach * reach:
                     continue
-                if heard == most and not is_nearer(square, number[j], away[i, most - 1], number[senders[i, most - 1]]):
+                if heard == most and not is_nearer_robot(
+                    square, number[j], away[i, most - 1], number[senders[i, most - 1]]
+                ):
                     continue
                 if loss > 0.0 and is_lost(word, number[j], number[i], loss):
                     continue
@@ -241,7 +243,9 @@ def hear_messages(
                     continue
                 heard = min(heard + 1, most)
                 place = heard - 1
-                while place > 0 and is_nearer(square, number[j], away[i, place - 1], number[senders[i, place - 1]]):
+                while place > 0 and is_nearer_robot(
+                    square, number[j], away[i, place - 1], number[senders[i, place - 1]]
+                ):
                     away[i, place], senders[i, place] = away[i, place - 1], senders[i, place - 1]
                     place -= 1
                 away[i, place], senders[i, place] = square, j
@@ -254,7 +258,7 @@ def hear_messages(
 
 
 @compiled
-def is_nearer(square, number, other_square, other_number):
+def is_nearer_robot(square, number, other_square, other_number):
     """Return whether one robot comes before another: by distance, then by its number."""
     return square < other_square or (square == other_square and number < other_number)
 

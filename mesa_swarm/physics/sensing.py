@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import CellLists, cell_at, cell_index
 from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
-from mesa_swarm.geometry.type_names import CodeRows, Codes, Integers, RealRows, Reals, RealTables
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import CodeRows, Codes, Integers, RealRows, Reals, RealTables
 from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.moving import MoverArrays
 from mesa_swarm.robots.design import (
@@ -186,7 +186,7 @@ def _find_statics(chunk, reach, edges, static_kind, lists, found, m):
                     sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, s],
                     TOUCH * radii[begin + k],
                 )  # fmt: skip
-                if is_nearer(seen, kind, near[k, s], what[k, s]):
+                if is_nearest_body(seen, kind, near[k, s], what[k, s]):
                     near[k, s], what[k, s] = seen, kind
     return m
 
@@ -274,7 +274,7 @@ def _see_discs(chunk, found, m):
                     seen = rays_to_disc(x[f], y[f], radius[f], half, rays, near[k, s])
                 else:
                     seen = sector_to_disc(x[f], y[f], radius[f], cos_half, sin_half, near[k, s])
-                if is_nearer(seen, kind[f], near[k, s], what[k, s]):
+                if is_nearest_body(seen, kind[f], near[k, s], what[k, s]):
                     near[k, s], what[k, s] = seen, kind[f]
 
 
@@ -321,7 +321,7 @@ def is_just_behind(ax, ay, bx, by, touch):
 
 
 @compiled
-def is_nearer(seen, what, distance, kind):
+def is_nearest_body(seen, what, distance, kind):
     """Return whether this is the nearest so far; of equally near bodies the lowest kind, independent of order."""
     return seen < distance or (seen == distance and (kind == NOTHING or what < kind))
 
@@ -341,7 +341,7 @@ def sense_inside(position, heading, design, sensors, counts, edges, edge_kind, r
             for p in range(rings.shape[0]):
                 what = edge_kind[rings[p, 0]]
                 nearest = math.inf if kind[i, s] == NOTHING else distance[i, s]
-                nearer = is_nearer(0.0, what, nearest, kind[i, s])
+                nearer = is_nearest_body(0.0, what, nearest, kind[i, s])
                 if nearer and in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
                     distance[i, s], kind[i, s] = 0.0, what
 

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.grid import cell_at
 from mesa_swarm.geometry.overlap import in_polygon
-from mesa_swarm.geometry.type_names import Flags, Integers, RealRows
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Flags, Integers, RealRows
 from mesa_swarm.physics.contact import (
     A_ROBOT,
     SLOP,
@@ -28,7 +28,7 @@ from mesa_swarm.physics.contact import (
     solids_in,
 )
 from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
-from mesa_swarm.physics.motion import copy_places, least_of
+from mesa_swarm.physics.motion import copy_places, least_radius
 from mesa_swarm.physics.moving import return_bodies
 
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
@@ -71,7 +71,7 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
     """
     c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
     position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
-    n, margin, begins = len(radius), MARGIN * least_of(radius), True
+    n, margin, begins = len(radius), MARGIN * least_radius(radius), True
     push, awake, moved = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
     group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(listed, position)
     for _ in range(most_sweeps):
@@ -104,7 +104,7 @@ def separate_near(crowd, statics, movers, pairs, most_sweeps):
     c = unpack(crowd, CrowdArrays)
     if len(met) == 0:
         return state if c.free.all() else max(state, STUCK)
-    groups = groups_of(crowd, pairs)
+    groups = start_groups(crowd, pairs)
     _, state = separate_groups(crowd, statics, movers, pairs, groups, met, met, most_sweeps, NONE, len(c.radii))
     return finish_separation(crowd, statics, movers, pairs, groups, met, met[:0], most_sweeps, state)
 
@@ -114,20 +114,20 @@ def overlaps_of(crowd, pairs):
     """Return `STRAYED` if robots went too far since pairs were listed, else `SETTLED`, and which pairs overlap."""
     c = unpack(crowd, CrowdArrays)
     position, radius = c.places, c.radii
-    if 2.0 * farthest_of_all(c.listed, position) > MARGIN * least_of(radius):
+    if 2.0 * farthest_of_all(c.listed, position) > MARGIN * least_radius(radius):
         return STRAYED, overlapping(position, radius, pairs[:0])
     return SETTLED, overlapping(position, radius, pairs)
 
 
 @compiled(nogil=True, apart=True)
-def groups_of(crowd, pairs):
+def start_groups(crowd, pairs):
     """Return the groups before separating begins: none is known yet."""
     c = unpack(crowd, CrowdArrays)
     position, radius, n = c.places, c.radii, len(c.radii)
     start, own = pairs_by_robot(pairs, n)
     push, awake, group, begins = np.zeros((n, 2)), np.zeros(n, np.bool_), np.full(n, FRESH), np.empty((n, 2))
     copy_places(position, begins)
-    return Groups(start, own, push, awake, group, begins, MARGIN * least_of(radius))
+    return Groups(start, own, push, awake, group, begins, MARGIN * least_radius(radius))
 
 
 @compiled(nogil=True, apart=True)
@@ -341,7 +341,7 @@ def apply_pushes(position, push, radius, pairs, met, awake, moved):
 
 
 @compiled(apart=True)
-def put_back(crowd, statics, movers, pairs):
+def return_to_free_places(crowd, statics, movers, pairs):
     """Return to their last free place the robots that overlap, and those that then overlap them."""
     c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
     position, before, radius, listed, contacts, free = c.places, c.before, c.radii, c.listed, c.contacts, c.free
@@ -349,7 +349,7 @@ def put_back(crowd, statics, movers, pairs):
     back = np.zeros(n, np.bool_)
     farthest = max(farthest_of_all(listed, position), farthest_of_all(listed, before))
     # All pairs that can overlap, at whichever of its two places each robot ends.
-    if n and 2.0 * farthest > MARGIN * least_of(radius):
+    if n and 2.0 * farthest > MARGIN * least_radius(radius):
         pairs = near_pairs(listed, radius, 2.0 * farthest, c.grid)
     goes = np.zeros(n, np.bool_)
     for i in range(n):

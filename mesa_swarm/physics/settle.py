@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from mesa_swarm.errors import PlacementError
-from mesa_swarm.geometry.block import Block
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import PlacementError
 from mesa_swarm.geometry.grid import GridNumbers
 from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.kernels.block import Block
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
 from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
 from mesa_swarm.physics.separation import MARGIN, SETTLED, STRAYED, separate, separate_near

@@ -4,17 +4,19 @@ It shares the arithmetic of wheels, arcs and errors with the compiled engine, it
 tests compare with those of Shapely to the last bit; but no other function that measures a shape: it is the oracle that
 the other is tested against.
 
-The centre of a robot is never inside a solid, because of `find_room` and of the length of the pieces: the nearest
-point of an outline always shows the way out.
+The centre of a robot is never inside a solid, because of `find_room_among_solids` and of the length of the pieces: the
+nearest point of an outline always shows the way out.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely import Point, Polygon, STRtree
+from shapely import LineString, MultiLineString, Point, Polygon, STRtree
+from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from mesa_swarm.geometry.overlap import wrapped
@@ -25,11 +27,197 @@ from mesa_swarm.physics.moving import LONGEST_STEP, MOST_PIECES
 from mesa_swarm.physics.sensing import err
 from mesa_swarm.physics.separation import MOST_SWEEPS
 from mesa_swarm.physics.settle import RING, SWEEPS, no_room
-from mesa_swarm.physics.shapely_sensing import Solids, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
+from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.statics import CARRIED, ROBOT
+from mesa_swarm.world.statics import BORDER, CARRIED, NOTHING, OBSTACLE, ROBOT
+
+# Between two points of a wedge's fan: its outer edge then stays beyond the range without long spikes.
+WIDEST_STEP = math.radians(60.0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Solids:
+    """All solid polygons and discs of a world; owners are their numbers, bodies their kinds, shapes their indices.
+
+    The first polygon is the outside of the map, as far as any sensor reaches, with owner -1: an obstacle.
+    """
+
+    polygons: np.ndarray
+    polygon_owner: np.ndarray
+    polygon_body: np.ndarray
+    tree: STRtree
+    centres: np.ndarray
+    radii: np.ndarray
+    disc_owner: np.ndarray
+    disc_body: np.ndarray
+    disc_shape: np.ndarray
+
+    @classmethod
+    def of(cls, surroundings: Surroundings, margin: float) -> "Solids":
+        """Collect all solids; the outside of the map reaches `margin` beyond the border."""
+        carried, first = surroundings.carried, len(surroundings.rows) - surroundings.apart
+        shapes = enumerate(surroundings.present_shapes)
+        solid = [(i, shape) for i, shape in shapes if shape.contact and i not in carried]
+        polygons = [(i, shape.geometry) for i, shape in solid if not shape.is_disc]
+        polygons.insert(0, (BORDER, ring_around_map(surroundings.bounds, margin)))
+        discs = [(i, shape.geometry, shape.radius) for i, shape in solid if shape.is_disc]
+        geometries = np.array([geometry for _, geometry in polygons])
+        bodies = np.append(surroundings.bodies.kind[surroundings.rows], OBSTACLE).astype(np.int64)
+        of_discs = np.array([i for i, _, _ in discs], np.int64)
+        return cls(
+            polygons=geometries,
+            polygon_owner=np.array([i for i, _ in polygons]),
+            polygon_body=np.array([bodies[i] for i, _ in polygons]),
+            tree=STRtree(geometries),
+            centres=np.array([centre for _, centre, _ in discs], object),
+            radii=np.array([radius for _, _, radius in discs], float),
+            disc_owner=np.where(of_discs >= first, of_discs - first, of_discs),
+            disc_body=bodies[of_discs],
+            disc_shape=of_discs,
+        )
+
+    def gaps(self, places: np.ndarray) -> np.ndarray:
+        """Return the distance of each place (n, 2) from the nearest solid; not above 0 inside one."""
+        points = shapely.points(places)[:, None]
+        to_polygons = shapely.distance(points, self.polygons)
+        to_discs = shapely.distance(points, self.centres) - self.radii
+        return np.hstack([to_polygons, to_discs]).min(axis=1)
+
+
+def ring_around_map(bounds: tuple[float, float, float, float], margin: float) -> Polygon:
+    """Return the outside of a map as far as `margin` from it."""
+    x_min, y_min, x_max, y_max = bounds
+    around = shapely.box(x_min - margin, y_min - margin, x_max + margin, y_max + margin)
+    return Polygon(around.exterior, [shapely.box(*bounds).exterior])
+
+
+class View(NamedTuple):
+    """The view of one sensor: its area as far as its range; the area itself reaches farther."""
+
+    apex: Point
+    area: BaseGeometry
+    rays: tuple[LineString, ...]
+    range: float
+
+
+def sense_proximity_by_shapely(
+    swarm: Swarm, surroundings: Surroundings, solids: Solids, distance: np.ndarray, kind: np.ndarray
+) -> None:
+    """Write the readings of all proximity sensors, without error; -1 where no body is seen."""
+    centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
+    radii = np.concatenate([solids.radii, swarm.radius])
+    seen = surroundings.bodies.seen[surroundings.rows[solids.disc_shape]]
+    kinds = np.concatenate([seen, np.full(len(swarm), ROBOT)])
+    distance[:], kind[:] = -1.0, NOTHING
+    for i in range(len(swarm)):
+        others = np.arange(len(radii)) != len(solids.radii) + i
+        discs = centres[others], radii[others], kinds[others]
+        for s in range(swarm.table.counts[swarm.design[i]]):
+            view = view_of(swarm, i, swarm.table.proximity[swarm.design[i], s], reach_beyond(radii))
+            distance[i, s], kind[i, s] = nearest(view, solids, *discs)
+
+
+def sense_radiation_by_shapely(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
+    """Write the highest temperature among the sources of heat in each radiation sensor's sector."""
+    bodies = surroundings.bodies
+    rows = np.flatnonzero((bodies.temperature > 0) & (bodies.mode != CARRIED)).tolist()
+    shapes = [(bodies.shape_of(row), bodies.temperature[row]) for row in rows]
+    discs = [(shape.geometry, shape.radius, heat) for shape, heat in shapes if shape.is_disc]
+    outlines = [(shape.geometry.boundary, heat) for shape, heat in shapes if not shape.is_disc]
+    beyond = reach_beyond(np.array([radius for _, radius, _ in discs], float))
+    radiation[:] = 0.0
+    for i, design in enumerate(swarm.design):
+        for s in range(len(swarm.designs[design].radiation)):
+            view = view_of(swarm, i, swarm.table.radiation[design, s], beyond)
+            seen = [heat for centre, radius, heat in discs if distance_to_disc(view, centre, radius) <= view.range]
+            seen += [heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range]
+            radiation[i, s] = max(seen, default=0.0)
+
+
+def sense_line_by_shapely(swarm: Swarm, surroundings: Surroundings, line: np.ndarray) -> None:
+    """Write whether each line sensor is over a mark on the ground."""
+    marks = [(shape.geometry, shape.radius) for shape in surroundings.present_shapes if not shape.contact]
+    line[:] = False
+    for i, design in enumerate(swarm.design):
+        for s in range(len(swarm.designs[design].line)):
+            point = Point(in_world(swarm, i, swarm.table.line[design, s]))
+            line[i, s] = any(point.distance(geometry) <= radius for geometry, radius in marks)
+
+
+def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray) -> tuple[float, int]:
+    """Return distance and kind of the nearest body in a view; of equally near bodies the lowest kind."""
+    polygons = solids.tree.query(view.apex, predicate="dwithin", distance=view.range)
+    near = np.flatnonzero(shapely.distance(view.apex, centres) - radii <= view.range)
+    seen = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in polygons]
+    seen += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
+    return min((body for body in seen if body[0] <= view.range), default=(-1.0, NOTHING))
+
+
+def distance_to_polygon(view: View, polygon: Polygon) -> float:
+    """Return the distance from the apex to the nearest part of a polygon in the view, NaN if outside."""
+    if view.apex.intersects(polygon):
+        return 0.0
+    return view.apex.distance(view.area.intersection(polygon))
+
+
+def distance_to_disc(view: View, centre: Point, radius: float) -> float:
+    """Return the distance from the apex to the nearest part of a disc in the view, `inf` if outside."""
+    gap = view.apex.distance(centre) - radius
+    if gap <= 0.0:
+        return 0.0
+    if view.area.covers(centre):
+        return gap
+    return min((_first_hit(ray, centre, radius) for ray in view.rays), default=math.inf)
+
+
+def _first_hit(ray: LineString, centre: Point, radius: float) -> float:
+    """Return the distance along a ray to a disc that does not contain its beginning (A.12, A.13)."""
+    along, across = ray.project(centre), ray.distance(centre)
+    return along - math.sqrt(radius**2 - across**2) if across <= radius else math.inf
+
+
+def view_of(swarm: Swarm, i: int, sensor: np.ndarray, beyond: float) -> View:
+    """Return the view of a sensor of robot i, a row of `DesignTable.proximity` or `radiation`; see `reach_beyond`."""
+    apex = in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
+    azimuth = swarm.heading[i] + math.atan2(sensor[AXIS_Y], sensor[AXIS_X])
+    half, count, reach = sensor[HALF], int(sensor[RAYS]), sensor[RANGE] + beyond
+    turns = np.linspace(-half, half, count) if count > 1 else np.zeros(count)
+    if count == 0 and half < math.pi:
+        turns = np.array([-half, half])
+    rays = tuple(LineString([apex, _toward(apex, azimuth + turn, reach)]) for turn in turns)
+    area = MultiLineString(rays) if count else wedge(apex, azimuth, half, reach)
+    return View(Point(apex), area, rays, sensor[RANGE])
+
+
+def reach_beyond(radii: np.ndarray) -> float:
+    """Return by how much a view reaches beyond its range: past the centre of any disc whose rim it sees."""
+    return 1.0 + radii.max(initial=0.0)
+
+
+def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGeometry:
+    """Return a wedge that covers the sector of half angle `half` (rad) about an azimuth as far as `reach`.
+
+    A half angle of 0 makes the wedge a line; pi or more, a plain polygon around the apex.
+    """
+    steps = max(1, math.ceil(2 * half / WIDEST_STEP))
+    far = reach / math.cos(half / steps)
+    fan = [_toward(apex, azimuth + turn, far) for turn in np.linspace(-half, half, steps + 1)]
+    if half == 0.0:
+        return LineString([apex, fan[0]])
+    return Polygon(fan[:-1]) if half >= math.pi else Polygon([apex, *fan])
+
+
+def in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
+    """Return the place of a mount of robot i in the world (A.8, A.9)."""
+    cosine, sine = math.cos(swarm.heading[i]), math.sin(swarm.heading[i])
+    return swarm.position[i] + np.array([[cosine, -sine], [sine, cosine]]) @ mount
+
+
+def _toward(origin: np.ndarray, azimuth: float, distance: float) -> tuple[float, float]:
+    return origin[0] + distance * math.cos(azimuth), origin[1] + distance * math.sin(azimuth)
+
 
 # A robot is pushed by others at most this share of its radius at once.
 LONGEST_PUSH = 0.25
@@ -144,7 +332,9 @@ class Travelling:
         return gaps < radius - SLOP * radius
 
 
-def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float, bodies: Travelling) -> np.ndarray:
+def travel_by_shapely(
+    columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float, bodies: Travelling
+) -> np.ndarray:
     """Move all robots through one step, resolve every contact, and return by how much faces turned each (rad).
 
     Of the swarm's columns, position, heading, collided and contact_... are written.
@@ -157,21 +347,23 @@ def travel(columns: dict[str, np.ndarray], motion: np.ndarray, turn_angle: float
         contacts.face[:] = 0.0
         bodies.advance(piece, pieces, position, radius)
         advance(position, heading, motion, pieces)
-        if not separate(position, radius, bodies.solids, contacts, int(MOST_SWEEPS)):
-            put_back(position, before, radius, bodies.solids, contacts, bodies)
+        if not separate_by_shapely(position, radius, bodies.solids, contacts, int(MOST_SWEEPS)):
+            return_overlapping(position, before, radius, bodies.solids, contacts, bodies)
         turn_along_faces(np.arange(len(heading)), heading, motion, contacts.face, turn_angle, extra_turn)
     columns["collided"][:] = contacts.depth > 0.0
     return extra_turn
 
 
-def separate(position: np.ndarray, radius: np.ndarray, solids: Solids, contacts: Touches, most_sweeps: int) -> bool:
+def separate_by_shapely(
+    position: np.ndarray, radius: np.ndarray, solids: Solids, contacts: Touches, most_sweeps: int
+) -> bool:
     """Push until no two bodies overlap, at most `most_sweeps` times, and return whether that succeeded."""
     free = np.array([leave_statics(i, position, radius[i], solids, contacts) for i in range(len(radius))])
     for _ in range(most_sweeps):
         pairs = overlapping_pairs(position, radius)
         if not len(pairs):
             return bool(free.all())
-        for i in push_pairs(position, radius, pairs, contacts):
+        for i in push_robot_pairs(position, radius, pairs, contacts):
             free[i] = leave_statics(i, position, radius[i], solids, contacts)
     return False
 
@@ -185,7 +377,7 @@ def overlapping_pairs(position: np.ndarray, radius: np.ndarray) -> np.ndarray:
     return np.array(sorted(zip(i[deep], j[deep], strict=True)), np.int64).reshape(-1, 2)
 
 
-def push_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray, contacts: Touches) -> np.ndarray:
+def push_robot_pairs(position: np.ndarray, radius: np.ndarray, pairs: np.ndarray, contacts: Touches) -> np.ndarray:
     """Push all robots that overlap others at once, half of each overlap (A.7); return the rows that moved."""
     push = np.zeros_like(position)
     for i, j in pairs:
@@ -216,7 +408,7 @@ def note_both(i: int, j: int, touch: Touch, contacts: Touches) -> None:
 def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, contacts: Touches) -> bool:
     """Move robot i out of static bodies, deepest overlap first, and return whether it is out."""
     for _ in range(MOST_PUSHES):
-        touch = deepest_static(position[i], radius, solids)
+        touch = deepest_solid(position[i], radius, solids)
         if touch is None:
             return True
         position[i] += touch.depth * touch.normal
@@ -224,7 +416,7 @@ def leave_statics(i: int, position: np.ndarray, radius: float, solids: Solids, c
     return False
 
 
-def deepest_static(centre: np.ndarray, radius: float, solids: Solids) -> Touch | None:
+def deepest_solid(centre: np.ndarray, radius: float, solids: Solids) -> Touch | None:
     """Return the deepest overlap of a disc with static bodies, or None."""
     point = Point(centre)
     near = np.sort(solids.tree.query(point, predicate="dwithin", distance=radius))
@@ -267,7 +459,7 @@ def _touch_of_disc(point: Point, radius: float, solids: Solids, k: int) -> Touch
     return Touch(depth, apart / distance, False, solids.disc_body[k], solids.disc_owner[k])
 
 
-def put_back(
+def return_overlapping(
     position: np.ndarray,
     before: np.ndarray,
     radius: np.ndarray,
@@ -281,7 +473,7 @@ def put_back(
     """
     discs = zip(position, radius, strict=True)
     back = np.zeros(len(radius), bool)
-    goes = np.array([deepest_static(centre, r, solids) is not None for centre, r in discs])
+    goes = np.array([deepest_solid(centre, r, solids) is not None for centre, r in discs])
     if bodies is not None:
         bodies.return_overlapping(position, radius, goes)
     while True:
@@ -297,28 +489,28 @@ def put_back(
             return
 
 
-def settle(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: Solids) -> None:
+def settle_by_shapely(columns: dict[str, np.ndarray], bounds: tuple[float, ...], solids: Solids) -> None:
     """Move every robot that overlaps anything to free room nearby, whatever the tangle, or raise `PlacementError`."""
     position, radius = columns["position"], columns["radius"]
     for i in range(len(radius)):
-        if not is_free(position[i : i + 1], radius[i], solids)[0]:
-            find_room(i, position, radius, bounds, solids, apart=False)
+        if not is_free_of_solids(position[i : i + 1], radius[i], solids)[0]:
+            find_room_among_solids(i, position, radius, bounds, solids, apart=False)
     contacts = Touches({name: column.copy() for name, column in columns.items()})
-    if not separate(position, radius, solids, contacts, int(SWEEPS)):
-        leave_each_other(position, radius, bounds, solids)
+    if not separate_by_shapely(position, radius, solids, contacts, int(SWEEPS)):
+        separate_placed_robots(position, radius, bounds, solids)
 
 
-def leave_each_other(position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids) -> None:
+def separate_placed_robots(position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids) -> None:
     """Move, one after the other, robots that still overlap anything."""
     for i in range(len(radius)):
         here = position[i : i + 1]
-        if is_free(here, radius[i], solids)[0] and is_apart(i, here, position, radius)[0]:
+        if is_free_of_solids(here, radius[i], solids)[0] and is_apart_from_robots(i, here, position, radius)[0]:
             continue
-        if not find_room(i, position, radius, bounds, solids, apart=True):
+        if not find_room_among_solids(i, position, radius, bounds, solids, apart=True):
             raise no_room(i, radius)
 
 
-def is_free(places: np.ndarray, radius: float, solids: Solids) -> np.ndarray:
+def is_free_of_solids(places: np.ndarray, radius: float, solids: Solids) -> np.ndarray:
     """Return whether a disc at each of these places overlaps no static body."""
     return solids.gaps(places) >= radius - SLOP * radius
 
@@ -329,7 +521,7 @@ def is_on_map(places: np.ndarray, bounds: tuple[float, ...]) -> np.ndarray:
     return np.logical_and.reduce(inside, axis=1)
 
 
-def is_apart(i: int, places: np.ndarray, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
+def is_apart_from_robots(i: int, places: np.ndarray, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
     """Return whether robot i at each of these places would overlap no other."""
     others = np.arange(len(radius)) != i
     near = radius[i] + radius[others] - SLOP * np.minimum(radius[i], radius[others])
@@ -337,15 +529,15 @@ def is_apart(i: int, places: np.ndarray, position: np.ndarray, radius: np.ndarra
     return (distance >= near).all(axis=1)
 
 
-def find_room(
+def find_room_among_solids(
     i: int, position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids, *, apart: bool
 ) -> bool:
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
     for places in rings(position[i].copy(), radius[i], bounds):
         # The solid outside ends somewhere; beyond that there is no room either.
-        free = is_on_map(places, bounds) & is_free(places, radius[i], solids)
+        free = is_on_map(places, bounds) & is_free_of_solids(places, radius[i], solids)
         if apart:
-            free &= is_apart(i, places, position, radius)
+            free &= is_apart_from_robots(i, places, position, radius)
         if free.any():
             position[i] = places[np.argmax(free)]
             return True
@@ -375,25 +567,25 @@ class ShapelyEngine(Engine):
         columns, table = swarm.columns, swarm.table
         distance, kind = columns["distance"], columns["kind"]
         old = distance.copy(), kind.copy()
-        sense_proximity(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
+        sense_proximity_by_shapely(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
         if draws is not None:
             err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
         hold_readings(swarm, step, *old)
-        sense_radiation(swarm, surroundings, columns["radiation"])
-        sense_line(swarm, surroundings, columns["line"])
+        sense_radiation_by_shapely(swarm, surroundings, columns["radiation"])
+        sense_line_by_shapely(swarm, surroundings, columns["line"])
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
         """Write position, heading and the contact columns."""
         begin_way(surroundings)
         bodies = Travelling(surroundings, lambda: self._solids_of(swarm, surroundings), swarm.radius)
-        extra_turn = travel(swarm.columns, motion, turn_angle, bodies)
+        extra_turn = travel_by_shapely(swarm.columns, motion, turn_angle, bodies)
         if surroundings.moving is not None:
             surroundings.moving.place()
         return extra_turn
 
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
-        settle(swarm.columns, surroundings.bounds, self._solids_of(swarm, surroundings))
+        settle_by_shapely(swarm.columns, surroundings.bounds, self._solids_of(swarm, surroundings))
 
     def _solids_of(self, swarm: Swarm, surroundings: Surroundings) -> Solids:
         """Return all solids, collected anew when the surroundings are others, and where bodies may have moved."""

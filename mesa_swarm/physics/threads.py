@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.geometry.waiting import wait_while
+from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.kernels.waiting import wait_while
 
 MOST_THREADS = 256
 VARIABLE = "MESA_SWARM_THREADS"

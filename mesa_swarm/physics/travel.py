@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.block import unpack
-from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.geometry.overlap import wrapped
-from mesa_swarm.geometry.type_names import Flags, Integers, RealRows, Reals
+from mesa_swarm.kernels.block import unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
 from mesa_swarm.physics.contact import push_all_from_statics, solids_in
 from mesa_swarm.physics.crowd import CrowdArrays
 from mesa_swarm.physics.motion import count_pieces, moved_by
@@ -30,12 +30,12 @@ from mesa_swarm.physics.separation import (
     SETTLED,
     STRAYED,
     finish_separation,
-    groups_of,
     overlaps_of,
-    put_back,
+    return_to_free_places,
     separate,
     separate_groups,
     separate_near,
+    start_groups,
     stop_jumps,
 )
 from mesa_swarm.world.statics import ROBOT
@@ -132,7 +132,7 @@ def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: Sequence
     state, met = overlaps_of(crowd, pairs)
     if state == STRAYED:
         return state
-    groups = groups_of(crowd, pairs)
+    groups = start_groups(crowd, pairs)
     ended = share(n, partial(separate_groups, *bodies, pairs, groups, met, met, MOST_SWEEPS))
     later, state = np.concatenate([late for late, _ in ended]), max(state for _, state in ended)
     return finish_separation(*bodies, pairs, groups, met, later, MOST_SWEEPS, state)
@@ -145,7 +145,7 @@ def get_apart(state, pairs, crowd, statics, movers):
     if state == STRAYED:
         is_apart, pairs = separate(crowd, statics, movers, pairs, MOST_SWEEPS)
     if not is_apart:
-        put_back(crowd, statics, movers, pairs)
+        return_to_free_places(crowd, statics, movers, pairs)
     return pairs
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from mesa import Agent, Model
 
-from mesa_swarm.errors import RecordingError, asked, check_name, shortened
+from mesa_swarm.base.errors import RecordingError, asked, check_name, shortened
 from mesa_swarm.fire.part import BURNING
 from mesa_swarm.kernels.part import Part, made_of
 from mesa_swarm.model.engine_model import EngineModel
@@ -26,12 +26,12 @@ def added_to_json(model: EngineModel, packed: ModelPacked) -> dict:
 
     Of parts also all attributes are stored, with which one is made that no constructor adds.
     """
-    processes = [[number, address_of(process)] for number, process in model.parts.processes.numbered.items()]
-    parts = [[part.name, address_of(part), _made_to_json(part, packed)] for part in model.parts.added()]
+    processes = [[number, class_address(process)] for number, process in model.parts.processes.numbered.items()]
+    parts = [[part.name, class_address(part), _made_to_json(part, packed)] for part in model.parts.added()]
     return {name: listed for name, listed in (("processes", processes), ("added", parts)) if listed}
 
 
-def address_of(made: Any) -> str:
+def class_address(made: Any) -> str:
     """Return the address of the class of a process or a part."""
     return f"{type(made).__module__}.{type(made).__qualname__}"
 

@@ -7,8 +7,8 @@ import numpy as np
 from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
+from mesa_swarm.base.errors import RecordingError, check_name, shortened
 from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.errors import RecordingError, check_name, shortened
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import GENERATORS, Checkpointed, attributes_of, checked_state
 from mesa_swarm.recording.container import ATOMS, Packed

@@ -10,11 +10,11 @@ import numpy as np
 from mesa import Agent
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.kernels.part import STORED, Itself, Part
 from mesa_swarm.model.bodies import POSES
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.model.state import fingerprint
+from mesa_swarm.model.state import quick_fingerprint
 from mesa_swarm.recording.layout import population_of
 from mesa_swarm.recording.schema import checked_content
 from mesa_swarm.recording.sealed_stream import INTERVENTION
@@ -167,8 +167,8 @@ def _marks_of(model: EngineModel) -> dict[str, Any]:
 def _mark_of(name: str, part: Part) -> dict[str, Any]:
     """Return what is marked of a part that was added: its columns, and all that it stores."""
     columns = part.columns().items()
-    marks = {f"{one} of {name}": fingerprint(column.array) for one, column in columns if column.role in STORED}
-    return {**marks, f"state of {name}": fingerprint(part.store())}
+    marks = {f"{one} of {name}": quick_fingerprint(column.array) for one, column in columns if column.role in STORED}
+    return {**marks, f"state of {name}": quick_fingerprint(part.store())}
 
 
 class _Seen(NamedTuple):
@@ -200,7 +200,7 @@ def _other_agents(model: EngineModel) -> list[Agent]:
 
 def _contents_of(agent: Agent) -> list[bytes]:
     """Return a fingerprint of each attribute of an agent that may change in place."""
-    return [fingerprint(value) for value in vars(agent).values() if isinstance(value, IN_PLACE)]
+    return [quick_fingerprint(value) for value in vars(agent).values() if isinstance(value, IN_PLACE)]
 
 
 def _place_of(agent: Agent) -> list[float] | None:

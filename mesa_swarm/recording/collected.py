@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError, UnstoredStateWarning, check_name, shortened
+from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, check_name, shortened
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters, set_steps
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packed, memory_of
@@ -33,7 +33,7 @@ def set_clock(model: EngineModel, steps: int) -> None:
     set_steps(model, steps)
 
 
-def series_of(model: EngineModel) -> dict[Path, list]:
+def growing_series(model: EngineModel) -> dict[Path, list]:
     """Return all lists that grow with the steps: those of Mesa's DataCollector, and the history of fires."""
     collector, history = model.datacollector, model.fires.history
     if collector._agenttype_records:
@@ -48,7 +48,7 @@ def series_of(model: EngineModel) -> dict[Path, list]:
 
 def lengths_of(model: EngineModel) -> dict[Path, int]:
     """Return the present length of each series."""
-    return {path: len(values) for path, values in series_of(model).items()}
+    return {path: len(values) for path, values in growing_series(model).items()}
 
 
 def reporters_of(model: EngineModel) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def collected_to_json(model: EngineModel, packed: Packed, since: dict[Path, int]
     A series that is shorter than in `since`, from `lengths_of`, was started again.
     """
     content = []
-    for path, values in series_of(model).items():
+    for path, values in growing_series(model).items():
         begin = since.get(path, 0)
         begin = begin if begin <= len(values) else 0
         pack = _pack_rows if path == ("agents",) else _pack
@@ -98,7 +98,7 @@ def check_collected(size: int, file: int) -> None:
         )
 
 
-def joined(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
+def join_series(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
     """Return whole series from the parts in which they were stored, oldest first."""
     whole: dict[Path, list] = {}
     for content, packed in parts:
@@ -118,7 +118,7 @@ def restore_collected(model: EngineModel, series: dict[Path, list]) -> None:
     the model did not have then has no values in the rows before.
     """
     _match_reporters(model, series)
-    mine = series_of(model)
+    mine = growing_series(model)
     events = [path for path in mine if path[0] == "events"]
     series = {**{path: [] for path in events}, **series}  # absent from older checkpoints
     if mine.keys() != series.keys():
@@ -139,10 +139,10 @@ def restore_collected(model: EngineModel, series: dict[Path, list]) -> None:
 
 def _match_reporters(model: EngineModel, series: dict[Path, list]) -> None:
     """Let a model and the series that are stored of it have the same reporters of the model."""
-    mine, others = ({path for path in paths if path[0] == "model"} for paths in (series_of(model), series))
+    mine, others = ({path for path in paths if path[0] == "model"} for paths in (growing_series(model), series))
     by_hand = sorted(check_name("reporter", path[1]) for path in others - mine)
     if by_hand:
-        add_reporters(model.datacollector, dict.fromkeys(by_hand, missing))
+        add_reporters(model.datacollector, dict.fromkeys(by_hand, missing_reporter))
         warnings.warn(
             f"{type(model).__name__} was recorded with a reporter that its constructor does not make "
             f"({shortened(by_hand[0])}); its values are missing from here on: add it again",
@@ -153,7 +153,7 @@ def _match_reporters(model: EngineModel, series: dict[Path, list]) -> None:
     series.update({path: [None] * rows for path in mine - others})
 
 
-def missing(model: EngineModel) -> None:
+def missing_reporter(model: EngineModel) -> None:
     """Report nothing: in the place of a reporter that could not be stored."""
 
 

@@ -13,7 +13,7 @@ import pyarrow as pa
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.base.errors import RecordingError, shortened
 from mesa_swarm.model.state import ATOMS, DEEPEST, KINDS, SEQUENCES, is_float
 from mesa_swarm.world.read_only import ReadOnlyArray
 

@@ -5,10 +5,10 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.robots import role_of
-from mesa_swarm.model.state import fingerprint
+from mesa_swarm.model.state import quick_fingerprint
 from mesa_swarm.recording.attributes import own_attributes
 from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
 from mesa_swarm.recording.transfer import changed_settings, take_over
@@ -127,7 +127,7 @@ def _of_start(model: EngineModel) -> Iterator[tuple[tuple, bytes]]:
     for name, field in model.fields.items():
         yield ("field", name, field.values.shape), field.values.tobytes()
     for name, value in model.parts.state.values.items():
-        yield ("state", name), fingerprint(value)
+        yield ("state", name), quick_fingerprint(value)
 
 
 def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bool:
@@ -141,4 +141,4 @@ def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bo
 
 
 def _differ(one: Any, other: Any) -> bool:
-    return one is not other and fingerprint(one) != fingerprint(other)
+    return one is not other and quick_fingerprint(one) != quick_fingerprint(other)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm import control as controls
+from mesa_swarm.base.errors import RecordingError, SwarmError, error_line, shortened
 from mesa_swarm.control.conditions import CONDITIONS
-from mesa_swarm.control.team import Key, Team, label_of
-from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
+from mesa_swarm.control.team import Key, Team, message_label
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.strategy import FightFire, SeekHeat
 from mesa_swarm.recording.container import ATOMS
@@ -167,7 +167,7 @@ def _key_to_json(key: Key) -> object:
     try:
         return part_to_json(key)
     except RecordingError:
-        return {OWN_CODE: label_of(key)}
+        return {OWN_CODE: message_label(key)}
 
 
 def _key_from_json(value: object) -> Any:
@@ -196,4 +196,4 @@ def make_stored(name: str, maker: Callable, arguments: dict) -> Any:
     try:
         return maker(**arguments)
     except (SwarmError, TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
-        raise RecordingError(f"{name} of the recording cannot be made: {in_words(error)}") from None
+        raise RecordingError(f"{name} of the recording cannot be made: {error_line(error)}") from None

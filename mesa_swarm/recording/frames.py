@@ -8,13 +8,13 @@ import pandas as pd
 import pyarrow as pa
 
 from mesa_swarm.analysis.clusters import clusters
+from mesa_swarm.base.errors import UnknownNameError, unknown_name
 from mesa_swarm.control.layer import Senses, centroids
-from mesa_swarm.errors import UnknownNameError, unknown_name
-from mesa_swarm.looks import looks_of
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.looks import looks_of
 from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
 from mesa_swarm.recording.shown import discs_of, pictures_of, robot_columns
-from mesa_swarm.world.fields import levels_of, values_of
+from mesa_swarm.world.fields import levels_of, values_of_levels
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD
 
 # Fewest robots that collide in one step of a burst, and the most steps without such a step within it.
@@ -161,7 +161,7 @@ def field_values(frame: Frame, name: str) -> np.ndarray:
     smaller ones better, and of a field of more than 120,000 cells they are means of blocks of cells.
     """
     pixels = frame[PIXELS + name]
-    return values_of(pixels, _peak(frame, name)) if pixels.dtype == np.uint8 else pixels
+    return values_of_levels(pixels, _peak(frame, name)) if pixels.dtype == np.uint8 else pixels
 
 
 def field_peaks(frame: Frame, names: Sequence[str]) -> list[float]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.container import Checkpoint, from_bytes, to_bytes
 

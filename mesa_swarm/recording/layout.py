@@ -6,9 +6,16 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from mesa_swarm.errors import LONGEST_NAME, InvalidValueError, RecordingError, UnknownNameError, shortened, unknown_name
-from mesa_swarm.looks import looks_of
+from mesa_swarm.base.errors import (
+    LONGEST_NAME,
+    InvalidValueError,
+    RecordingError,
+    UnknownNameError,
+    shortened,
+    unknown_name,
+)
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.looks import looks_of
 from mesa_swarm.recording.shown import (
     PartPicture,
     columns_of_parts,

@@ -13,12 +13,12 @@ from typing import Any
 
 from mesa.agent import Agent
 
-from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.base.errors import RecordingError, shortened
 from mesa_swarm.fire.spreading import Spreading
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.processes import Process
-from mesa_swarm.scattering import Wander
+from mesa_swarm.model.scattering import Wander
 
 # The attribute by which a class declares that it may be made so.
 RESUMABLE = "resumable"

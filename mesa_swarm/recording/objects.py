@@ -10,7 +10,7 @@ from mesa.agent import Agent
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from shapely import Point, Polygon
 
-from mesa_swarm.errors import RecordingError, check_flag, check_name, shortened
+from mesa_swarm.base.errors import RecordingError, check_flag, check_name, shortened
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.devices import make_stored, part_from_json, part_to_json
 from mesa_swarm.recording.making import check_agent_class, classes_near, family, is_class

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError, SwarmError, in_words, shortened
+from mesa_swarm.base.errors import RecordingError, SwarmError, error_line, shortened
 from mesa_swarm.fire.constants import FireConstants
-from mesa_swarm.looks import looks_of
+from mesa_swarm.maps.map import Map
 from mesa_swarm.model.common import whole_signature
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.looks import looks_of
 from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.recording.devices import part_from_json, part_to_json
 from mesa_swarm.recording.making import is_class
@@ -25,7 +26,6 @@ from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import mount_of
 from mesa_swarm.world.bodies import Body
-from mesa_swarm.world.map import Map
 from mesa_swarm.world.shapes import outline_to_json, shape_to_json
 from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
 
@@ -93,7 +93,7 @@ def shows(scenery: dict, other: dict) -> bool:
     return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
 
 
-def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...]:
+def join_sceneries(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...]:
     """Return sceneries of one model, in the order of time, each with the robots, designs and loads of all of them.
 
     Obstacles, layers and temperatures remain those of each.
@@ -187,7 +187,7 @@ def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> Engine
         **{name: _read(value) for name, value in provenance["parameters"].items()},
     }
     if provenance["takes_map"]:
-        arguments["map"] = map_of(provenance)
+        arguments["map"] = recorded_map(provenance)
     arguments["rng"] = _read_seed(provenance["seed"])
     try:
         return model_class(**{**arguments, **changes})
@@ -195,11 +195,11 @@ def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> Engine
         if changes and isinstance(error, SwarmError):  # about the user's own arguments
             raise
         raise RecordingError(
-            f"{model_class.__name__} cannot be made from the recording's parameters: {in_words(error)}"
+            f"{model_class.__name__} cannot be made from the recording's parameters: {error_line(error)}"
         ) from error
 
 
-def map_of(provenance: dict) -> Map:
+def recorded_map(provenance: dict) -> Map:
     """Return the map of a recording."""
     try:
         return Map.from_toml(provenance["map"], "the recording's map")

@@ -16,8 +16,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from mesa_swarm.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
-from mesa_swarm.files import shown_path
+from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
+from mesa_swarm.base.files import shown_path
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.part import BURNING
 from mesa_swarm.model.bodies import POSES
 from mesa_swarm.model.engine_model import EngineModel
@@ -43,14 +44,13 @@ from mesa_swarm.recording.provenance import (
 )
 from mesa_swarm.recording.schema import (
     MOST_EVERY,
-    check_columns,
+    check_recorded_columns,
     check_values,
     checked_content,
     checked_scenery,
     longest_gap,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Sealed, SealedWriter
-from mesa_swarm.trigger import Trigger
 from mesa_swarm.world.arena import ArenaAgent
 
 HASH_EVERY = 100
@@ -604,7 +604,7 @@ def record(
 def _check_readable(schema: pa.Schema) -> None:
     """Refuse to begin a recording that `Recording` would refuse to open or to draw."""
     try:
-        check_columns(schema, "the model")
+        check_recorded_columns(schema, "the model")
         checked_scenery(from_metadata(schema.metadata, "the model")["scenery"])
     except RecordingError as error:
         raise RecordingError(f"this recording would be unreadable: {error}") from None

@@ -13,15 +13,28 @@ from typing import Any, overload
 import numpy as np
 import pandas as pd
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    RecordingError,
+    UnknownNameError,
+    check_count,
+    shortened,
+    unknown_name,
+)
 from mesa_swarm.model.events import EventLog
 from mesa_swarm.recording.changes import Intervention, intervention_from_json
 from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.frames import Event, Frame, Rows, events_of, field_names, field_values, table_of
 from mesa_swarm.recording.hand_moves import HandMove, moves_from_bytes
 from mesa_swarm.recording.layout import PIXELS, TABLES
-from mesa_swarm.recording.provenance import from_metadata, joined
-from mesa_swarm.recording.schema import check_columns, checked_content, checked_rows, checked_scenery, misplaced
+from mesa_swarm.recording.provenance import from_metadata, join_sceneries
+from mesa_swarm.recording.schema import (
+    check_recorded_columns,
+    checked_content,
+    checked_rows,
+    checked_scenery,
+    misplaced,
+)
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Piece, SealedReader
 
 # Decoded chunks in memory, of about 2 MB each.
@@ -73,7 +86,7 @@ class Recording:
         self.path = Path(path)
         self._reader = SealedReader(self.path)
         self.provenance = from_metadata(self._reader.schema.metadata, self.path)
-        check_columns(self._reader.schema, self.path)
+        check_recorded_columns(self._reader.schema, self.path)
         self._start = self.provenance["start"]["step"]
         self._check_order()
         self.columns = tuple(self._reader.schema.names[3:])
@@ -299,7 +312,7 @@ class Recording:
         if not first:
             return ()
         try:
-            return joined([(step, checked_scenery(one)) for step, one in [(self._start, first), *later]])
+            return join_sceneries([(step, checked_scenery(one)) for step, one in [(self._start, first), *later]])
         except RecordingError as error:
             raise RecordingError(f"{self.path} has an invalid scenery: {error}") from None
 

@@ -5,7 +5,7 @@ from typing import Any
 from mesa import Agent
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
-from mesa_swarm.errors import RecordingError, shortened
+from mesa_swarm.base.errors import RecordingError, shortened
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import refuse_attributes

@@ -3,10 +3,17 @@
 import os
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError, check_count, shortened, unknown_name
-from mesa_swarm.gallery import FORMS, address_of, is_address, shipped_class
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    RecordingError,
+    UnknownNameError,
+    check_count,
+    shortened,
+    unknown_name,
+)
+from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.model.gallery import FORMS, is_address, model_address, shipped_class
 from mesa_swarm.recording.making import family
 from mesa_swarm.recording.provenance import is_of, rebuilt
 from mesa_swarm.recording.recording import Recording
@@ -164,7 +171,7 @@ def class_of(recording: Recording, base: type) -> type:
     alike = [model_class for model_class in loaded if is_of(recording.provenance, model_class)]
     if len(alike) == 1:
         return alike[0]
-    shown = address_of(base) if base.__qualname__ == name else base.__name__
+    shown = model_address(base) if base.__qualname__ == name else base.__name__
     raise RecordingError(
         f"{recording.path} is of {shortened(name)}, which is neither {shown} nor a loaded subclass of it; "
         f"import its class ({address_in(recording)}) and call its resume"

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from mesa_swarm.errors import RecordingError, shortened
-from mesa_swarm.looks import COLOUR, MOST_COLOURS
+from mesa_swarm.base.errors import RecordingError, shortened
+from mesa_swarm.model.looks import COLOUR, MOST_COLOURS
 from mesa_swarm.recording.frames import Rows
 from mesa_swarm.recording.layout import FIRST_COLUMNS, PIXELS, TABLES, is_table, table_type
 from mesa_swarm.recording.sealed_stream import CHANGE, INTERVENTION, Piece
@@ -96,7 +96,7 @@ def read_json(text: bytes) -> Any:
         raise ValueError("JSON text is nested too deeply") from None
 
 
-def check_columns(schema: pa.Schema, source: object) -> None:
+def check_recorded_columns(schema: pa.Schema, source: object) -> None:
     """Refuse columns that are not of the types in which mesa_swarm records."""
     names = schema.names
     first = {field.name: field.type for field in list(schema)[: len(FIRST_COLUMNS)]}

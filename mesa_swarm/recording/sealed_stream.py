@@ -23,8 +23,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from mesa_swarm.errors import RecordingError
-from mesa_swarm.files import (
+from mesa_swarm.base.errors import RecordingError
+from mesa_swarm.base.files import (
     check_present_format,
     checked_place,
     discard,

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.kernels.part import Part, Shown
-from mesa_swarm.looks import COLOUR
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.looks import COLOUR
 from mesa_swarm.world.fields import MOST_CELLS, MOST_PIXELS, ScalarField, levels_of, shrunk
 
 # Values of a robot in a column that is recorded without being named.

@@ -12,11 +12,11 @@ import numpy as np
 from mesa import Agent, Model
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
+from mesa_swarm.base.errors import InvalidValueError, RecordingError, error_line, shortened
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team
-from mesa_swarm.errors import InvalidValueError, RecordingError, in_words, shortened
 from mesa_swarm.kernels.part import Column, Part, made_of
 from mesa_swarm.model.bodies import CHANGING
 from mesa_swarm.model.control import ControlPart
@@ -424,7 +424,7 @@ class _Carrier:
             return deepcopy(value, self.memo)
         except Exception as error:  # an object of a user's may raise anything
             raise InvalidValueError(
-                f"{name} cannot be copied to the model that goes on: {in_words(error)}; give its class "
+                f"{name} cannot be copied to the model that goes on: {error_line(error)}; give its class "
                 "checkpoint() and restore(state)"
             ) from None
 

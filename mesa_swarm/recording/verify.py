@@ -8,9 +8,10 @@ from itertools import islice
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError, SwarmError, in_words
+from mesa_swarm.base.errors import RecordingError, SwarmError, error_line
+from mesa_swarm.base.progress import progress_bar
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.changes import Intervention, as_remark
 from mesa_swarm.recording.checkpoint import differing_part, restore
 from mesa_swarm.recording.collected import check_collected, size_of_collected, without_rest
@@ -21,7 +22,6 @@ from mesa_swarm.recording.objects import summary
 from mesa_swarm.recording.provenance import hash_in_format, rebuilt
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
-from mesa_swarm.wording import quantity
 
 # Called after each step that is run again: shows the progress, and raises an error to stop.
 Watch = Callable[[EngineModel], None]
@@ -151,7 +151,7 @@ def run_on(model: EngineModel, step: int, watch: Watch) -> None:
         try:
             model.step()
         except Exception as error:  # anything that a model may raise with a forged state
-            raise RecordingError(f"step {before + 1} cannot be run again: {in_words(error)}") from error
+            raise RecordingError(f"step {before + 1} cannot be run again: {error_line(error)}") from error
         if model.completed <= before:
             raise RecordingError(f"step {before + 1} cannot be run again: {type(model).__name__} took no step")
         watch(model)

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm.errors import BehaviourError, InvalidValueError, check_flag, check_number, shortened
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_flag, check_number, shortened
 from mesa_swarm.robots.devices import Device, check_device, check_identifier, own_function
 from mesa_swarm.robots.sensors import Mount, check_mount
 from mesa_swarm.world.fields import LARGEST_AMOUNT

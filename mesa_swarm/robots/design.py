@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, asked, check_count, check_name, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, asked, check_count, check_name, check_number, shortened
 from mesa_swarm.geometry.sector import half_angle
 from mesa_swarm.robots.actuators import ACT, Actuator, check_actions, check_actuator
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, Drive
@@ -384,7 +384,7 @@ class DesignTable:
         return read
 
 
-def places_of(design: RobotDesign) -> list[tuple[Sensor, int]]:
+def places_of_custom_sensors(design: RobotDesign) -> list[tuple[Sensor, int]]:
     """Return the sensors of a design with a function of their own, and where in its column each begins to write."""
     places, ends = [], dict.fromkeys((sensor.name for sensor in design.own), 0)
     for sensor in design.own:
@@ -396,7 +396,7 @@ def places_of(design: RobotDesign) -> list[tuple[Sensor, int]]:
 def _readings(designs: Sequence[RobotDesign]) -> dict[str, int]:
     widths: dict[str, int] = {}
     for design in designs:
-        for sensor, first in places_of(design):
+        for sensor, first in places_of_custom_sensors(design):
             widths[sensor.name] = max(widths.get(sensor.name, 0), first + int(sensor.width))
     return widths
 

@@ -10,7 +10,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     UncompiledBehaviourWarning,
     UnknownKindWarning,
@@ -18,8 +18,8 @@ from mesa_swarm.errors import (
     check_count,
     shortened,
 )
-from mesa_swarm.geometry.compiled import custom_compiled, is_refused
-from mesa_swarm.geometry.custom_code import digest_of, renamed, stored_on_disk
+from mesa_swarm.kernels.compiled import custom_compiled, is_refused
+from mesa_swarm.kernels.custom_code import digest_function, renamed, stored_on_disk
 
 MOST_NUMBERS = 10_000
 # How similar a kind is at least to a known one that it misspells: "pukc" and "puck" are 0.75, "food" and "load" 0.5.
@@ -183,7 +183,7 @@ class DeviceFunction:
 
 
 def _compiled(function: Any) -> Any:
-    digest = digest_of(function)
+    digest = digest_function(function)
     return stored_on_disk(custom_compiled(renamed(function, digest)), digest)
 
 

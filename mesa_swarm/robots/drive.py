@@ -7,8 +7,8 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from mesa_swarm.errors import check_number
-from mesa_swarm.geometry.compiled import compiled
+from mesa_swarm.base.errors import check_number
+from mesa_swarm.kernels.compiled import compiled
 
 
 class Drive(Protocol):

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.devices import check_kind, check_spelling

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 from functools import reduce
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import LONGEST_HOLD, ProximitySensor
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.robots.devices import MOST_NUMBERS, check_identifier
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, check_name, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, shortened
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.sensors import ProximitySensor
 

@@ -7,7 +7,14 @@ import numpy as np
 from mesa import Agent, Model
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_choice, check_count, check_name, check_number
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    RemovedRobotError,
+    check_choice,
+    check_count,
+    check_name,
+    check_number,
+)
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import reserve

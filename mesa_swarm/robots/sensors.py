@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.geometry.compiled import compiled
-from mesa_swarm.geometry.diffusion import look_up
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.diffusion import interpolate_cells
+from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.devices import RESERVED, Device, check_device, check_identifier, names_taken, own_function
 
 LARGEST_RANGE = 1e6
@@ -220,7 +220,7 @@ def read_field(position, heading, mount, amounts, sides, frame, out):
         cos, sin = np.cos(heading[i]), np.sin(heading[i])
         points[i, 0] = position[i, 0] + cos * mount[0] - sin * mount[1]
         points[i, 1] = position[i, 1] + sin * mount[0] + cos * mount[1]
-    look_up(amounts, sides, frame, points, out[:, 0], np.empty((len(out), 2)))
+    interpolate_cells(amounts, sides, frame, points, out[:, 0], np.empty((len(out), 2)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -5,9 +5,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_count, shortened, unknown_name
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.trigger import Trigger
 
 # What explaining a decision needs, and what happened next.
 DECISIONS = (

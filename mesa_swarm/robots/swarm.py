@@ -10,7 +10,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.devices import RESERVED, Device, check_identifier, names_taken, own_function, reserve

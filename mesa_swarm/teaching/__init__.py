@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from mesa_swarm.moved import moved_name
+from mesa_swarm.base.moved import moved_name
 from mesa_swarm.teaching.checks import check_estimate, check_function, check_model, check_rule, check_settings
 from mesa_swarm.teaching.pictures import picture, sized
 from mesa_swarm.teaching.verdicts import Criterion, Verdict

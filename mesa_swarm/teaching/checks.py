@@ -5,27 +5,32 @@ one, the next answer the second. An answer that could not be judged, such as one
 exercise that passes begins anew. Errors of the check itself are not shown as the learner's.
 """
 
+import functools
 import inspect
+import linecache
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from numbers import Real
+from pathlib import Path
+from types import CodeType, FunctionType, TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, shortened, unknown_name, without_middle
+from mesa_swarm.base.moved import moved_name
 from mesa_swarm.control.arbiter import Subsumption
 from mesa_swarm.control.behaviour import Behaviour, behaviour
 from mesa_swarm.control.explore import Explore
-from mesa_swarm.errors import InvalidValueError, SwarmError, shortened, unknown_name
-from mesa_swarm.moved import moved_name
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.teaching.faults import Authors, CheckError, also_without, part_of_check, report
-from mesa_swarm.teaching.hints import forget, next_stage, stages_of
 from mesa_swarm.teaching.verdicts import (
     CHECK_FAILED,
     JUDGED,
@@ -37,6 +42,244 @@ from mesa_swarm.teaching.verdicts import (
     shown,
     verdict_on,
 )
+
+
+@dataclass
+class Tries:
+    """How many answers in a row an exercise has refused, and the last of them."""
+
+    count: int = 0
+    answer: Any = None
+
+    def add(self, answer: Any) -> bool:
+        """Count an answer and return True, unless it is the last one again: its cell has not run since."""
+        if self.count and is_same(self.answer, answer):
+            return False
+        self.count, self.answer = self.count + 1, copy_answer(answer)
+        return True
+
+
+# By the stages of the exercise's hint.
+_tries: dict[tuple[str, ...], Tries] = {}
+
+
+def forget(stages: tuple[str, ...]) -> None:
+    """Let an exercise begin with the first stage again."""
+    _tries.pop(stages, None)
+
+
+def next_stage(hint: str | Sequence[str], answer: Any, *, judged: bool) -> str:
+    """Return the hint after an answer that did not pass, "" for none.
+
+    Parameters
+    ----------
+    hint : str or sequence of str
+        Its stages.
+    answer : object
+        The learner's.
+    judged : bool
+        Whether the answer was judged: one that could not be, such as one with a misspelt name, uses no stage up, and
+        shows again what was shown.
+    """
+    stages = stages_of(hint)
+    tries = _tries.setdefault(stages, Tries()) if any(stages) else Tries()
+    new = tries.add(answer) if judged and any(stages) else True
+    if not tries.count:
+        return ""
+    stage = min(tries.count, len(stages))
+    again = "" if new else "; your answer is the same as before"
+    label = f"({stage} of {len(stages)}{again}) " if len(stages) > 1 else ""
+    return label + stages[stage - 1]
+
+
+def stages_of(hint: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the stages of a hint."""
+    return (hint,) if isinstance(hint, str) else tuple(hint)
+
+
+def is_code(answer: Any) -> bool:
+    """Return whether an answer is a function, a rule or a class, which a cell makes anew when it runs."""
+    return callable(answer) or hasattr(answer, "decide")
+
+
+def copy_answer(answer: Any) -> Any:
+    """Return an answer as it is now: numbers may be changed in place, functions are replaced."""
+    try:
+        return answer if is_code(answer) else deepcopy(answer)
+    except Exception:  # an answer of any type may be given
+        return object()
+
+
+def is_same(before: Any, now: Any) -> bool:
+    """Return whether an answer is the one before.
+
+    Examples
+    --------
+    >>> is_same({"distance": 6}, {"distance": 6}), is_same(lambda: 1, lambda: 1)
+    (True, False)
+    """
+    if is_code(before) or is_code(now):
+        return before is now
+    try:
+        return type(before) is type(now) and bool(before == now)
+    except Exception:  # an answer of any type may be given
+        return False
+
+
+PACKAGE = str(Path(__file__).parent.parent)
+LIBRARIES = ("site-packages", "dist-packages", "<frozen")
+# Names that are missing in a check are missing whatever the answer is.
+UNDENIABLE = NameError, ImportError
+
+
+class CheckError(Exception):
+    """An error of the check itself; its cause is what happened."""
+
+    def __init__(self, seed: int | None = None) -> None:
+        super().__init__(seed)
+        self.seed = seed
+
+
+def code_of(thing: Any) -> set[CodeType]:
+    """Return the code of a function, rule, layer or class: what is defined within it, and its methods.
+
+    Examples
+    --------
+    >>> len(code_of(lambda: [lambda: 1])), code_of(3)
+    (2, set())
+    """
+    if isinstance(thing, FunctionType):
+        return set(_nested(thing.__code__))
+    if isinstance(thing, type):
+        own = thing.__module__.partition(".")[0] not in ("builtins", "mesa_swarm")
+        return set().union(*map(code_of, vars(thing).values())) if own else set()
+    within = _function_within(thing)
+    if within is not None:
+        return code_of(within)
+    return code_of(type(thing)) if hasattr(thing, "decide") else set()
+
+
+def _function_within(thing: Any) -> Any:
+    """Return the function of a rule, a method, a property or a function with fixed arguments, None for others."""
+    if isinstance(thing, Behaviour):
+        return thing.rule.function
+    if isinstance(thing, functools.partial):
+        return thing.func
+    within = getattr(thing, "__func__", getattr(thing, "__wrapped__", None))  # of a method, or behind functools.cache
+    return thing.fget if isinstance(thing, property) else within
+
+
+def _nested(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _nested(constant)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A line that is neither the package's nor a library's."""
+
+    code: CodeType
+    number: int
+
+    @property
+    def line(self) -> str:
+        """Its text, "" if it is not known."""
+        return linecache.getline(self.code.co_filename, self.number).strip()
+
+
+def places_of_traceback(trace: TracebackType | None) -> list[Place]:
+    """Return the places of a traceback that are neither the package's nor a library's, the last one first."""
+    places = [Place(frame.f_code, number) for frame, number in traceback.walk_tb(trace)]
+    return [place for place in places[::-1] if not _is_of_library(place.code.co_filename)]
+
+
+def _is_of_library(file: str) -> bool:
+    return file.startswith(PACKAGE) or any(part in file for part in LIBRARIES)
+
+
+@dataclass(frozen=True, slots=True)
+class Authors:
+    """Whose code is whose.
+
+    Parameters
+    ----------
+    answer : object
+        The learner's: a function, rule, class, layer or plain value.
+    check : tuple of callable
+        What the check is made of.
+    """
+
+    answer: Any
+    check: tuple[Any, ...] = ()
+
+    def is_learners(self, place: Place) -> bool | None:
+        """Return whether the learner wrote the code of a place; None if that is not known, as of helper functions."""
+        own, checks = code_of(self.answer), set().union(*map(code_of, self.check))
+        if place.code in own or place.code in checks:
+            return place.code in own
+        in_own, in_checks = (place.code.co_filename in {code.co_filename for code in codes} for codes in (own, checks))
+        return None if in_own == in_checks else in_own
+
+    def is_last_learners(self, error: BaseException) -> bool | None:
+        """Return whether the learner wrote the last place of an error of which that is known."""
+        known = map(self.is_learners, places_of_traceback(error.__traceback__))
+        return next((learners for learners in known if learners is not None), None)
+
+    def in_words(self, error: BaseException, *, surely: bool = False) -> str:
+        """Return an error of an answer in words, with the line of the learner's own code where it happened.
+
+        What happened in code that the learner may not have written is named as such, unless the answer is `surely` its
+        cause.
+        """
+        text = " ".join(str(error).split())
+        places = [place for place in places_of_traceback(error.__traceback__) if place.line]
+        if not isinstance(error, SwarmError):
+            own = next((place.line for place in places if self.is_learners(place)), "")
+            text = f"it stopped with {type(error).__name__}: {text or 'no details'}{own and f', at the line: {own}'}"
+        if surely or not places or self.is_learners(places[0]):
+            return text
+        return (
+            f"{text.rstrip('.')}. This happened in {places[0].code.co_name}, at the line: {places[0].line}; if you did "
+            "not write that, and your answer is what is required, send this to your teacher"
+        )
+
+
+@contextmanager
+def part_of_check(authors: Authors, seed: int | None = None, *, uses_answer: bool = False) -> Iterator[None]:
+    """Turn errors of the check's own code into CheckError; those of the learner's code are passed on.
+
+    With `uses_answer`, in code that works on what the learner gave, only such errors are the check's for certain as do
+    not depend on that, such as a name that is missing: the others are passed on too.
+    """
+    try:
+        yield
+    except CheckError:
+        raise
+    except Exception as error:
+        learners = authors.is_last_learners(error)
+        if learners or (uses_answer and not (learners is False and isinstance(error, UNDENIABLE))):
+            raise
+        raise CheckError(seed) from error
+
+
+def also_without(run: Callable[[], Any], seed: int) -> None:
+    """Raise CheckError if what has failed with an answer fails without it too."""
+    try:
+        run()
+    except Exception as error:
+        raise CheckError(seed) from error
+
+
+def error_report(error: CheckError, version: str) -> str:
+    """Return what the learner is to send to the teacher: the error, where it happened, and with which seed."""
+    cause = error.__cause__ or error
+    lines = [f"{type(cause).__name__}: {' '.join(str(cause).split()) or 'no details'}"]
+    places = places_of_traceback(cause.__traceback__)[:1]
+    lines += [f"in {place.code.co_name}, line {place.number}: {place.line or 'unknown'}" for place in places]
+    seed = "" if error.seed is None else f"with seed {shortened(error.seed)}, "
+    return "\n".join(f"  {without_middle(line)}" for line in [*lines, f"{seed}mesa_swarm {version}"])
 
 
 def is_missing(answer: object) -> bool:
@@ -59,7 +302,7 @@ def _not_judged(text: str) -> Verdict:
 
 def _broken(error: CheckError) -> Verdict:
     """Return that the check has failed, and what to send to the teacher."""
-    return Verdict(False, report(error, version("mesa-swarm")), status=CHECK_FAILED)
+    return Verdict(False, error_report(error, version("mesa-swarm")), status=CHECK_FAILED)
 
 
 def _refused(answer: object, expected: str) -> Verdict:
@@ -192,7 +435,7 @@ def _number(criterion: Criterion, outcome: Any) -> float | None:
 
 def _model_verdict(trial: _Trial, seeds: Sequence[int]) -> Verdict:
     try:
-        rows = [trial.numbers(seed) for seed in checked_seeds(seeds)]
+        rows = [trial.numbers(seed) for seed in seeds_of_check(seeds)]
     except CheckError as error:
         return _broken(error)
     except Exception as error:  # every error of a learner becomes a sentence
@@ -202,7 +445,7 @@ def _model_verdict(trial: _Trial, seeds: Sequence[int]) -> Verdict:
     return verdict_on(trial.criteria, list(zip(*rows, strict=True)), seeds)
 
 
-def checked_seeds(seeds: Sequence[int]) -> Sequence[int]:
+def seeds_of_check(seeds: Sequence[int]) -> Sequence[int]:
     """Return the seeds of a check, of which there is at least one."""
     if not len(seeds):
         raise CheckError from InvalidValueError("seeds is empty; expected at least one")
@@ -311,7 +554,7 @@ def check_settings(
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> print(check_settings(find_model("boids"), {"memry": 5}, Criterion("alignment", at_least=0), only=["memory"]))
     Not yet. Unknown parameter 'memry'; did you mean 'memory'? known: memory.
     """
@@ -390,7 +633,7 @@ def _estimate_verdict(
 ) -> Verdict:
     numbers = []
     try:
-        for seed in checked_seeds(seeds):
+        for seed in seeds_of_check(seeds):
             with part_of_check(Authors(expected, (run,)), seed):
                 numbers.append(float(run(seed)))
     except CheckError as error:
@@ -462,7 +705,7 @@ class _Twins:
 
 def _function_verdict(twins: _Twins, authors: Authors, seeds: Sequence[int]) -> Verdict:
     try:
-        for seed in checked_seeds(seeds):
+        for seed in seeds_of_check(seeds):
             with part_of_check(authors, seed):
                 expected, given = twins.twin(*twins.inputs(seed)), twins.inputs(seed)
             with part_of_check(authors, seed, uses_answer=True):

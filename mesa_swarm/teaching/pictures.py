@@ -4,7 +4,7 @@ import math
 import os
 from typing import TYPE_CHECKING, Any
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.pictures import png, world_figure
 from mesa_swarm.viewing.scene import scene_of

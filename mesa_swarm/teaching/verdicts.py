@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
 
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, check_count, unknown_name
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_count, unknown_name
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ Names are imported when they are first used.
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from mesa_swarm.lazy import lazy_names
+from mesa_swarm.base.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.recording.frames import frame_of

@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 from PIL import Image
 
-from mesa_swarm.errors import ExportError, InvalidValueError
-from mesa_swarm.files import write_whole
-from mesa_swarm.progress import Progress, progress_bar
+from mesa_swarm.base.errors import ExportError, InvalidValueError
+from mesa_swarm.base.files import write_whole
+from mesa_swarm.base.progress import Progress, progress_bar
 from mesa_swarm.recording.frames import Frame, field_levels
 from mesa_swarm.viewing.legend import LegendEntry
 from mesa_swarm.viewing.packing import MOST_PIXELS

@@ -12,7 +12,7 @@ import solara
 import traitlets
 from reacton.core import Element
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.observers import Observer
 from mesa_swarm.viewing import palette, text_of

@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     ExportError,
     ExportWarning,
     InvalidValueError,
@@ -20,7 +20,7 @@ from mesa_swarm.errors import (
     check_number,
     shortened,
 )
-from mesa_swarm.files import (
+from mesa_swarm.base.files import (
     check_apart,
     check_present_format,
     check_writable,
@@ -30,7 +30,7 @@ from mesa_swarm.files import (
     unwritable,
     write_whole,
 )
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.recording.frames import table_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.real_robots import Scale

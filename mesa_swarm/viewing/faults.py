@@ -4,7 +4,7 @@ import sys
 import threading
 import traceback
 
-from mesa_swarm.errors import SwarmError, in_words, located, place_of
+from mesa_swarm.base.errors import SwarmError, error_line, located, place_of_error
 
 # Different tracebacks after which those that were printed before are printed anew.
 MOST_KNOWN = 1000
@@ -22,13 +22,13 @@ def reported(error: BaseException) -> str:
     >>> reported(SwarmError("n_robots is 0; expected at least 1"))
     'n_robots is 0; expected at least 1'
     """
-    if place_of(error) or not isinstance(error, SwarmError):
+    if place_of_error(error) or not isinstance(error, SwarmError):
         _print_once(error)
     return located(error)
 
 
 def _print_once(error: BaseException) -> None:
-    about = place_of(error), in_words(error)
+    about = place_of_error(error), error_line(error)
     with _lock:
         if about in _printed:
             return

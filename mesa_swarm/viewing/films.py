@@ -14,10 +14,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import GifImagePlugin, Image, ImageChops
 
-from mesa_swarm.errors import ExportError, InvalidValueError
-from mesa_swarm.extras import missing
-from mesa_swarm.files import draft_of
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.base.errors import ExportError, InvalidValueError
+from mesa_swarm.base.extras import missing_package_line
+from mesa_swarm.base.files import draft_of
+from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.recording.frames import NO_ROWS, Frame
 from mesa_swarm.viewing.palette import LIGHT, rgb, scalar_pixels, value_colours
 from mesa_swarm.viewing.pictures import (
@@ -263,7 +263,9 @@ def ffmpeg() -> str:
 
         return imageio_ffmpeg.get_ffmpeg_exe()
     except (ModuleNotFoundError, RuntimeError):
-        raise InvalidValueError(missing("films need", "imageio-ffmpeg", "video") + ", or export a .gif") from None
+        raise InvalidValueError(
+            missing_package_line("films need", "imageio-ffmpeg", "video") + ", or export a .gif"
+        ) from None
 
 
 def check_even(look: Look) -> None:

@@ -24,7 +24,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from mesa_swarm.looks import label_bytes
+from mesa_swarm.model.looks import label_bytes
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks
 from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.viewing.palette import value_steps

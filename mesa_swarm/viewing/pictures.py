@@ -25,11 +25,13 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from numpy.typing import ArrayLike
 
-from mesa_swarm.errors import ExportError, InvalidValueError, check_count, shortened
-from mesa_swarm.files import write_whole
-from mesa_swarm.looks import LABEL_BYTES
+from mesa_swarm.base.errors import ExportError, InvalidValueError, check_count, shortened
+from mesa_swarm.base.files import write_whole
+from mesa_swarm.base.progress import progress_bar
+from mesa_swarm.base.wording import time_text
+from mesa_swarm.maps.map_parts import Bounds
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.progress import progress_bar
+from mesa_swarm.model.looks import LABEL_BYTES
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks, frame_of
 from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.robots.real_robots import Scale, length_unit
@@ -48,8 +50,6 @@ from mesa_swarm.viewing.palette import (
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import Scene, looks_in, scene_of
 from mesa_swarm.viewing.trails import reach, stride
-from mesa_swarm.wording import time_text
-from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape
 
 SMALLEST, LARGEST = 64, 4096

@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from mesa_swarm.errors import ExportError, ExportWarning, RecordingError, SwarmError
+from mesa_swarm.base.errors import ExportError, ExportWarning, RecordingError, SwarmError
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout

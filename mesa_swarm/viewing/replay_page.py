@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from threading import Lock
 
-from mesa_swarm.errors import InvalidValueError, shortened
+from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.recording.frames import Frame, events_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing import palette, text_of

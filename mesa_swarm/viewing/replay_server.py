@@ -5,7 +5,7 @@ import secrets
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.viewing.headers import safe_headers
 from mesa_swarm.viewing.replay_page import Reel, page_of, sources
 

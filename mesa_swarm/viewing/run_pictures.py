@@ -11,9 +11,9 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, StrMethodFormatter
 
 from mesa_swarm.analysis import layer_shares
-from mesa_swarm.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
+from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.snapshots import check_watched
@@ -48,7 +48,7 @@ def stages(
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> len(stages(find_model("agglomeration")(n_robots=5, rng=1), steps=(0, 20)).axes)
     2
     """
@@ -83,7 +83,7 @@ def trace(
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> figure = trace(find_model("collision_avoidance")(rng=1), steps=100)
     >>> figure.axes[0].get_title()
     'CollisionAvoidance, 100 steps'
@@ -144,7 +144,7 @@ def ethogram(model: EngineModel, *, robots: int | None = None) -> Figure:
 
     Examples
     --------
-    >>> from mesa_swarm.gallery import find_model
+    >>> from mesa_swarm.model.gallery import find_model
     >>> model = find_model("collision_avoidance")(rng=1)
     >>> snapshots = model.watch(last=None)
     >>> [axes.get_ylabel() for axes in ethogram(model.run(50)).axes]

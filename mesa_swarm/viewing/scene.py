@@ -9,11 +9,12 @@ from operator import itemgetter
 
 import numpy as np
 
-from mesa_swarm.errors import RecordingError
-from mesa_swarm.looks import LABEL, LABEL_BYTES, VALUE, label_text
+from mesa_swarm.base.errors import RecordingError
+from mesa_swarm.maps.map_parts import Bounds
 from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.looks import LABEL, LABEL_BYTES, VALUE, label_text
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_names, field_peaks
-from mesa_swarm.recording.provenance import map_of, scenery_of
+from mesa_swarm.recording.provenance import recorded_map, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.shown import pictures_of
 from mesa_swarm.robots.design import RobotDesign
@@ -22,7 +23,6 @@ from mesa_swarm.robots.sensors import ProximitySensor
 from mesa_swarm.viewing.legend import STANDARD, LegendEntry, body_entries, field_entry, part_entry, value_entry
 from mesa_swarm.viewing.palette import LIGHT, PALETTES, value_colours
 from mesa_swarm.world.bodies import Form
-from mesa_swarm.world.map_parts import Bounds
 from mesa_swarm.world.shapes import Shape, shape_from_json, shape_to_json
 
 # name: (table, values a row, type). Wider types first: in a packed frame each array is then aligned.
@@ -327,7 +327,7 @@ def scene_of_recording(recording: Recording, sceneries: Sequence[tuple[int, dict
     """
     if "position" not in recording.columns:
         raise RecordingError(f"{recording.path} has no positions to draw; record the column 'position' as well")
-    its_map = map_of(recording.provenance)
+    its_map = recorded_map(recording.provenance)
     known = [name for name in COLUMNS if name not in OF_LOOKS]
     columns = [name for name in known if name in ALWAYS or MADE_FROM.get(name, name) in recording.columns]
     if "kind" not in columns or "distance" not in columns:
@@ -377,7 +377,7 @@ def usual_scenery(recording: Recording) -> dict:
     return {
         "designs": [USUAL_DESIGN],
         "robots": [],
-        "shapes": [shape_to_json(shape) for shape in map_of(recording.provenance).obstacles],
+        "shapes": [shape_to_json(shape) for shape in recorded_map(recording.provenance).obstacles],
         "loads": [{"id": load, "disc": [0.0, 0.0, USUAL_RADIUS]} for load in loads],
         "layers": [],
         "leave": recording.provenance["parameters"].get("leave", USUAL_LEAVE),

@@ -13,7 +13,7 @@ from mesa import Model
 from mesa.agent import Agent, AgentSet
 from mesa.experimental.continuous_space import ContinuousSpace, ContinuousSpaceAgent
 
-from mesa_swarm.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import as_numbers
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from mesa_swarm.errors import (
+from mesa_swarm.base.errors import (
     InvalidValueError,
     UnknownNameError,
     check_flag,
@@ -29,7 +29,6 @@ from mesa_swarm.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.diffusion import (
     BLOCKED,
     OPEN,
@@ -39,9 +38,10 @@ from mesa_swarm.geometry.diffusion import (
     block_polygon,
     cells_at,
     deposit,
-    look_up,
+    interpolate_cells,
     withdraw,
 )
+from mesa_swarm.kernels.block import Block
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Shape, as_numbers
 
@@ -354,7 +354,7 @@ class ScalarField:
     def look_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `at` and `gradient` of an array of finite points, shapes (n,) and (n, 2)."""
         found, slopes = np.empty(len(points)), np.empty((len(points), 2))
-        look_up(self._values, self._current_walls().sides, self.frame, points, found, slopes)
+        interpolate_cells(self._values, self._current_walls().sides, self.frame, points, found, slopes)
         return found, slopes
 
     def walls_changed(self) -> None:
@@ -442,12 +442,12 @@ def levels_of(values: np.ndarray, peak: float) -> np.ndarray:
     return np.rint(LEVELS * np.sqrt(np.clip(values / peak, 0.0, 1.0))).astype(np.uint8)
 
 
-def values_of(levels: np.ndarray, peak: float) -> np.ndarray:
+def values_of_levels(levels: np.ndarray, peak: float) -> np.ndarray:
     """Return the values for which `levels_of` returned these levels, as nearly as they are known.
 
     Examples
     --------
-    >>> values_of(np.array([0, 128, 255], np.uint8), 4.0).round(2)
+    >>> values_of_levels(np.array([0, 128, 255], np.uint8), 4.0).round(2)
     array([0.  , 1.01, 4.  ])
     """
     return peak * (levels / LEVELS) ** 2

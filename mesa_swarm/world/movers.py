@@ -9,7 +9,7 @@ import shapely
 from mesa import Agent
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.bodies import LARGEST_HEADING, Body, BodyTable, Pose, checked_pose
@@ -205,7 +205,7 @@ class Driven(Body):
 def occupied(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, float]]:
     """Iterate over what solid bodies occupy until the end of the next step, as geometries and radii about them.
 
-    A driven body occupies its way, see `way_of`; what a robot carries occupies nothing.
+    A driven body occupies its way, see `room_on_way`; what a robot carries occupies nothing.
 
     Examples
     --------
@@ -218,12 +218,12 @@ def occupied(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, float]]:
     for body in bodies:
         if isinstance(body, Driven):
             if body.carrier is None:
-                yield way_of(body)
+                yield room_on_way(body)
         elif body.contact:
             yield body.shape.geometry, body.shape.radius
 
 
-def way_of(body: Driven) -> tuple[BaseGeometry, float]:
+def room_on_way(body: Driven) -> tuple[BaseGeometry, float]:
     """Return a geometry, and a radius about it, that hold a body where it is and on its way to where it is to go.
 
     Of a body that turns it is what the disc about its centre sweeps over that holds the body at every heading.
@@ -233,7 +233,7 @@ def way_of(body: Driven) -> tuple[BaseGeometry, float]:
     >>> from mesa_swarm import SwarmModel, rectangle
     >>> body = SwarmModel(rng=1).run(1).add_body(rectangle((100, 100), (110, 140)))
     >>> body.model.run(1).move_bodies([body], [(115, 120, 0.0)])
-    >>> way, radius = way_of(body)
+    >>> way, radius = room_on_way(body)
     >>> way.bounds, radius
     ((100.0, 100.0, 120.0, 140.0), 0.0)
     """

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import shapely
 
-from mesa_swarm.errors import PlacementError
+from mesa_swarm.base.errors import PlacementError
 from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.geometry.packing import hexagonal_lattice, link_by_cell, take_apart
-from mesa_swarm.geometry.room import Crowded, outside, room_for_disc, room_to_try
+from mesa_swarm.geometry.room import Crowded, circumscribed_ratio, room_for_disc, room_to_try
 from mesa_swarm.world.shapes import Shape
 
 # A buffer is a polygon, of this many corners a quarter.
@@ -191,7 +191,7 @@ def _most_that_fit(space: shapely.Geometry | Crowded, radius: float) -> int:
     # Also of a box as wide as the robot but for rounding, which has no area to draw from.
     if not space.area:
         return 0
-    return 1 + int(space.buffer(radius * outside(QUARTER_SEGMENTS)).area / (math.pi * radius**2))
+    return 1 + int(space.buffer(radius * circumscribed_ratio(QUARTER_SEGMENTS)).area / (math.pi * radius**2))
 
 
 def _does_not_fit(n: int, radius: float, where: str, fit: int | str) -> str:

@@ -6,7 +6,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 
 IN_PLACE = ("add", "sub", "mul", "truediv", "floordiv", "mod", "pow", "and", "or", "xor", "lshift", "rshift", "matmul")
 
@@ -29,7 +29,7 @@ class ReadOnlyArray(np.ndarray):
     >>> robot.position[0] = 150
     Traceback (most recent call last):
         ...
-    mesa_swarm.errors.InvalidValueError: an element of a copy was set, which would change nothing; set the property ...
+    mesa_swarm.base.errors.InvalidValueError: an element of a copy was set, which would change nothing; set the ...
     >>> robot.position += (50, 0)
     >>> robot.position
     array([150., 200.])

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Point, Polygon
 
-from mesa_swarm.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.masks import holds_masked, unmasked
 from mesa_swarm.world.read_only import read_only
 

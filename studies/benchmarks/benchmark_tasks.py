@@ -7,7 +7,8 @@ from typing import Any
 from mesa_swarm import Map
 from mesa_swarm.control import Arbiter
 from mesa_swarm.environments import Aggregation, CollisionAvoidance, ExtinguishFires, FindFires, Foraging, Task
-from mesa_swarm.experiments import Controller, Criteria, ValidationGate, played
+from mesa_swarm.experiments import Controller, played
+from mesa_swarm.searches import Criteria, ValidationGate
 from mesa_swarm.world.random_map import random_map
 
 # Numbers of generated maps: to train on, and to compare. Evolution and the choice of settings have further blocks, see

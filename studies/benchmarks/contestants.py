@@ -10,8 +10,9 @@ import numpy as np
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Arbiter, Avoid, Explore, Subsumption
-from mesa_swarm.experiments import Controller, Evolved, Trial, ValidationGate, driven_by, evolve, gated, tallied
+from mesa_swarm.experiments import Controller
 from mesa_swarm.learning import Fitness, HebbianLearning, Networks, QLearning, QPolicy, SensorLayout, WireFittedQ
+from mesa_swarm.searches import Evolved, Trial, ValidationGate, driven_by, evolve, gated, tallied
 from mesa_swarm.world.random_map import random_map
 from mesa_swarm_studies.benchmarks.benchmark_tasks import benchmark_tasks
 

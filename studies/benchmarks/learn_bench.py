@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from mesa_swarm import __version__
+from mesa_swarm.base.files import check_writable
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.experiments import (
     Controller,
@@ -23,7 +24,6 @@ from mesa_swarm.experiments import (
     fingerprint,
     load_controller,
 )
-from mesa_swarm.files import check_writable
 from mesa_swarm_studies.benchmarks.benchmark_tasks import TEST, benchmark_tasks
 from mesa_swarm_studies.benchmarks.contestants import HOME, PARTS, Trained, validated
 from mesa_swarm_studies.benchmarks.task_contestants import contestants_of, optional
@@ -33,7 +33,8 @@ LARGEST = sys.float_info.max
 # Results depend on these files and on the engine; after a change the runs are repeated.
 SOURCES = (
     str(Path(__file__).parent),
-    *(f"experiments/{name}.py" for name in ("controllers", "design", "design_gap", "driving", "evolution", "gating")),
+    "experiments/controllers.py",
+    *(f"searches/{name}.py" for name in ("design", "design_gap", "driving", "evolution", "gating")),
     "environments",
 )
 MODES = ("frozen", "learning")

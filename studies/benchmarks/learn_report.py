@@ -107,10 +107,11 @@ def report_page(benchmark: Benchmark, runs: Sequence[Training], page: Path) -> s
     """Return a page: the command that makes it, its settings, and all tables, with their pictures."""
     place = page.name if page.is_absolute() else page.as_posix()
     preface = (
-        f"This page is written by\n\n```sh\n{command_of(benchmark)} --report {shlex.quote(place)}\n```\n\n"
-        "[Benchmark](learning.md) describes tasks, contestants and protocol. Values are means over seeds of means over "
-        "maps, with 95 % bootstrap intervals over the seeds. In the pictures, full markers are frozen, hollow ones "
-        "still learning; of the trainings, thin lines are single seeds, thick ones their median."
+        "For users who compare learners: all tables of the benchmark.\n\nThis page is written by"
+        f"\n\n```sh\n{command_of(benchmark)} --report {shlex.quote(place)}\n```\n\n"
+        "[Benchmark](../learning.md) describes tasks, contestants and protocol. Values are means over seeds of means "
+        "over maps, with 95 % bootstrap intervals over the seeds. In the pictures, full markers are frozen, hollow "
+        "ones still learning; of the trainings, thin lines are single seeds, thick ones their median."
     )
     settings = (
         f"Settings: trainings of {benchmark.steps:,} steps of 15 robots; seeds: {benchmark.seeds}; test maps: "

@@ -18,9 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm import AGENT3, AGENT6, AGENT9, Map, RobotDesign, SwarmModel, compare, disc
+from mesa_swarm.base.files import write_all
 from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
 from mesa_swarm.experiments import csv_text, fitting
-from mesa_swarm.files import write_all
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT, literal, png
 
@@ -184,7 +184,7 @@ LISTING = """
 import subprocess, sys
 from time import perf_counter
 start = perf_counter()
-subprocess.run([sys.executable, "-m", "mesa_swarm.cli", "list"], check=True, capture_output=True)
+subprocess.run([sys.executable, "-m", "mesa_swarm", "list"], check=True, capture_output=True)
 print(perf_counter() - start)
 """
 LEARNERS = """

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from mesa_swarm import Streams
 from mesa_swarm.control import Arbiter, Avoid, Explore, Follow, Layer, Subsumption
-from mesa_swarm.experiments import Budget, Controller, Mission, design_machine, driven_by, evolve_network
+from mesa_swarm.experiments import Controller
 from mesa_swarm.fire import FightFire
 from mesa_swarm.learning import Evolution, LearnFires, LearnFireWheels
-from mesa_swarm.streams import Streams
+from mesa_swarm.searches import Budget, Mission, design_machine, driven_by, evolve_network
 from mesa_swarm_studies.benchmarks.benchmark_tasks import TRAIN, benchmark_tasks
 from mesa_swarm_studies.benchmarks.contestants import Trained, contestants, gated_in
 from mesa_swarm_studies.benchmarks.fire_policies import SKILL_STEPS, WHEEL_STEPS, trained_skills, trained_wheels

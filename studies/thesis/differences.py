@@ -170,15 +170,17 @@ def counted() -> str:
 INTRODUCTION = """\
 # Differences from the thesis
 
+For readers of the thesis: where this package deviates from it, and where each of its items is.
+
 mesa_swarm reimplements the simulations of a thesis of the University of Cape Town (*Development of a Simple Swarm
 Behaviour Simulator and Development of a Reinforcement Learning AI System for Swarm Members*; the simulator was RAS2D).
 This page lists every deviation, and then everything that the thesis contains with its state here. It is written by
-`mesa-swarm reproduce --items --report docs/differences.md`; without `--report` the command prints the items.
+`mesa-swarm reproduce --items --report docs/appendix/differences.md`; without `--report` the command prints the items.
 
 Each row names the code and, in italics, the tests that prove it: with underscores for spaces and `test_` before it,
 such a sentence is the name of a test; the words of its class come first, if it has one. Another test ensures that all
 these names exist. Figures have verdicts of
-their own, see [reproduced results](reproduction.md); equations are on the page [physics](physics.md).
+their own, see [reproduced results](reproduction.md); equations are on the page [physics](../physics.md).
 """
 DEVIATIONS = """\
 ## Deviations

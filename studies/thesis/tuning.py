@@ -4,7 +4,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from mesa_swarm.experiments import LearningGoal, goal_run, mean_interval
+from mesa_swarm.experiments import mean_interval
+from mesa_swarm.searches import LearningGoal, goal_run
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, plain_axes
 from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean

@@ -24,7 +24,7 @@ from mesa_swarm.analysis import (
     visited_cells,
 )
 from mesa_swarm.analysis.arrays import check_flags
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 
 BOX = (0, 0, 100, 100)
 PLACES = [[1.0, 2.0], [3.0, 4.0]]

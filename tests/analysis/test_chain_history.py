@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm.analysis.chain_history import follow_chains, settled
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 
 seeds = st.integers(0, 2**32 - 1)
 GAP, LINK = 10.0, 15.0

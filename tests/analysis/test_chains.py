@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.analysis.chains import chains
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 
 seeds = st.integers(0, 2**32 - 1)
 

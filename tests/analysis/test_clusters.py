@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mesa_swarm.analysis import clusters, kept_together
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 
 swarms = st.builds(
     lambda seed, n: np.random.default_rng(seed).random((n, 2)) * 100, st.integers(0, 2**32), st.integers(0, 60)

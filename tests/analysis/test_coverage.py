@@ -13,7 +13,7 @@ from shapely.geometry import Point
 from mesa_swarm import Map
 from mesa_swarm.analysis import coverage, reachable_cells, visited_cells
 from mesa_swarm.analysis.coverage import cells_from_places
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.geometry.room import areas_by_cell, room_for_disc
 
 BOX = (0.0, 0.0, 100.0, 80.0)

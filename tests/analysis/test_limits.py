@@ -22,7 +22,7 @@ from mesa_swarm.analysis.arrays import check_bounds, check_flags, check_length, 
 from mesa_swarm.analysis.chain_history import ChainEvent, Meetings
 from mesa_swarm.analysis.chains import Links, nearest_ahead
 from mesa_swarm.analysis.pathology import Thresholds
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from support.tracks import still
 
 

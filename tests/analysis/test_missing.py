@@ -35,7 +35,7 @@ from mesa_swarm.analysis import (
     time_to,
     visited_cells,
 )
-from mesa_swarm.errors import DegreesWarning, InvalidValueError
+from mesa_swarm.base.errors import DegreesWarning, InvalidValueError
 from support.tracks import still
 
 BOX = (0.0, 0.0, 100.0, 100.0)

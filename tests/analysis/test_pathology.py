@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.analysis.pathology import Episode, Pathologies, find_pathologies
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from support.tracks import CENTROID, CORRIDOR, HEAD_ON, STUCK, THRESHOLD, flipping, only, still
 
 

@@ -4,8 +4,8 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
-from mesa_swarm.gallery import find_model
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import find_model
 
 # Map units squared, as on openspace with 50 robots.
 ROOM = 9600.0

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.gallery import model_names
+from mesa_swarm.model.gallery import model_names
 from support.waiting import wait_until
 
 NAMELESS = """[...document.querySelectorAll("button, input, select, summary, canvas")]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
 from support.waiting import wait_until
 
 pytestmark = pytest.mark.slow

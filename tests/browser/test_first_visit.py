@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.dashboard.navigation import TOUR
+from mesa_swarm.dashboard.page.navigation import TOUR
 
 pytestmark = pytest.mark.slow
 

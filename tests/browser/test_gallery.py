@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mesa_swarm.gallery import gallery_names
+from mesa_swarm.model.gallery import gallery_names
 from mesa_swarm.viewing import text_of
 from support.visits import blank_page, resize
 
@@ -117,7 +117,7 @@ def test_cards_are_reached_and_pressed_by_keyboard_and_the_current_one_is_marked
 
 def test_a_model_without_a_picture_has_its_initial_letter_until_the_picture_is_drawn(chromium):
     page = blank_page(chromium)
-    assert page.evaluate(OWN, text_of("dashboard/gallery.js")) == ["<", "<b>Ants", 1]
+    assert page.evaluate(OWN, text_of("dashboard/gallery/gallery.js")) == ["<", "<b>Ants", 1]
     page.close()
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.about import model_info
+from mesa_swarm.model.info import model_info
 from support.waiting import wait_until
 
 pytestmark = pytest.mark.long

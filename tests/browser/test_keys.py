@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.dashboard.navigation import KEYS
+from mesa_swarm.dashboard.page.navigation import KEYS
 
 pytestmark = pytest.mark.slow
 

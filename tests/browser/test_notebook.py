@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from mesa_swarm.dashboard.charts import ChartBoard
-from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.inspector import Inspector
+from mesa_swarm.dashboard.page.controls import ControlPanel
+from mesa_swarm.dashboard.run.charts import ChartBoard
+from mesa_swarm.dashboard.run.inspector import Inspector
 from mesa_swarm.models.fire_fighting import FireFighting
 from support.notebooks import FakeNotebook
 from support.visits import blank_page, settle

@@ -3,7 +3,7 @@
 import pytest
 
 from mesa_swarm.dashboard.app import MORE_TABS
-from mesa_swarm.gallery import model_names
+from mesa_swarm.model.gallery import model_names
 from support.visits import resize
 
 pytestmark = pytest.mark.long

@@ -251,7 +251,7 @@ def test_light_and_dark_differ_and_follow_the_button(page):
 
 
 def test_the_command_serves_the_same_frames_and_ends_with_ctrl_c(blank, recorded):
-    words = [sys.executable, "-m", "mesa_swarm.cli", "replay", str(recorded), "--no-browser"]
+    words = [sys.executable, "-m", "mesa_swarm", "replay", str(recorded), "--no-browser"]
     process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     try:
         address = re.search(r"http://\S+", process.stdout.readline())[0]

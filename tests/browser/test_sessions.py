@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.page.session import Session
 from support.visits import HOST, LAUNCH, Visit, answers, blank_page, free_port
 from support.waiting import wait_until
 

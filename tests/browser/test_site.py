@@ -4,6 +4,7 @@ import functools
 import http.server
 import importlib
 import inspect
+import json
 import os
 import re
 import subprocess
@@ -20,6 +21,7 @@ from urllib.parse import unquote, urlsplit
 import nbformat
 import pytest
 from notebook_pages import executed, write_page
+from prepare import MOVED
 from recorded_runs import LARGEST
 from typesetting import typeset
 
@@ -207,13 +209,35 @@ class Silent(http.server.SimpleHTTPRequestHandler):
 
 
 def pages_of(site: Path) -> list[Page]:
-    return [Page(path) for path in sorted(site.rglob("index.html"))]
+    """Return the pages of a site, without those at former addresses, which only lead to others."""
+    former = {site / name / "index.html" for name in MOVED}
+    return [Page(path) for path in sorted(site.rglob("index.html")) if path not in former]
 
 
 def test_every_link_within_the_site_leads_somewhere(site):
     broken = {page.path.parent.name: page.broken(site) for page in pages_of(site)}
     assert len(broken) > 40
     assert not {name: links for name, links in broken.items() if links}
+
+
+@pytest.mark.parametrize("name", MOVED)
+def test_the_former_address_of_a_page_leads_to_the_present_one(name, site):
+    page = Page(site / name / "index.html")
+    assert page.broken(site) == []
+    assert page.links == [f"../{MOVED[name]}/"]
+
+
+def searched(site: Path) -> set[str]:
+    """Return the addresses of the pages that the search knows, by either builder."""
+    file = next(path for path in (site / "search" / "search_index.json", site / "search.json") if path.exists())
+    index = json.loads(file.read_text(encoding="utf-8"))
+    return {entry["location"].partition("#")[0].strip("/") for entry in index.get("docs") or index["items"]}
+
+
+def test_the_search_leaves_out_the_appendix_and_nothing_else(site):
+    pages = {page.path.parent.relative_to(site).as_posix().strip(".") for page in pages_of(site)}
+    assert pages - searched(site) == {page for page in pages if page.startswith("appendix/")}
+    assert len(searched(site)) > 80
 
 
 def test_the_reference_explains_every_public_name_and_every_method(site):

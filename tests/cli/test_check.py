@@ -4,8 +4,8 @@ import pytest
 
 from mesa_swarm.analysis.pathology import KINDS, Episode, Pathologies
 from mesa_swarm.cli.check import MOST_EPISODES, described_episodes
-from mesa_swarm.gallery import find_model
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import find_model
 
 
 def test_diagnose_finds_nothing_in_collision_avoidance_by_default(typed):

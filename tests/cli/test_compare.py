@@ -47,7 +47,7 @@ def stored(ledger):
 
 @pytest.mark.slow
 def test_ctrl_c_stops_a_comparison_on_all_cores_and_leaves_only_its_runs(tmp_path):
-    command = [sys.executable, "-m", "mesa_swarm.cli", "compare", "fire_fighting", "--jobs", "2", "--out", "made"]
+    command = [sys.executable, "-m", "mesa_swarm", "compare", "fire_fighting", "--jobs", "2", "--out", "made"]
     running = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )

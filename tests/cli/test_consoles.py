@@ -8,7 +8,7 @@ import typer
 
 from mesa_swarm import cli
 from mesa_swarm.cli.lines import any_letters
-from mesa_swarm.gallery import gallery_names
+from mesa_swarm.model.gallery import gallery_names
 
 # What Windows and old systems have where output is redirected; all of them lack some of the letters below.
 ENCODINGS = ("cp1252", "ascii", "cp437")
@@ -16,7 +16,7 @@ GREEK = '''
 """A model of a user's."""
 from typing import Annotated
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.parameters import Slider
+from mesa_swarm.model.parameters import Slider
 
 class Θέμα(SwarmModel):
     """Ρομπότ that turn by θ ≤ π, 日本."""

@@ -4,14 +4,15 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm import SwarmModel, work_done
+from mesa_swarm import SwarmModel
+from mesa_swarm.base import work_done
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.cli import draw
 from mesa_swarm.cli.draw import DEFAULT_STEPS, drawn, parsed_steps
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.gallery import find_model
+from mesa_swarm.maps.map import Map, builtin_maps
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.world.map import Map, builtin_maps
 from support.chunks import recorded_in_full_chunks
 
 

@@ -4,8 +4,8 @@ import shlex
 
 import pytest
 
-from mesa_swarm.about import model_info
-from mesa_swarm.gallery import gallery_names
+from mesa_swarm.model.gallery import gallery_names
+from mesa_swarm.model.info import model_info
 from support.own_models import write_model
 
 SECTIONS = ["How it works", "What to watch", "Things to try", "Equations", "Source"]

@@ -22,7 +22,7 @@ def one() -> None:
 
 
 def fail() -> None:
-    from mesa_swarm.errors import InvalidValueError
+    from mesa_swarm.base.errors import InvalidValueError
 
     raise InvalidValueError("n is 3; expected 4")
 

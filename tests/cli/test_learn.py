@@ -5,7 +5,7 @@ import inspect
 import pytest
 
 from mesa_swarm.cli import learn
-from mesa_swarm.experiments.tuning import LEAST_SPEED, LearningGoal
+from mesa_swarm.searches.tuning import LEAST_SPEED, LearningGoal
 
 QUICK = "--robots 2 --generations 1 --population 4 --seeds 1 --judged 2 --quiet"
 

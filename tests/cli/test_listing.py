@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from mesa_swarm.cli import listing
 from mesa_swarm.cli.listing import NotPlainError, Source, lines_of, listed
-from mesa_swarm.gallery import class_name, description, find_model, gallery_names, model_names
-from mesa_swarm.parameters import Choice, Slider, parameters_of
+from mesa_swarm.model.gallery import class_name, description, find_model, gallery_names, model_names
+from mesa_swarm.model.parameters import Choice, Slider, parameters_of
 from support.own_models import write_model
 
 HEAVY = ("mesa", "numba", "numpy", "pandas", "scipy", "shapely", "matplotlib", "networkx", "pyarrow", "solara")

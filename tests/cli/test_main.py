@@ -9,10 +9,10 @@ import pytest
 
 import mesa_swarm
 from mesa_swarm import cli
+from mesa_swarm.base.progress import finishing_time, progress_bar
 from mesa_swarm.cli import listing
 from mesa_swarm.cli.options import print_pairs
-from mesa_swarm.gallery import model_names
-from mesa_swarm.progress import finishing_time, progress_bar
+from mesa_swarm.model.gallery import model_names
 
 WRONG = {
     "lst": "Did you mean 'list'",
@@ -98,7 +98,7 @@ WRONG = {
 
 
 def process(*words, **more):
-    command = [sys.executable, "-m", "mesa_swarm.cli", *words]
+    command = [sys.executable, "-m", "mesa_swarm", *words]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **more)
 
 
@@ -153,7 +153,7 @@ def test_an_error_of_the_system_names_the_file(typed, monkeypatch):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
 def test_output_that_is_printed_to_a_full_disk_is_named():
-    command = [sys.executable, "-m", "mesa_swarm.cli", "list"]
+    command = [sys.executable, "-m", "mesa_swarm", "list"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.stderr == "mesa-swarm: standard output or a temporary file: No space left on device\n"
@@ -188,14 +188,14 @@ def test_the_program_runs_as_a_process_and_imports_little_for_its_help():
 
 
 def test_models_do_not_wait_for_statistics_or_pictures():
-    check = "import sys; from mesa_swarm.gallery import loaded_models; loaded_models(); "
+    check = "import sys; from mesa_swarm.model.gallery import loaded_models; loaded_models(); "
     check += "print(sorted({'scipy.stats', 'matplotlib', 'solara', 'pyarrow.dataset'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
 
 
 def test_a_reader_that_closes_the_output_is_not_an_error():
-    command = f"{sys.executable} -m mesa_swarm.cli list | head -n 1"
+    command = f"{sys.executable} -m mesa_swarm list | head -n 1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == (f"{model_names()[0]}\n", "")
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm import AGENT9, SwarmModel, extras
+from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm import dashboard as page
-from mesa_swarm.extras import install_command
+from mesa_swarm.base import extras
+from mesa_swarm.base.extras import install_command
 from mesa_swarm.viewing.replay_server import ReplayServer
 
 

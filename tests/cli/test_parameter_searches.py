@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm import extras
+from mesa_swarm.base import extras
+from mesa_swarm.base.extras import install_command
 from mesa_swarm.cli.parameter_searches import parsed_ranges
 from mesa_swarm.experiments.sampling import Range
-from mesa_swarm.extras import install_command
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 
 STUDY = ["sensitivity", "fire_fighting", "--measure", "mean of robots_at_fires", "--steps", "20", "--jobs", "1"]
 SEARCH = ["calibrate", "fire_fighting", "--steps", "20", "--jobs", "1", "--points", "2", "--seeds", "1"]

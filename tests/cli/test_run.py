@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm import work_done
-from mesa_swarm.gallery import find_model
+from mesa_swarm.base import work_done
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording import Recording, verify
 
 

@@ -6,14 +6,14 @@ import shutil
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import ExportError
-from mesa_swarm.files import check_apart
+from mesa_swarm.base.errors import ExportError
+from mesa_swarm.base.files import check_apart
 from mesa_swarm.learning import save_policy
 from mesa_swarm.learning.q_learning import QPolicy
+from mesa_swarm.maps.map import Map
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.viewing.export import export
-from mesa_swarm.world.map import Map
 
 MODEL = """
 from mesa_swarm import AGENT3, SwarmModel

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm_studies.thesis.avoidance import corridor_run, wall_run
 from support.made_senses import ROBOTS, made_senses, model_of_three_designs
 from support.scenes import empty

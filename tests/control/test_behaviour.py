@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, UncompiledBehaviourWarning, UnknownNameError
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError, InvalidValueError, UncompiledBehaviourWarning, UnknownNameError
 from support.rules import SEEN, facing_a_disc, slowly, step_with, timid, wander
 from support.scenes import ahead, empty
 
@@ -34,7 +34,7 @@ def test_a_rule_drives_the_robot_where_it_is_active_and_passes_otherwise():
     assert model.swarm.layer.tolist() == [1]
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 def test_a_compiled_rule_does_what_the_plain_function_does():
     ways = []
     for rule in (timid, behaviour(slowly(timid.rule.function))):

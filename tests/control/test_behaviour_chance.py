@@ -8,8 +8,8 @@ import pytest
 from numpy.random import default_rng
 
 from mesa_swarm import AGENT9
+from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning
 from mesa_swarm.control import Explore, Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning
 from support.rules import facing_a_disc, timid, wander
 from support.scenes import empty
 

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from mesa_swarm import AGENT9, RobotDesign, SwarmModel
+from mesa_swarm.base.errors import BehaviourError
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError
 from support.rules import SEEN, facing_a_disc, step_with
 
 

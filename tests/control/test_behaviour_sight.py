@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, ProximitySensor, RobotDesign
+from mesa_swarm.base.errors import BehaviourError
 from mesa_swarm.control import PASS, Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError
 from support.rules import facing_a_disc, slowly, step_with
 from support.scenes import empty
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("form", [lambda f: f, slowly], ids=["compiled", "plain"])
 class TestWhatARuleSees:
     def test_cannot_be_changed(self, form):

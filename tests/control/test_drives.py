@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, HolonomicDrive, all_round
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import (
     Align,
     Avoid,
@@ -23,7 +24,6 @@ from mesa_swarm.control import (
     VectorSum,
 )
 from mesa_swarm.environments.task_world import Commanded
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.robots.design import RobotDesign
 from support.scenes import ahead, empty

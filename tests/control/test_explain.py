@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, disc
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, RemovedRobotError
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.arbiter import driver
-from mesa_swarm.errors import BehaviourError, InvalidValueError, RemovedRobotError
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.robots.reasons import Moment, Reason
 from support.explanations import AHEAD, explanation, first, watched
 from support.scenes import ahead, blind, empty

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Radio, disc
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Explore, Follow, Gather, Lead, Subsumption
-from mesa_swarm.errors import InvalidValueError
 from support.scenes import empty
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Radio
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Follow, HeadOn, Subsumption
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from support.scenes import empty
 
 CHAIN = Avoid(distance=6), Follow(), Explore(speed=0.7)

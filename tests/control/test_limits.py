@@ -17,9 +17,9 @@ from numba import njit, vectorize
 from numba.core.errors import NumbaExperimentalFeatureWarning
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
 from mesa_swarm.control.limits import MOST_LOOPS, calls_itself, uncounted
-from mesa_swarm.errors import BehaviourError, UncompiledBehaviourWarning
 
 FIRST = {"n": 0, "x": 0.0, "on": False, "whole": [0, 0], "real": [0.0, 0.0]}
 
@@ -364,7 +364,7 @@ def twice(k):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 def test_a_plain_rule_may_call_a_function_in_each_of_its_iterations():
     @behaviour
     def calling(me):
@@ -523,7 +523,7 @@ def made(rule, is_plain):
     return behaviour(memory=FIRST)(plainly)
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("is_plain", [False, True])
 @pytest.mark.parametrize("rule", SETTERS, ids=lambda rule: rule.__name__)
 @pytest.mark.parametrize("value", [0.5, -1e-9, math.pi, 1e300])
@@ -531,7 +531,7 @@ def test_memory_that_began_as_a_whole_number_or_a_truth_value_refuses_other_numb
     refused(made(rule, is_plain)(value=value), f"it set {SETTERS[rule]} to .*, which does not fit the type")
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("is_plain", [False, True])
 @pytest.mark.parametrize("rule", SETTERS, ids=lambda rule: rule.__name__)
 def test_it_takes_numbers_of_another_type_that_fit(rule, is_plain):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Actuator, Lamp, RobotDesign, SwarmModel
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError
 from mesa_swarm.control import PASS, Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError, InvalidValueError
 
 
 @dataclass(frozen=True, kw_only=True)

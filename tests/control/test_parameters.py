@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import (
     Align,
     Avoid,
@@ -25,7 +26,6 @@ from mesa_swarm.control import (
     VectorSum,
 )
 from mesa_swarm.control.arbiter import driver
-from mesa_swarm.errors import InvalidValueError
 
 ABOVE_0, FAR, LARGEST = math.ulp(0.0), 1e6, sys.float_info.max
 NUMBERS = [

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT6, AGENT9, SwarmModel
-from mesa_swarm.control.layer import Senses, centroids, nearest_ahead
+from mesa_swarm.control.layer import Senses, centroids, find_nearest_ahead
 from mesa_swarm.world.statics import ROBOT
 from support.scenes import empty
 
@@ -34,7 +34,7 @@ def test_the_centroid_is_the_mean_over_the_sensors_that_see_a_robot_and_no_other
 def test_the_nearest_robot_ahead_is_never_behind_and_never_an_obstacle(seed):
     senses = sensed(seed)
     nearest = np.empty(len(senses.design), np.int64)
-    nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
+    find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
     for i, s in enumerate(nearest):
         ahead = np.abs(senses.bearing[senses.design[i]]) < np.pi / 2 - 1e-9
         choice = np.flatnonzero((senses.kind[i] == ROBOT) & ahead)
@@ -58,6 +58,6 @@ def test_a_sensor_looking_exactly_sideways_does_not_look_ahead():
     model.add_robots(AGENT9, poses=[(200, 150, 0.0), (200, 180, 0.0)])
     model.sense()
     senses, nearest = Senses.of(model.swarm), np.empty(2, np.int64)
-    nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
+    find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
     assert (senses.kind[0] == ROBOT).any()
     assert nearest[0] == -1

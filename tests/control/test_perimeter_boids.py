@@ -5,8 +5,8 @@ import math
 import pytest
 
 from mesa_swarm import HolonomicDrive, ProximitySensor, RobotDesign, disc
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Cohere, Cruise, Explore, Perimeter, Separate, Subsumption
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from support.scenes import ahead, empty
 
 EYES = tuple(ProximitySensor(bearing_degrees=10.0 * k, field_of_view_degrees=10, range=150) for k in range(36))

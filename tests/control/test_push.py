@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import ProximitySensor, Radio, RobotDesign, all_round, disc
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Explore, Push, Subsumption
 from mesa_swarm.control.push import MOST_CORRECTION, way_round
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from support.scenes import empty
 
 EYES = all_round(36, range=150)

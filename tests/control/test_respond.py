@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT_FIRE, Radio
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import PASS, Avoid, Respond, Subsumption, behaviour
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FightFire
 from support.scenes import blind, circle, empty
 

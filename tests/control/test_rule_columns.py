@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import ProximitySensor, RadiationSensor, RobotDesign
+from mesa_swarm.base.errors import BehaviourError
 from mesa_swarm.control import PASS, Subsumption, behaviour
 from mesa_swarm.control.rule import brief, seen
-from mesa_swarm.errors import BehaviourError
 from mesa_swarm.robots.sensors import LineSensor
 from support.made_senses import ROBOTS, decided, known_to, made_drivers, made_senses, model_of_three_designs
 from support.rules import SEEN, facing_a_disc, step_with
@@ -37,7 +37,7 @@ def read_slowly(me, field=0):
     return read(me, field)
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("rule", [behaviour(read), behaviour(read_slowly)], ids=["compiled", "plain"])
 def test_every_field_is_that_of_the_robot_itself(rule):
     senses, drivers = made_senses(3), made_drivers(3)
@@ -65,7 +65,7 @@ def test_every_field_is_that_of_the_robot_itself(rule):
     assert (won[drivers >= 0] == drivers[drivers >= 0]).all()
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 def test_radiation_and_lines_have_as_many_entries_as_its_own_design_has_sensors_of_them():
     eye, warm, line = ProximitySensor(bearing_degrees=0, range=20), RadiationSensor(), LineSensor()
     designs = [RobotDesign(sensors=(eye, warm, line, line)), RobotDesign(sensors=(eye, eye, warm, warm, line))]
@@ -88,14 +88,14 @@ def reads_plainly(me, which=0):
     return 0.01 * me.distance[which], 0.5
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("which", [-2, 9])
 def test_plain_rules_too_cannot_read_a_sensor_that_does_not_exist(which):
     with pytest.raises(BehaviourError, match=rf"IndexError: sensor {which} does not exist; expected an index below 9"):
         step_with(behaviour(reads_plainly)(which=which))
 
 
-@pytest.mark.filterwarnings("ignore::mesa_swarm.errors.UncompiledBehaviourWarning")
+@pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("which", [0, 8, -1])
 def test_plain_rules_read_the_first_sensor_the_last_and_nothing(which):
     model = step_with(behaviour(reads_plainly)(which=which))

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_HEAT, LineSensor, RobotDesign, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import (
     Approach,
     Avoid,
@@ -30,7 +31,6 @@ from mesa_swarm.control import (
     Unseen,
     behaviour,
 )
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FightFire
 from mesa_swarm.model.state_hash import written_state_hash
 from support.made_senses import ROBOT, ROBOTS, decided, known_to, made_drivers, made_senses

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, HolonomicDrive, OmniDrive, SwarmModel, all_round, omni_speeds
+from mesa_swarm.base.errors import InvalidValueError, LearningError
 from mesa_swarm.control import (
     Avoid,
     Cohere,
@@ -21,8 +22,7 @@ from mesa_swarm.control import (
     VectorSum,
     behaviour,
 )
-from mesa_swarm.dashboard.series import layer_names
-from mesa_swarm.errors import InvalidValueError, LearningError
+from mesa_swarm.dashboard.page.series import layer_names
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.learning.q_learning import QLearning, QPolicy
 from mesa_swarm.recording import verify

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, HolonomicDrive, RobotDesign
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
-from mesa_swarm.errors import BehaviourError, InvalidValueError
 from support.scenes import empty
 
 

@@ -4,18 +4,18 @@ import sys
 
 import pytest
 
+from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.dashboard import MODEL_VARIABLE, check_page_model, launch, page_models
-from mesa_swarm.dashboard.addresses import address_from, query_of
-from mesa_swarm.dashboard.compare_view import groups_of as compared_fields
-from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.controls import groups_of, values_of
-from mesa_swarm.dashboard.experimenting import Experimenting
-from mesa_swarm.dashboard.gallery_view import _drawing_thread, card_of, thumbnail, title
-from mesa_swarm.dashboard.replaying import Replaying
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.dashboard.compare.compare_view import comparison_groups as compared_fields
+from mesa_swarm.dashboard.compare.comparing import Comparing
+from mesa_swarm.dashboard.experiment.experimenting import Experimenting
+from mesa_swarm.dashboard.gallery.gallery_view import _drawing_thread, card_of, thumbnail, title
+from mesa_swarm.dashboard.page.addresses import address_from, query_of
+from mesa_swarm.dashboard.page.controls import control_groups, control_values
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.replay.replaying import Replaying
 from mesa_swarm.experiments.jobs import read_job
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from support.own_models import BARE, install_package, write_model
 from support.waiting import threads
 
@@ -87,7 +87,7 @@ def test_a_bare_model_has_inputs_and_compares_what_every_model_has(folder, monke
     monkeypatch.setenv(MODEL_VARIABLE, "./bare.py:Bare")
     session = Session("./bare.py:Bare")
     assert session.error == ""
-    fields = [field for group in groups_of(session) for field in group["fields"]]
+    fields = [field for group in control_groups(session) for field in group["fields"]]
     assert {field["name"]: field["kind"] for field in fields} == {
         "n_robots": "text", "flag": "choice", "note": "text",
         "noise": "slider", "slip": "slider", "imperfections": "slider",
@@ -96,7 +96,7 @@ def test_a_bare_model_has_inputs_and_compares_what_every_model_has(folder, monke
     session.set_parameter("n_robots", "3")
     session.reset()
     assert (session.settings["flag"], len(session.model.swarm)) == (False, 3)
-    assert values_of(session)["flag"]["text"] == "False"
+    assert control_values(session)["flag"]["text"] == "False"
     comparing = Comparing(session)
     assert (comparing.name, comparing.parameter, comparing.faults) == ("./bare.py:Bare", "noise", {})
     comparing.close()

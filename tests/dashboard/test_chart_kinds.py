@@ -10,7 +10,10 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from mesa_swarm import AGENT9, ColourMap, Looks, SwarmModel
-from mesa_swarm.dashboard.chart_content import (
+from mesa_swarm.dashboard.page.robot_columns import RobotValues, binned, values_of_session
+from mesa_swarm.dashboard.page.series import Series, row_until
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.run.charts import (
     HISTOGRAM,
     MOST_POINTS,
     OVER_TIME,
@@ -23,14 +26,11 @@ from mesa_swarm.dashboard.chart_content import (
     figure_of,
     histogram_csv,
     histogram_figure,
+    message_of,
     phase_csv,
     phase_figure,
     thinned,
 )
-from mesa_swarm.dashboard.charts import message_of
-from mesa_swarm.dashboard.robot_columns import RobotValues, binned, values_of_session
-from mesa_swarm.dashboard.series import Series, row_until
-from mesa_swarm.dashboard.session import Session
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.flocking import Flocking

@@ -7,20 +7,23 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mesa_swarm.dashboard.chart_content import (
+from mesa_swarm.dashboard.page.robot_columns import RobotValues
+from mesa_swarm.dashboard.page.series import Series
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.page.widgets import Downloads, pieces_of
+from mesa_swarm.dashboard.run.charts import (
     HISTOGRAM,
     MOST_POINTS,
+    MOST_SHOWN,
     OVER_TIME,
     PHASE_PLOT,
+    ChartBoard,
+    Charting,
     ChosenChart,
     csv_of,
     figure_of,
+    message_of,
 )
-from mesa_swarm.dashboard.charts import MOST_SHOWN, ChartBoard, Charting, message_of
-from mesa_swarm.dashboard.robot_columns import RobotValues
-from mesa_swarm.dashboard.series import Series
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import Downloads, pieces_of
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.swarm_model import SwarmModel
 from support.clock import Clock

@@ -12,31 +12,31 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from mesa_swarm.dashboard import many_runs
-from mesa_swarm.dashboard.compare_view import (
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.dashboard.compare.compare_view import (
     ComparePanel,
     CurveThread,
     captions,
+    comparison_groups,
+    comparison_values,
     curves_png,
     draw,
-    groups_of,
     main_reports,
-    series_of,
-    values_of,
+    series_of_pair,
 )
-from mesa_swarm.dashboard.comparing import ComparedRuns, Comparing, two_values
-from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.many_runs import MOST_AT_ONCE, ManyRuns, do_task, workers_for
-from mesa_swarm.dashboard.pair import Pair
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.dashboard.compare.comparing import ComparedRuns, Comparing, two_values
+from mesa_swarm.dashboard.compare.pair import Pair
+from mesa_swarm.dashboard.experiment import many_runs
+from mesa_swarm.dashboard.experiment.many_runs import MOST_AT_ONCE, ManyRuns, do_task, workers_for
+from mesa_swarm.dashboard.page.controls import ControlPanel
+from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.plan import checked_plan
-from mesa_swarm.gallery import model_names
-from mesa_swarm.parameters import Parameter, Slider
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import model_names
+from mesa_swarm.model.parameters import Parameter, Slider
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT, rgb
-from mesa_swarm.world.map import Map
 from support.killing import environment
 from support.waiting import wait_until
 
@@ -61,7 +61,7 @@ def test_every_model_of_the_gallery_can_be_compared_in_every_parameter(comparing
         assert (comparing.faults, comparing.pair.error) == ({}, ""), name
         for parameter in comparing.choices:
             comparing.parameter = parameter
-            fields = groups_of(comparing)[0]["fields"]
+            fields = comparison_groups(comparing)[0]["fields"]
             assert {field["name"] for field in fields} == {"model", "parameter", "A", "B"}
 
 
@@ -116,7 +116,7 @@ def test_the_panel_carries_out_messages(comparing):
     panel.act({"do": "text", "name": "steps", "value": "700"})
     assert (comparing.seeds, comparing.steps) == (12, 700)
     panel.act({"do": "text", "name": "steps", "value": "0"})
-    assert "expected a whole number at least 1" in values_of(comparing)["steps"]["fault"]
+    assert "expected a whole number at least 1" in comparison_values(comparing)["steps"]["fault"]
     panel.act({"do": "random"})
     assert comparing.built["seed"] == comparing.seed
     panel.act({"do": "choose", "name": "model", "value": "boids"})
@@ -127,7 +127,7 @@ def test_the_panel_carries_out_messages(comparing):
 def test_the_chart_has_a_line_for_each_world(comparing):
     for _ in range(10):
         comparing.pair.step()
-    first, second = series_of(comparing.pair)
+    first, second = series_of_pair(comparing.pair)
     assert first.keys() == second.keys()
     assert main_reports([first, second]) == ["fires_burning", "robots_at_fires", "total_collisions"]
     assert first["fires_burning"][0].tolist() == list(range(1, 11))
@@ -144,7 +144,7 @@ def test_the_chart_shows_every_step_where_it_was_taken_though_the_models_forget_
         pair.step()
     assert len(pair.sides[0].model.datacollector.model_vars["now"]) == 30
     axes = Figure().subplots()
-    draw(axes, "now", series_of(pair), ("A", "B"))
+    draw(axes, "now", series_of_pair(pair), ("A", "B"))
     for line in axes.get_lines():
         assert line.get_xdata().tolist() == line.get_ydata().tolist() == list(range(1, 51))
     assert axes.get_xlim() == (0, 50)
@@ -160,12 +160,12 @@ def test_the_lines_of_long_runs_are_drawn_from_few_numbers_at_their_steps():
         side.model.collect_every = 1
     for _ in range(300):
         pair.step()
-    steps, numbers = series_of(pair)[1]["collisions"][:2]
+    steps, numbers = series_of_pair(pair)[1]["collisions"][:2]
     assert 10 < len(steps) == len(numbers) <= 50
     assert (steps % pair.sides[1].series.every == 0).all()
-    assert curves_png(series_of(pair), ("A", "B")).startswith(b"\x89PNG")
+    assert curves_png(series_of_pair(pair), ("A", "B")).startswith(b"\x89PNG")
     pair.close()
-    assert series_of(pair) == ({}, {})
+    assert series_of_pair(pair) == ({}, {})
 
 
 def test_the_chart_is_drawn_when_there_is_something_new_and_no_more_when_closed(comparing):
@@ -284,8 +284,8 @@ def test_closing_a_session_ends_its_runs_and_too_many_at_once_are_refused():
 
 PAGE = """
 import time
-from mesa_swarm.dashboard import many_runs
-from mesa_swarm.dashboard.comparing import ComparedRuns
+from mesa_swarm.dashboard.experiment import many_runs
+from mesa_swarm.dashboard.compare.comparing import ComparedRuns
 from mesa_swarm.experiments.plan import checked_plan
 many_runs.cpu_count = lambda: 3
 process = many_runs._begun(ComparedRuns(checked_plan("fire_fighting", seeds=2, steps=1_000_000)))

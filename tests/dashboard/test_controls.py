@@ -2,23 +2,23 @@
 
 import pytest
 
-from mesa_swarm.dashboard.controls import (
+from mesa_swarm.base.errors import InvalidValueError
+from mesa_swarm.dashboard.page.controls import (
     REQUIREMENTS,
     ControlPanel,
     Designer,
     Panel,
+    control_groups,
     group_of,
-    groups_of,
-    label_of,
-    place_of,
-    places_of,
+    parameter_label,
+    slider_ends,
+    slider_position,
     value_at,
     value_text,
 )
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.fire import design_constants
-from mesa_swarm.parameters import Parameter, Slider
+from mesa_swarm.model.parameters import Parameter, Slider
 
 SHARE = Parameter("share", 0.75, float, Slider(0, 1, 0.1))
 
@@ -31,20 +31,24 @@ def session():
 
 
 def test_positions_are_counted_from_the_default_and_stay_within_the_range():
-    assert places_of(SHARE) == (-8, 3)
+    assert slider_ends(SHARE) == (-8, 3)
     assert [value_at(place, SHARE) for place in (-9, 0, 2, 9)] == [0.0, 0.75, 0.95, 1.0]
-    assert [place_of(value, SHARE) for value in (0.75, 0.95, 7.0)] == [0, 2, 3]
+    assert [slider_position(value, SHARE) for value in (0.75, 0.95, 7.0)] == [0, 2, 3]
 
 
 def test_a_parameter_without_a_slider_has_no_positions():
     with pytest.raises(InvalidValueError, match="strategy has no slider; choose or type its value"):
-        places_of(Parameter("strategy", "A", str, None))
+        slider_ends(Parameter("strategy", "A", str, None))
 
 
 def test_groups_have_titles_in_order_and_labels_in_words(session):
-    assert [group["title"] for group in groups_of(session)][:3] == ["World", "Robots", "Behaviour"]
+    assert [group["title"] for group in control_groups(session)][:3] == ["World", "Robots", "Behaviour"]
     assert [group_of(name) for name in ("k1", "avoid_distance")] == ["Fires and heat", "Behaviour"]
-    assert [label_of(name) for name in ("n_robots", "k1", "avoid_distance")] == ["robots", "k1", "avoid distance"]
+    assert [parameter_label(name) for name in ("n_robots", "k1", "avoid_distance")] == [
+        "robots",
+        "k1",
+        "avoid distance",
+    ]
 
 
 def test_values_are_shown_in_four_digits():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mesa_swarm.dashboard.gallery_drawing import (
+from mesa_swarm.dashboard.gallery.gallery_drawing import (
     WorldDrawing,
     draw_field,
     draw_fires,
@@ -20,7 +20,7 @@ from mesa_swarm.dashboard.gallery_drawing import (
     last_part,
     sight_of,
 )
-from mesa_swarm.dashboard.gallery_view import thumbnail, title
+from mesa_swarm.dashboard.gallery.gallery_view import thumbnail, title
 from mesa_swarm.models.foraging import Foraging
 from mesa_swarm.viewing.palette import fire_colour
 from mesa_swarm.world.shapes import disc, polygon, rectangle

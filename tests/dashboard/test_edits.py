@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 
 from mesa_swarm import SwarmModel, disc, polygon
-from mesa_swarm.dashboard.editing import map_of
-from mesa_swarm.dashboard.edits import EDITS, MOST_EDITS, SET, Edit, apply_edit, as_text, edits_from, thing_at
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
+from mesa_swarm.dashboard.page.edits import EDITS, MOST_EDITS, SET, Edit, apply_edit, as_text, edits_from, thing_at
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.run.editing import edited_map
+from mesa_swarm.maps.map import Map
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.world.map import Map
 
 NUMBERS = st.floats(-1e9, 1e9, allow_nan=False).map(lambda number: number + 0.0)
 EDIT = st.builds(Edit, st.integers(0, 10**6), st.sampled_from(sorted(EDITS)), st.lists(NUMBERS, max_size=5).map(tuple))
@@ -228,7 +228,7 @@ def test_the_map_as_it_is_now_can_be_saved_and_read_back():
     apply_edit(model, "wall", (100, 120, 300, 180, 12))
     apply_edit(model, "fire", (700, 80, 15))
     apply_edit(model, "switch", (model.fires[0].unique_id,))
-    drawn = map_of(model, "drawn")
+    drawn = edited_map(model, "drawn")
     for again in (Map.from_toml(drawn.to_toml()), Map.from_svg(drawn.to_svg())):
         assert len(again.fires) == len(model.fires) - 1
         assert len(again.obstacles) == len(model.obstacles)

@@ -11,29 +11,29 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.cli import app
-from mesa_swarm.dashboard import experimenting as experimenting_module
-from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.experiment_results import MEAN, SHARE, GridRuns
-from mesa_swarm.dashboard.experiment_view import (
+from mesa_swarm.dashboard.experiment import experimenting as experimenting_module
+from mesa_swarm.dashboard.experiment.experiment_results import MEAN, SHARE, GridRuns
+from mesa_swarm.dashboard.experiment.experiment_view import (
     STALE,
     ExperimentPanel,
     ExperimentPicture,
     PictureLink,
-    groups_of,
+    experiment_groups,
+    experiment_values,
     picture_of,
-    values_of,
 )
-from mesa_swarm.dashboard.experimenting import Experimenting, checked_values, spaced, usual_values
-from mesa_swarm.dashboard.many_runs import do_task
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.dashboard.experiment.experimenting import Experimenting, checked_values, spaced, usual_values
+from mesa_swarm.dashboard.experiment.many_runs import do_task
+from mesa_swarm.dashboard.page.controls import ControlPanel
+from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.experiments.jobs import job_text, read_job
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.sweep import sweep
-from mesa_swarm.gallery import model_names
-from mesa_swarm.parameters import Choice, Parameter, Slider
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import model_names
+from mesa_swarm.model.parameters import Choice, Parameter, Slider
 from support.waiting import wait_until
 
 SMALL = {"values": "2, 3", "q": "noise", "q_values": "0, 0.3", "seeds": "2", "steps": "5", "measure": "fires out"}
@@ -137,7 +137,7 @@ def test_every_model_of_the_gallery_can_be_varied_in_every_parameter(experimenti
             experimenting.set("p", parameter)
             picture = picture_of(experimenting)
             assert len(picture["cells"]) == len(picture["axes"][0]["labels"]) == len(experimenting.values)
-            json.dumps([picture, groups_of(experimenting), values_of(experimenting)], allow_nan=False)
+            json.dumps([picture, experiment_groups(experimenting), experiment_values(experimenting)], allow_nan=False)
 
 
 def test_the_runs_give_the_numbers_of_their_job_on_the_command_line_bit_for_bit(experimenting, tmp_path):

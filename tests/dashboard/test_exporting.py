@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mesa_swarm.dashboard import exporting as module
-from mesa_swarm.dashboard.exporting import ExportDesk, Exporter, Exporting, RecordingSwitch, Wanted
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
+from mesa_swarm.base.errors import InvalidValueError, RecordingError, UnknownNameError
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.run import exporting as module
+from mesa_swarm.dashboard.run.exporting import ExportDesk, Exporter, Exporting, RecordingSwitch, Wanted
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from support.waiting import wait_until
@@ -116,7 +116,7 @@ def test_a_recording_that_ends_at_its_limit_has_whole_steps_only(tmp_path, monke
             super().step()
             self.robots[0].heading += 0.1
 
-    monkeypatch.setattr("mesa_swarm.dashboard.exporting.LOOK_EVERY", 3)
+    monkeypatch.setattr("mesa_swarm.dashboard.run.exporting.LOOK_EVERY", 3)
     switch, model = RecordingSwitch(tmp_path, most_bytes=1), More(n_robots=3, rng=1)
     switch.start(model)
     model.run(3)

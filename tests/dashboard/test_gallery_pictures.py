@@ -11,7 +11,8 @@ import pytest
 import shapely
 from PIL import Image
 
-from mesa_swarm.dashboard.gallery_pictures import (
+from mesa_swarm.base.errors import UnknownNameError
+from mesa_swarm.dashboard.gallery.gallery_pictures import (
     FOLDER,
     HEIGHT,
     LARGEST_ALL,
@@ -28,14 +29,13 @@ from mesa_swarm.dashboard.gallery_pictures import (
     picture_at,
     still_of,
 )
-from mesa_swarm.dashboard.gallery_view import card_of
-from mesa_swarm.errors import UnknownNameError
-from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.dashboard.gallery.gallery_view import card_of
+from mesa_swarm.model.gallery import find_model, gallery_names
 
 PACKED = re.compile(r"data:image/png;base64,([A-Za-z0-9+/=]+)")
 # Two stills are drawn anew by default, one of them with a field; all pictures in the slow tests.
 FEW = ["ant_trails", "boids"]
-COMMAND = "make them anew with: python -m mesa_swarm.dashboard.gallery_pictures"
+COMMAND = "make them anew with: python -m mesa_swarm.dashboard.gallery.gallery_pictures"
 
 
 def unpacked(svg: str) -> str:
@@ -107,7 +107,7 @@ def test_all_stored_pictures_are_as_drawn_today(name):
 
 
 def test_the_command_makes_the_pictures_that_it_is_given(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("mesa_swarm.dashboard.gallery_pictures.FOLDER", tmp_path / "new")
+    monkeypatch.setattr("mesa_swarm.dashboard.gallery.gallery_pictures.FOLDER", tmp_path / "new")
     main(["puck_clustering"])
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == [
         "puck_clustering.svg",

@@ -7,9 +7,9 @@ from urllib.parse import quote
 
 import pytest
 
-from mesa_swarm.dashboard.gallery_pictures import moving_of
-from mesa_swarm.dashboard.gate import COOKIE, Gate, digest_of, is_well_formed
-from mesa_swarm.gallery import gallery_names
+from mesa_swarm.dashboard.gallery.gallery_pictures import moving_of
+from mesa_swarm.dashboard.gate import COOKIE, Gate, digest_token, is_well_formed
+from mesa_swarm.model.gallery import gallery_names
 
 TOKEN = "right-token_1"
 INSIDE = b"the dashboard"
@@ -94,7 +94,7 @@ def test_a_strange_query_is_refused(query):
     assert not is_in(ask(query=query))
 
 
-@pytest.mark.parametrize("cookie", [";", "=;=", "a" * 5000, f"x{COOKIE}={digest_of(TOKEN)}", f'{COOKIE}="', "\xff"])
+@pytest.mark.parametrize("cookie", [";", "=;=", "a" * 5000, f"x{COOKIE}={digest_token(TOKEN)}", f'{COOKIE}="', "\xff"])
 def test_a_strange_cookie_is_refused(cookie):
     assert not is_in(ask(cookie=cookie))
 
@@ -103,7 +103,7 @@ def test_a_connection_without_the_token_is_closed_even_if_the_address_has_it():
     assert ask(kind="websocket")[0] == {"type": "websocket.close", "code": 4403}
     assert not is_in(ask(kind="websocket", query=b"token=" + TOKEN.encode()))
     assert not is_in(ask(kind="websocket", cookie=f"{COOKIE}=wrong"))
-    assert is_in(ask(kind="websocket", cookie=f"{COOKIE}={digest_of(TOKEN)}"))
+    assert is_in(ask(kind="websocket", cookie=f"{COOKIE}={digest_token(TOKEN)}"))
 
 
 def test_the_right_token_is_remembered_and_vanishes_from_the_address():
@@ -113,7 +113,7 @@ def test_the_right_token_is_remembered_and_vanishes_from_the_address():
     assert b"HttpOnly" in headers[b"set-cookie"]
     assert b"SameSite=Lax" in headers[b"set-cookie"]
     assert is_in(ask(cookie=headers[b"set-cookie"].decode().split(";")[0]))
-    assert is_in(ask(cookie=f"a=1; {COOKIE}={digest_of(TOKEN)}"))
+    assert is_in(ask(cookie=f"a=1; {COOKIE}={digest_token(TOKEN)}"))
 
 
 @pytest.mark.parametrize("path", ["//elsewhere.example", "//elsewhere.example/a", "/\\elsewhere.example", "/a\r\nx: y"])
@@ -142,9 +142,9 @@ def test_without_a_token_this_machine_is_let_in(host):
 @pytest.mark.parametrize("token", ["", TOKEN])
 @pytest.mark.parametrize("origin", ["http://elsewhere.example", "null", "http://127.0.0.1:9999"])
 def test_a_page_from_elsewhere_may_not_connect(token, origin):
-    assert not is_in(ask(token=token, kind="websocket", origin=origin, cookie=f"{COOKIE}={digest_of(token)}"))
+    assert not is_in(ask(token=token, kind="websocket", origin=origin, cookie=f"{COOKIE}={digest_token(token)}"))
     assert is_in(
-        ask(token=token, kind="websocket", origin="http://127.0.0.1:8765", cookie=f"{COOKIE}={digest_of(token)}")
+        ask(token=token, kind="websocket", origin="http://127.0.0.1:8765", cookie=f"{COOKIE}={digest_token(token)}")
     )
 
 
@@ -194,7 +194,7 @@ def test_no_other_path_of_pictures_leads_to_a_file_or_to_the_page(name):
 
 
 def test_pictures_are_only_read_and_only_with_the_token():
-    path, cookie = "/gallery/boids.svg", f"{COOKIE}={digest_of(TOKEN)}"
+    path, cookie = "/gallery/boids.svg", f"{COOKIE}={digest_token(TOKEN)}"
     first, body = ask(path, method="HEAD", token="")
     assert (first["status"], body) == (200, b"")
     assert int(dict(first["headers"])[b"content-length"]) == len(moving_of("boids")[0])
@@ -228,7 +228,7 @@ HOSTS_OF_NONE = [
 @pytest.mark.parametrize("token", ["", TOKEN])
 @pytest.mark.parametrize("origin", [f"http://{host}" for host in HOSTS_OF_NONE] + ["null", "", "//", "\0", "http://["])
 def test_a_malformed_origin_is_refused_and_raises_nothing(origin, token, kind):
-    answer = ask(token=token, kind=kind, origin=origin, cookie=f"{COOKIE}={digest_of(token)}")
+    answer = ask(token=token, kind=kind, origin=origin, cookie=f"{COOKIE}={digest_token(token)}")
     assert not is_in(answer)
     assert answer[0] == {"type": "websocket.close", "code": 4403} or answer[0]["status"] == 403
 
@@ -236,7 +236,7 @@ def test_a_malformed_origin_is_refused_and_raises_nothing(origin, token, kind):
 @pytest.mark.parametrize("token", ["", TOKEN])
 @pytest.mark.parametrize("host", HOSTS_OF_NONE)
 def test_a_malformed_host_is_refused_and_raises_nothing(host, token):
-    cookie = f"{COOKIE}={digest_of(token)}"
+    cookie = f"{COOKIE}={digest_token(token)}"
     for path in ("/", "/nothing", "/static/"):
         assert ask(path, token=token, host=host, cookie=cookie)[0]["status"] == 400
         assert ask(path, token=token, host=host)[0]["status"] == 400
@@ -250,7 +250,7 @@ def test_a_malformed_host_is_refused_and_raises_nothing(host, token):
 
 @pytest.mark.parametrize("host", ["laptop.example:65535", "xn--bcher-kva.example", "192.168.0.7:1", "[fe80::1]:8765"])
 def test_with_the_token_this_machine_is_let_in_under_any_name(host):
-    cookie = f"{COOKIE}={digest_of(TOKEN)}"
+    cookie = f"{COOKIE}={digest_token(TOKEN)}"
     assert is_in(ask(host=host, cookie=cookie))
     assert is_in(ask(host=host, cookie=cookie, kind="websocket", origin=f"http://{host}"))
     assert ask(host=host)[0]["status"] == 403

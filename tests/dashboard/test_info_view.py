@@ -6,10 +6,18 @@ import ipyvuetify
 import pytest
 import solara
 
-from mesa_swarm.about import Equation, Listing, Preset, model_info
-from mesa_swarm.dashboard import info_view
-from mesa_swarm.dashboard.info_view import SCROLLED, Info, drawn_equation, drawn_listing, is_built, play_with, prose
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.info import info_view
+from mesa_swarm.dashboard.info.info_view import (
+    SCROLLED,
+    Info,
+    drawn_equation,
+    drawn_listing,
+    is_built,
+    play_with,
+    prose,
+)
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.model.info import Equation, Listing, Preset, model_info
 from support.names import HOSTILE_NAMES
 
 # Tags and attributes of what is drawn; besides these there are only those of MathML.

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.dashboard.addresses import query_of
-from mesa_swarm.dashboard.edits import apply_edit
-from mesa_swarm.dashboard.inspector import Inspecting, Inspector, inspect
-from mesa_swarm.dashboard.session import MOST_WATCHED_BYTES, WATCHED, Session, watch_closely
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.dashboard.page.addresses import query_of
+from mesa_swarm.dashboard.page.edits import apply_edit
+from mesa_swarm.dashboard.page.session import MOST_WATCHED_BYTES, WATCHED, Session, watch_closely
+from mesa_swarm.dashboard.run.inspector import Inspecting, Inspector, inspect
 from mesa_swarm.learning import WireFittedQ
 from mesa_swarm.learning.actions import ACTION_NAMES
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance

@@ -7,8 +7,8 @@ from functools import cache
 import pytest
 from solara.server import server
 
-from mesa_swarm.dashboard.gate import Gate, completed
-from mesa_swarm.dashboard.layout import LEFT, ColumnFold, ScreenButtons, page_title
+from mesa_swarm.dashboard.gate import Gate, complete_page
+from mesa_swarm.dashboard.page.layout import LEFT, ColumnFold, ScreenButtons, page_title
 
 BARE = b'<!doctype html>\n<html>\n<head><meta name="viewport" content="width=device-width, user-scalable=no"></head>'
 WHOLE = (
@@ -63,7 +63,7 @@ def solaras_page() -> str:
 
 
 def test_solaras_page_still_has_what_is_replaced():
-    page = completed(solaras_page().encode())
+    page = complete_page(solaras_page().encode())
     for added in (b'<html lang="en">', b'<v-progress-linear aria-label="Busy"'):
         assert page.count(added) == 1
     assert b"user-scalable" not in page

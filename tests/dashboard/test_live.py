@@ -2,13 +2,13 @@
 
 import pytest
 
-from mesa_swarm.dashboard.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.exporting import Exporting
-from mesa_swarm.dashboard.live_run import LiveRun
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import RecordingError, SwarmError
-from mesa_swarm.gallery import find_model, gallery_names
-from mesa_swarm.parameters import Slider, parameters_of
+from mesa_swarm.base.errors import RecordingError, SwarmError
+from mesa_swarm.dashboard.page.controls import ControlPanel, Panel
+from mesa_swarm.dashboard.page.live_run import LiveRun
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.run.exporting import Exporting
+from mesa_swarm.model.gallery import find_model, gallery_names
+from mesa_swarm.model.parameters import Slider, parameters_of
 from mesa_swarm.recording import Recording
 
 

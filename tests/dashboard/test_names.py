@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mesa_swarm import Map
+from mesa_swarm.base.errors import MapError, SwarmError
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
-from mesa_swarm.dashboard.compare_view import curves_png, table_html
-from mesa_swarm.dashboard.replaying import Replaying
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import MapError, SwarmError
+from mesa_swarm.dashboard.compare.compare_view import curves_png, table_html
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.replay.replaying import Replaying
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.about import model_info
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
-from mesa_swarm.dashboard.addresses import Linkable, address_from, query_of
 from mesa_swarm.dashboard.app import COMPANIONS, MORE_TABS
-from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.navigation import KEYS, Navigation
-from mesa_swarm.dashboard.replaying import Replaying
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.compare.comparing import Comparing
+from mesa_swarm.dashboard.page.addresses import Linkable, address_from, query_of
+from mesa_swarm.dashboard.page.navigation import KEYS, Navigation
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.replay.replaying import Replaying
+from mesa_swarm.model.info import model_info
 from mesa_swarm.models.boids import Boids
 from support.waiting import wait_until
 

@@ -9,7 +9,7 @@ import pytest
 import reacton
 import solara
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing import last_picture
 from mesa_swarm.viewing.canvas_widget import (

@@ -9,12 +9,12 @@ from nbconvert import HTMLExporter
 from nbformat import v4
 
 from mesa_swarm import AGENT9, Map, SwarmModel, show
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.dashboard.charts import ChartBoard
-from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.inspector import Inspector
 from mesa_swarm.dashboard.notebook_panels import NotebookCanvas, in_notebooks
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.dashboard.page.controls import ControlPanel
+from mesa_swarm.dashboard.run.charts import ChartBoard
+from mesa_swarm.dashboard.run.inspector import Inspector
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing import text_of
@@ -170,7 +170,7 @@ def test_a_view_with_panels_is_a_widget_with_a_picture_for_where_none_can_live()
 
 
 def test_rules_of_the_page_are_written_once_and_hold_in_a_notebook_too():
-    page = text_of("dashboard/style.css")
+    page = text_of("dashboard/page/style.css")
     assert in_notebooks(".swarm .swarm-side button { }") == ".swarm-notebook .swarm-side button { }"
     assert in_notebooks(page) in NotebookCanvas._css
     assert NotebookCanvas._css.count("{") == NotebookCanvas._css.count("}")

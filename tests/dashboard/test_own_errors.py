@@ -6,17 +6,16 @@ import ipyvuetify
 import pytest
 import solara
 
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.dashboard import MODEL_VARIABLE, app
-from mesa_swarm.dashboard.chart_content import ChosenChart, TimeContent
-from mesa_swarm.dashboard.charts import curves_message
-from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.experiment_results import failed_run
-from mesa_swarm.dashboard.experimenting import Experimenting
-from mesa_swarm.dashboard.replay_view import Replay
-from mesa_swarm.dashboard.replaying import Replaying
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.gallery import find_model
+from mesa_swarm.dashboard.compare.comparing import Comparing
+from mesa_swarm.dashboard.experiment.experiment_results import failed_run
+from mesa_swarm.dashboard.experiment.experimenting import Experimenting
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.replay.replay_view import Replay
+from mesa_swarm.dashboard.replay.replaying import Replaying
+from mesa_swarm.dashboard.run.charts import ChosenChart, TimeContent, curves_message
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 from mesa_swarm.viewing.faults import reported
 from support.own_models import write_model
@@ -25,7 +24,7 @@ from support.waiting import wait_until
 # One mistake by its name; the error arises in line 9 of the file, within a function that the mistake calls.
 MISTAKES = """
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.looks import Chart, Looks
+from mesa_swarm.model.looks import Chart, Looks
 
 MISTAKE = {mistake!r}
 

@@ -7,7 +7,7 @@ import solara
 from mesa_swarm import AGENT9, Looks, SwarmModel
 from mesa_swarm.dashboard import app
 from mesa_swarm.dashboard.app import EVERY, Beat
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.page.session import Session
 
 
 @solara.component

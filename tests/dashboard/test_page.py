@@ -9,13 +9,13 @@ from anywidget import AnyWidget
 
 from mesa_swarm.dashboard import app
 from mesa_swarm.dashboard.app import Places
-from mesa_swarm.dashboard.charts import ChartBoard
-from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.exporting import Exporter
-from mesa_swarm.dashboard.inspector import Inspector
-from mesa_swarm.dashboard.navigation import Navigation, PageBar
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import FilePicker
+from mesa_swarm.dashboard.page.controls import ControlPanel
+from mesa_swarm.dashboard.page.navigation import Navigation, PageBar
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.page.widgets import FilePicker
+from mesa_swarm.dashboard.run.charts import ChartBoard
+from mesa_swarm.dashboard.run.exporting import Exporter
+from mesa_swarm.dashboard.run.inspector import Inspector
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 
@@ -55,7 +55,7 @@ def press(context) -> str:
 
 
 def test_settings_that_cannot_be_built_are_distinguished_from_a_model_that_stopped(session, drawn, monkeypatch):
-    page = drawn(app.Trouble(session, ()))
+    page = drawn(app.SessionFault(session, ()))
     assert texts(page, "h2") == []
     session.settings["n_robots"] = 9999
     session.reset()
@@ -71,7 +71,7 @@ def test_settings_that_cannot_be_built_are_distinguished_from_a_model_that_stopp
 
 def test_a_link_that_cannot_be_built_leads_to_the_defaults(drawn):
     session = Session("fire_fighting", {"k1": -5.0})
-    page = drawn(app.Trouble(session, ()))
+    page = drawn(app.SessionFault(session, ()))
     assert texts(page, "h2") == ["These settings cannot be built"]
     assert press(page) == "Back to the defaults"
     assert (texts(page, "h2"), session.model.steps) == ([], 0)
@@ -80,7 +80,7 @@ def test_a_link_that_cannot_be_built_leads_to_the_defaults(drawn):
 
 def test_all_faults_of_a_link_are_shown_until_the_user_continues(session, drawn):
     session.note = "step 3 of 20,000"
-    page = drawn(app.Trouble(session, ("unknown foo", "unknown bar")))
+    page = drawn(app.SessionFault(session, ("unknown foo", "unknown bar")))
     assert texts(page, "p") == ["unknown foo", "unknown bar", "step 3 of 20,000"]
     assert press(page) == "Continue"
     assert texts(page, "p") == []

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.dashboard import listed_recordings
-from mesa_swarm.dashboard.chart_content import HISTOGRAM, OVER_TIME, ChosenChart, HistogramContent
-from mesa_swarm.dashboard.charts import ChartBoard, Charting
-from mesa_swarm.dashboard.inspector import Inspector, ReplayInspecting, inspect
-from mesa_swarm.dashboard.listed_recordings import is_recording, recordings_in
-from mesa_swarm.dashboard.recorded_series import WITHOUT_REPORTERS, RecordedSeries, collected_reporters
-from mesa_swarm.dashboard.replaying import ReplayPlayer
-from mesa_swarm.dashboard.series import Series
-from mesa_swarm.dashboard.session import WATCHED
+from mesa_swarm.dashboard.page.series import Series
+from mesa_swarm.dashboard.page.session import WATCHED
+from mesa_swarm.dashboard.replay import replaying as listed_recordings
+from mesa_swarm.dashboard.replay.recorded_series import WITHOUT_REPORTERS, RecordedSeries, collected_reporters
+from mesa_swarm.dashboard.replay.replaying import ReplayPlayer, is_recording, recordings_in
+from mesa_swarm.dashboard.run.charts import HISTOGRAM, OVER_TIME, ChartBoard, Charting, ChosenChart, HistogramContent
+from mesa_swarm.dashboard.run.inspector import Inspector, ReplayInspecting, inspect
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.flocking import Flocking
 from mesa_swarm.recording import Recording

@@ -9,14 +9,14 @@ from types import SimpleNamespace
 
 import pytest
 
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
-from mesa_swarm.dashboard.controls import ControlPanel
-from mesa_swarm.dashboard.recorded_series import RecordedSeries
-from mesa_swarm.dashboard.replay_view import BranchPanel, Upload
-from mesa_swarm.dashboard.replaying import LARGEST_RECORDING, Replaying, ReplayPlayer
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.dashboard.widgets import FilePicker, Incoming
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.dashboard.page.controls import ControlPanel
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.page.widgets import FilePicker, Incoming
+from mesa_swarm.dashboard.replay.recorded_series import RecordedSeries
+from mesa_swarm.dashboard.replay.replay_view import BranchPanel, Upload
+from mesa_swarm.dashboard.replay.replaying import LARGEST_RECORDING, Replaying, ReplayPlayer
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.design import AGENT9
@@ -235,7 +235,7 @@ def test_a_recording_stays_open_until_another_one_could_be_opened(replaying, fol
     assert not replaying.begin_upload("large.arrow", LARGEST_RECORDING + 1)
     assert (open_one.step_shown, replaying.changes) == (60, {"strategy": "B"})
     assert place.exists()
-    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_RECORDING", 1000)
+    monkeypatch.setattr("mesa_swarm.dashboard.replay.replaying.LARGEST_RECORDING", 1000)
     assert replaying.begin_upload("lying.arrow", 10)
     assert (replaying.busy, replaying.player) == ("receiving lying.arrow ...", open_one)
     assert not replaying.take(b"x" * 2000)
@@ -255,7 +255,7 @@ def test_a_file_is_kept_in_its_folder_whatever_it_is_called(name):
 def test_what_is_too_large_is_refused_before_and_while_it_comes(replaying, monkeypatch):
     assert not replaying.begin_upload("large.arrow", LARGEST_RECORDING + 1)
     assert replaying.fault == "large.arrow has 200,000,001 bytes; expected at most 200,000,000"
-    monkeypatch.setattr("mesa_swarm.dashboard.replaying.LARGEST_RECORDING", 1000)
+    monkeypatch.setattr("mesa_swarm.dashboard.replay.replaying.LARGEST_RECORDING", 1000)
     assert replaying.begin_upload("lying.arrow", 10)
     place = replaying._coming.path.parent
     assert not replaying.take(b"x" * 2000)
@@ -367,7 +367,7 @@ def test_closing_ends_a_branch_that_is_being_run_again_and_shows_how_far_it_is(r
     player.look(399)
     original = Boids.step
     monkeypatch.setattr(Boids, "step", lambda model: (time.sleep(0.05), original(model)))
-    monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", 0.0)
+    monkeypatch.setattr("mesa_swarm.dashboard.replay.replaying.SHOWN_EVERY", 0.0)
     replaying.branch()
     wait_until(lambda: "repeating step" in replaying.busy)
     assert replaying.busy.startswith("continuing from step 400: repeating step ")
@@ -394,7 +394,7 @@ class AskedMeanwhile(threading.Event):
 @pytest.mark.parametrize("time", [1, 2])
 def test_a_recording_that_is_closed_during_a_branch_shows_no_progress(replaying, monkeypatch, time):
     opened(replaying)
-    monkeypatch.setattr("mesa_swarm.dashboard.replaying.SHOWN_EVERY", -1.0)
+    monkeypatch.setattr("mesa_swarm.dashboard.replay.replaying.SHOWN_EVERY", -1.0)
     closing = replaying._stop = AskedMeanwhile(time, replaying._leave)
     replaying._watch(60, closing)(Boids(n_robots=2, rng=1))
     closing.thread.join()
@@ -418,7 +418,7 @@ def test_events_that_are_found_when_a_recording_is_closed_are_not_those_of_the_n
         replaying._leave()
         raise RecordingError("torn")
 
-    monkeypatch.setattr("mesa_swarm.dashboard.replaying.events_of", late)
+    monkeypatch.setattr("mesa_swarm.dashboard.replay.replaying.events_of", late)
     monkeypatch.setattr(RecordedSeries, "read", lambda *given: None)
     rows = SimpleNamespace(stop=replaying._stop, recording=None)
     replaying._search(rows, replaying.player)

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.dashboard.pair import Pair
-from mesa_swarm.dashboard.series import MOST_NUMBERS, Series, charts_of, grouped
-from mesa_swarm.dashboard.session import MOST_WATCHED_STEPS, Session
-from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.dashboard.compare.pair import Pair
+from mesa_swarm.dashboard.page.series import MOST_NUMBERS, Series, charts_of, grouped
+from mesa_swarm.dashboard.page.session import MOST_WATCHED_STEPS, Session
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.player import FRAME_BYTES, MOST_BYTES, MOST_COLLECTED
 
-MODULE = "mesa_swarm.dashboard.series"
+MODULE = "mesa_swarm.dashboard.page.series"
 
 
 def played(what, steps):

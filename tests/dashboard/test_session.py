@@ -5,18 +5,18 @@ import threading
 
 import pytest
 
-from mesa_swarm.about import model_info
-from mesa_swarm.dashboard import session as module
-from mesa_swarm.dashboard.addresses import address_from, query_of
-from mesa_swarm.dashboard.comparing import Comparing
-from mesa_swarm.dashboard.session import READER, Session
-from mesa_swarm.gallery import find_model
+from mesa_swarm.dashboard.compare.comparing import Comparing
+from mesa_swarm.dashboard.page import session as module
+from mesa_swarm.dashboard.page.addresses import address_from, query_of
+from mesa_swarm.dashboard.page.session import READER, Session
+from mesa_swarm.model.gallery import find_model
+from mesa_swarm.model.info import model_info
+from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.parameters import parameters_of
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES
 from support.waiting import threads, wait_until
 
-MODULE = "mesa_swarm.dashboard.session"
+MODULE = "mesa_swarm.dashboard.page.session"
 # A step that no machine reaches during a test, of a model that does not end by itself.
 FAR = 1_000_000_000
 

@@ -32,7 +32,7 @@ STORED = stored()
 FURTHER = range(401, 421)
 FIRST_COLLISIONS = "collisions per robot and 1,000 steps, first 1,000"
 DOCS = Path(__file__).parents[2] / "docs"
-TUTORIAL, FORESIGHT = ((DOCS / f"{name}.md").read_text(encoding="utf-8") for name in ("tutorial", "foresight"))
+TUTORIAL, FORESIGHT = ((DOCS / page).read_text(encoding="utf-8") for page in ("tutorial.md", "appendix/foresight.md"))
 # What a robot drives in a step, of the range of its sensors: 1 of 50 map units.
 ONE_STEP = 0.02
 

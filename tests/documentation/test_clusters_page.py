@@ -81,7 +81,7 @@ def test_an_array_that_is_killed_continues_and_makes_the_same_table(folder, envi
     for task in "1234":  # a task by itself does the same part as in an array
         run(folder, environment, "sbatch", f"--array={task}", "sweep.sbatch")
     wait_for_jobs(folder, environment)
-    printed = run(folder, environment, sys.executable, "-m", "mesa_swarm.cli", "sweep", "grid.toml", "--jobs", "1")
+    printed = run(folder, environment, sys.executable, "-m", "mesa_swarm", "sweep", "grid.toml", "--jobs", "1")
     assert "12 runs, 12 of them before" in printed
     assert (ledgers / "runs.parquet").read_bytes() == table
 

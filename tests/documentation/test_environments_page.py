@@ -28,7 +28,7 @@ def test_the_page_s_code_for_stable_baselines_runs():
     pytest.importorskip("stable_baselines3")
     names = {}
     exec("from mesa_swarm.environments import CollisionAvoidance, Variation", names)
-    exec("from mesa_swarm.world.random_map import random_map", names)
+    exec("from mesa_swarm.maps.random_map import random_map", names)
     (block,) = [block for block in blocks("python") if "stable_baselines3" in block]
     exec(block, names)
     assert names["actions"].shape == (240, 2)

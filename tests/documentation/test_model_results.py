@@ -6,7 +6,7 @@ import pytest
 from measure_models import DEFAULTS, SEEDS, STEPS, measured, settings_of, stored
 from model_pages import cell, model_page, results
 
-from mesa_swarm.gallery import gallery_names
+from mesa_swarm.model.gallery import gallery_names
 
 STORED = stored()
 SETTINGS = [pytest.param(name, label, id=f"{name}: {label}") for name in gallery_names() for label in settings_of(name)]

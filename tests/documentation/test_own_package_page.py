@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from documentation.test_pages import every_block, run_command
 
-from mesa_swarm import gallery
 from mesa_swarm.cli import main
+from mesa_swarm.model import gallery
 
 PAGE = Path(__file__).parents[2] / "docs" / "own_package.md"
 NAMED = re.compile(r"# (\S+\.(?:py|toml))\n")

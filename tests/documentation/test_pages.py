@@ -18,7 +18,8 @@ from mesa_swarm import cli
 from mesa_swarm_studies.benchmarks.speed import PEERS, TARGETS
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted(DOCS.glob("appendix/*.md"))]
 MAKE_AN_ENVIRONMENT = [page for page in PAGES if "-m venv" in page.read_text(encoding="utf-8")]
 # These have tests of their own, which look at the results.
 OWN = {"abc.md", "clusters.md", "sweeps.md", "environments.md", "mesa.md", "own_command.md", "own_package.md", "ppo.md"}
@@ -157,7 +158,7 @@ def assert_serves(words: list[str]) -> None:
     """Start a server as the page shows, wait for its address, and stop it as Ctrl-C does."""
     words = [word for word in words if word != "--no-browser"]
     server = subprocess.Popen(
-        [sys.executable, "-m", "mesa_swarm.cli", *words, "--no-browser", "--port", free_port()],
+        [sys.executable, "-m", "mesa_swarm", *words, "--no-browser", "--port", free_port()],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -8,13 +8,14 @@ import pytest
 from gallery_page import gallery_page
 from markdown import markdown
 from notebook_pages import write_page
+from prepare import MOVED, SLIDES, write_redirects
 from recorded_runs import LARGEST, RecordedRun, recorded_runs, steps_a_row
 from typesetting import typeset, typeset_docstring
 
-from mesa_swarm.dashboard.gallery_pictures import SHOTS
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.gallery import find_model, gallery_names
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.base.errors import InvalidValueError
+from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS
+from mesa_swarm.model.gallery import find_model, gallery_names
+from mesa_swarm.model.parameters import parameters_of
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = [path.stem for path in sorted((ROOT / "notebooks").glob("*.ipynb"))]
@@ -157,6 +158,21 @@ class TestRecordedRuns:
     def test_it_begins_at_its_first_step_and_plays_at_the_speed_of_its_model(self):
         assert steps_a_row(find_model("boids")) == 2
         assert '"first":32,' in RecordedRun(model="boids", title="", start=30).page()
+
+
+def test_pictures_of_the_slides_exist():
+    folder = ROOT / "docs" / "lecture"
+    pictures = re.findall(r"\((\.\./\S+\.(?:png|svg))\)", (folder / SLIDES).read_text(encoding="utf-8"))
+    assert len(pictures) > 5
+    assert [picture for picture in pictures if not (folder / picture).is_file()] == []
+
+
+def test_a_former_address_leads_to_a_page_that_exists_and_not_to_itself(tmp_path):
+    write_redirects(tmp_path)
+    for former, page in MOVED.items():
+        assert not (ROOT / "docs" / f"{former}.md").exists()
+        assert (ROOT / "docs" / f"{page}.md").is_file()
+        assert f'href="../{page}/"' in (tmp_path / former / "index.html").read_text(encoding="utf-8")
 
 
 def test_the_gallery_shows_every_model_with_a_picture_and_a_link():

@@ -39,7 +39,7 @@ def test_the_commands_on_the_page_run(tmp_path):
     written_jobs(tmp_path)
     lines = [shlex.split(line) for block in blocks("sh") for line in block.splitlines()]
     assert len(lines) == 8
-    printed = [run(tmp_path, "-m", "mesa_swarm.cli", *words) for _, *words in lines]
+    printed = [run(tmp_path, "-m", "mesa_swarm", *words) for _, *words in lines]
     assert len(Recording(tmp_path / "runs" / "2.arrow")) == 400
     assert "0 done, 12 to do" in printed[1]
     assert (tmp_path / "results" / "grid" / "runs.parquet").exists()

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.environments.actions import checked_choice, shares
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.learning.actions import ACTIONS
 
 

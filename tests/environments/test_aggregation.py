@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from mesa_swarm import Map
 from mesa_swarm.analysis import clusters, nearest_neighbour_distances
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.environments import Aggregation
 from mesa_swarm.environments.scores import cluster_sizes
 from mesa_swarm.environments.task_world import TaskWorld
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.world.random_map import random_map
+from mesa_swarm.maps.random_map import random_map
 from support.task_worlds import rewarded, world_of
 
 BLANK = Map(name="blank", bounds=(0, 0, 400, 400))

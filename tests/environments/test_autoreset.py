@@ -6,9 +6,9 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, RecordEpisodeStatistics
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.environments import CollisionAvoidance, FindFires, RobotVectorEnv, Variation, VectorSwarmEnv
 from mesa_swarm.environments.vector import AUTORESET_MODES
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 
 VARIED = CollisionAvoidance(
     n_robots=5, max_steps=7, variation=Variation(maps=("original", "sparse"), n_robots=(2, 5), imperfection=(0.0, 0.5))

@@ -3,8 +3,8 @@ import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.environments.camera import Camera
+from mesa_swarm.maps.map import FireSpot
 from mesa_swarm.viewing.palette import LIGHT, fire_colour, rgb
-from mesa_swarm.world.map import FireSpot
 
 RING = polygon([(10, 10), (90, 10), (90, 50), (10, 50)], [[(40, 20), (60, 20), (60, 40), (40, 40)]])
 HALL = Map(

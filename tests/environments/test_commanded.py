@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
 from mesa_swarm.environments.task_world import Commanded
-from mesa_swarm.errors import InvalidValueError
 
 
 def commanded(count, robots):

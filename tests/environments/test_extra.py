@@ -3,9 +3,9 @@ import sys
 
 import pytest
 
-from mesa_swarm.environments.registration import need
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.extras import install_command
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.base.extras import install_command
+from mesa_swarm.environments.registration import need_learning_package
 
 WITHOUT = """
 import sys
@@ -28,7 +28,7 @@ for name in ("ParallelSwarmEnv", "RobotEnv", "RobotVectorEnv"):
 
 def test_a_package_that_is_missing_is_asked_for_in_one_line():
     with pytest.raises(SwarmError, match=r"^this environment needs nothere; install it with: pip install .*\[rl\]"):
-        need("nothere")
+        need_learning_package("nothere")
 
 
 @pytest.mark.slow

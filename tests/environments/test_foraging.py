@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, Map, disc, rectangle
+from mesa_swarm.base.errors import InvalidValueError, PlacementError
 from mesa_swarm.environments import Foraging
 from mesa_swarm.environments.foraging import FOOD_CODE, nest_in
 from mesa_swarm.environments.task_world import TaskWorld
-from mesa_swarm.errors import InvalidValueError, PlacementError
+from mesa_swarm.maps.random_map import random_map
 from mesa_swarm.world.placement import free_space
-from mesa_swarm.world.random_map import random_map
 from support.task_worlds import rewarded, world_of
 
 BLANK = Map(name="blank", bounds=(0, 0, 400, 400))

@@ -5,6 +5,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import mesa_swarm.environments
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.environments import (
     CollisionAvoidance,
     FindFires,
@@ -16,7 +17,6 @@ from mesa_swarm.environments import (
 )
 from mesa_swarm.environments.camera import RIM
 from mesa_swarm.environments.registration import NAMESPACE, REGISTERED
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.robots.imperfections import MEASURED
 
 IDS = [f"{NAMESPACE}/{name}" for name in REGISTERED]

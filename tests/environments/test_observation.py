@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.environments.scores import ObservationEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import ExtinguishFires, FindFires
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.world.statics import FIRE, OBSTACLE, ROBOT
 from support.scenes import empty
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.environments import CollisionAvoidance, FindFires, Variation, VectorSwarmEnv, collision_avoidance_v0
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
 
 pytestmark = pytest.mark.slow
 SMALL = CollisionAvoidance(n_robots=3, max_steps=20)

@@ -6,6 +6,7 @@ import numpy as np
 import pettingzoo
 import pytest
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError
 from mesa_swarm.environments import (
     Variation,
     VectorSwarmEnv,
@@ -15,8 +16,7 @@ from mesa_swarm.environments import (
     find_fires_v0,
     foraging_v0,
 )
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
-from mesa_swarm.world.random_map import random_map
+from mesa_swarm.maps.random_map import random_map
 
 with warnings.catch_warnings():
     # Where pygame is installed, PettingZoo's tests import a game of its own in a way that it has deprecated.

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, Map
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.environments import (
     CollisionAvoidance,
     ExtinguishFires,
@@ -27,11 +28,10 @@ from mesa_swarm.environments import (
     foraging_v0,
 )
 from mesa_swarm.environments.parallel import with_turns
-from mesa_swarm.environments.roster import Roster
 from mesa_swarm.environments.sb3 import _check_none_missing
 from mesa_swarm.environments.state import OF_ROBOT
-from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.world.random_map import random_map
+from mesa_swarm.environments.task_world import Roster
+from mesa_swarm.maps.random_map import random_map
 from support.task_worlds import world_of
 
 with warnings.catch_warnings():

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import Map, disc
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.environments import (
     CollisionAvoidance,
     ExtinguishFires,
@@ -13,8 +14,7 @@ from mesa_swarm.environments import (
     extinguish_fires_v0,
 )
 from mesa_swarm.environments.state import OF_FIRE, OF_ROBOT, OF_THING
-from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.world.map import FireSpot
+from mesa_swarm.maps.map import FireSpot
 
 
 def played(task, steps: int, **more) -> VectorSwarmEnv:

@@ -7,14 +7,14 @@ import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc
 from mesa_swarm.analysis import coverage
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
 from mesa_swarm.environments.scores import within_reach
 from mesa_swarm.environments.task_world import TaskWorld
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.learning import reward
-from mesa_swarm.world.map import FireSpot
+from mesa_swarm.maps.map import FireSpot
 from support.task_worlds import rewarded, world_of
 
 # One fire of area 4 in the middle of a hall.

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, Map, SwarmModel
 from mesa_swarm.analysis import visited_cells
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import (
     Aggregation,
@@ -21,8 +22,7 @@ from mesa_swarm.environments import (
     collision_avoidance_v0,
 )
 from mesa_swarm.environments.task_world import Commanded, TaskWorld
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.world.random_map import random_map
+from mesa_swarm.maps.random_map import random_map
 from support.task_worlds import rewarded, world_of
 
 BLANK = Map(name="blank", bounds=(0, 0, 400, 400))

@@ -5,10 +5,10 @@ from hypothesis import strategies as st
 from scipy.stats import chisquare
 
 from mesa_swarm import AGENT3, AGENT9, Map
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.environments import CollisionAvoidance, Conditions, FindFires, Variation, VectorSwarmEnv
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.maps.random_map import random_map
 from mesa_swarm.robots.imperfections import MEASURED, ROBOTARIUM
-from mesa_swarm.world.random_map import random_map
 
 OWN = Map.load("original")
 

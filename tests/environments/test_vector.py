@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mesa_swarm.base.errors import InvalidValueError, PlacementError, SwarmError
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.vector import LARGEST_SEED, generators
-from mesa_swarm.errors import InvalidValueError, PlacementError, SwarmError
 
 TASKS = [
     CollisionAvoidance(n_robots=8, max_steps=300),

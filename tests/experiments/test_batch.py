@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel, batch_run
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.robots.robot import Robot
 from support.failing_models import Raising
 from support.trap_models import Counted

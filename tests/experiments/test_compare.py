@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import mesa_swarm
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.experiments.compare import compare, run_plan
 from mesa_swarm.experiments.figures import comparison_figure
 from mesa_swarm.experiments.plan import checked_plan
 from mesa_swarm.experiments.runs import Run, attempt, numbers_of, simulate
 from mesa_swarm.experiments.tables import WIDEST, finding, fitting, runs_csv, summary_csv, summary_rows
-from mesa_swarm.files import check_writable, write_whole
-from mesa_swarm.gallery import class_name, description, find_model, model_names
+from mesa_swarm.model.gallery import class_name, description, find_model, model_names
 from mesa_swarm.models.collision_avoidance import DESIGNS
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.pictures import png

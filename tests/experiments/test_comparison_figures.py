@@ -5,7 +5,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from mesa_swarm.experiments.figures import comparison_figure, places_of, spread_out, window_means
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from support.comparisons import comparison_of
 
 STEPS, MEASURE = 15_000, "all fires out at"

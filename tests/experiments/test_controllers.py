@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel, extras
+from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel
+from mesa_swarm.base import extras
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, LearningError, SwarmError
+from mesa_swarm.base.extras import install_command
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, VectorSwarmEnv
 from mesa_swarm.environments.task_world import TaskWorld
-from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, SwarmError
 from mesa_swarm.experiments.controllers import COLDEST, Controller, algorithm_of, load_controller, played
-from mesa_swarm.extras import install_command
 from mesa_swarm.learning import LearnFires, LearnFireWheels, PolicyLayer, export_onnx, save_policy
 from mesa_swarm.learning.onnx_files import OnnxPolicy, onnx_session
 from support.c_code import drawn_inputs

@@ -11,8 +11,8 @@ from queue import Empty
 import pandas as pd
 import pytest
 
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.cli import main
-from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.experiments.workers import SchedulerLostError
 from support.killing import COMMAND, environment, lines_in

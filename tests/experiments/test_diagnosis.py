@@ -5,10 +5,10 @@ import pytest
 
 from mesa_swarm import AGENT3, HolonomicDrive, RobotDesign
 from mesa_swarm.analysis.pathology import KINDS, find_pathologies
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.diagnosis import NEEDED, pathologies_of
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from support.scenes import ahead, blind, corridor, empty
 
 

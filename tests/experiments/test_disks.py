@@ -3,10 +3,10 @@
 import pytest
 
 from mesa_swarm import cli
-from mesa_swarm.errors import RecordingError, SwarmError
+from mesa_swarm.base.errors import RecordingError, SwarmError
+from mesa_swarm.base.files import write_all
 from mesa_swarm.experiments.sweep import sweep
-from mesa_swarm.files import write_all
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording import Recording
 from support.disks import read_only, small_disk
 

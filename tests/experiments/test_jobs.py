@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.errors import InvalidValueError, JobError
+from mesa_swarm.base.errors import InvalidValueError, JobError
 from mesa_swarm.experiments import jobs
 from mesa_swarm.experiments.jobs import read_job, recorded_to, sample_jobs
 from mesa_swarm.experiments.run_records import RunRecords, chosen_options
-from mesa_swarm.gallery import find_model
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import find_model
 from support.pace import work_within
 
 RICH = """

@@ -8,8 +8,8 @@ import pytest
 
 from mesa_swarm import AGENT9
 from mesa_swarm.analysis import central_moving_average
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.cli import main
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.experiments.learning_figures import (
     TITLES,
     FireRun,

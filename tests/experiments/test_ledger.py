@@ -13,7 +13,7 @@ from zlib import crc32
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from support.forks import forked
 from support.waiting import PATIENCE

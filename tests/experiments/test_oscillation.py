@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, flips, oscillation
 from mesa_swarm.learning import Networks, QPolicy, SensorLayout
 

@@ -11,7 +11,7 @@ import pytest
 from joblib import cpu_count, parallel_config
 from joblib.externals.loky import get_reusable_executor
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.experiments import pool
 from mesa_swarm.experiments.pool import checked_jobs, ending_with_us, in_order, is_remote, on_all
 

@@ -7,12 +7,12 @@ import pytest
 from PIL import Image
 
 from mesa_swarm import cli
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.cli import compare
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.experiments import reality_gap as module
 from mesa_swarm.experiments.reality_gap import checked_dial, chosen_measure, gap_figure, reality_gap
 from mesa_swarm.experiments.runs import simulate
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.model.gallery import find_model, model_names
 
 SMALL = {"n_robots": 5}
 

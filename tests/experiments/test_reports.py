@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from mesa_swarm import calibrate, compare, sensitivity, sweep
-from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.experiments.reports import REDUCTIONS, all_reports, check_report, reduced

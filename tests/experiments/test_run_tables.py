@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.experiments.sweep import sweep

@@ -5,9 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import (
-    check_columns,
+    check_result_names,
     checked_class,
     checked_experiment,
     checked_seeds,
@@ -29,8 +29,8 @@ from mesa_swarm.experiments.runs import (
     numbers_of,
     simulate,
 )
-from mesa_swarm.gallery import find_model
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import find_model
 
 FIRE = find_model("fire_fighting")
 
@@ -95,7 +95,7 @@ def test_settings_are_checked_and_a_map_is_shown_by_name_and_content():
 
 def test_a_result_that_is_named_as_another_column_is_refused():
     with pytest.raises(InvalidValueError, match=r"result 'steps' is named as another column; rename it in results\(\)"):
-        check_columns({"steps": 1.0}, {"rng", "steps"})
+        check_result_names({"steps": 1.0}, {"rng", "steps"})
 
 
 def test_a_fingerprint_does_not_depend_on_the_order_of_settings():
@@ -105,4 +105,4 @@ def test_a_fingerprint_does_not_depend_on_the_order_of_settings():
 
 def test_the_hash_of_the_engine_depends_on_the_files_that_it_covers():
     assert engine_hash() == engine_hash()
-    assert len({engine_hash(), engine_hash("errors.py"), engine_hash(models=True)}) == 3
+    assert len({engine_hash(), engine_hash("base/errors.py"), engine_hash(models=True)}) == 3

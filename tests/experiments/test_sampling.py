@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.plan import checked_seeds
 from mesa_swarm.experiments.sampling import Points, Range, Sample, grid
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.swarm_model import SwarmModel
 from support.pace import work_within
 

@@ -5,12 +5,12 @@ import pandas as pd
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.files import opened_draft
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.experiments.sweep import sweep
-from mesa_swarm.files import opened_draft
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 
 FIRE = find_model("fire_fighting")
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.cli import main
-from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.sweep import Shard, run_experiment, sweep

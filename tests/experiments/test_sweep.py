@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from pyarrow import parquet
 
-from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.fingerprints import source_hash
@@ -17,7 +17,7 @@ from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.runs import error_in_words
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.sweep import sweep
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.swarm_model import SwarmModel
 from support.failing_models import Counting, Raising, seeds_run
 from support.machine import slowness
@@ -166,7 +166,9 @@ def test_a_class_without_a_file_is_known_by_the_code_of_its_methods():
 
 
 def test_the_fingerprint_of_a_source_is_the_same_in_every_process():
-    code = "from mesa_swarm.experiments.fingerprints import source_hash; from mesa_swarm.gallery import find_model\n"
+    code = (
+        "from mesa_swarm.experiments.fingerprints import source_hash; from mesa_swarm.model.gallery import find_model\n"
+    )
     code += "print(hash('a'), source_hash(find_model('fire_fighting')))"
     # This process's own seed may be any number, so that it is not this one.
     surroundings = {**os.environ, "PYTHONHASHSEED": "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2"}

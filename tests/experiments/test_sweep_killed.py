@@ -13,7 +13,7 @@ from joblib import parallel_config
 from mesa_swarm.experiments.pool import on_all
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.experiments.workers import WorkerDiedError
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from support import failing_models
 from support.killing import environment, lines_in
 from support.waiting import wait_until
@@ -29,7 +29,7 @@ def test_the_death_of_a_worker_is_noticed_while_another_one_works(tmp_path):
 
 DRIVER = """
 import sys
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.experiments.sweep import sweep
 if __name__ == "__main__":
     grid, out, seeds = {"strategy": ["A", "B"]}, sys.argv[1], int(sys.argv[2])
@@ -121,7 +121,7 @@ import os, signal, sys, threading
 from pathlib import Path
 from distributed import Client, LocalCluster
 from joblib import parallel_config
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.experiments.sweep import sweep
 from support.killing import lines_in
 from support.waiting import comes_true

@@ -33,7 +33,7 @@ from pathlib import Path
 import dask
 from distributed import Client, LocalCluster
 from joblib import parallel_config
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.experiments.sweep import sweep
 from support.killing import lines_in
 from support.waiting import comes_true
@@ -60,7 +60,7 @@ if __name__ == "__main__":
 """
 
 CELL = """
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.experiments.sweep import sweep
 sweep(find_model("fire_fighting"), seeds=3, steps=5, out={out!r}, jobs=1, progress=True).runs
 """

@@ -4,14 +4,14 @@ import pandas as pd
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.errors import InvalidValueError, SwarmError
-from mesa_swarm.experiments.calibration import calibrate
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.reality_gap import reality_gap
-from mesa_swarm.experiments.sensitivity import sensitivity
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.experiments.until import checked_condition
+from mesa_swarm.searches.calibration import calibrate
+from mesa_swarm.searches.sensitivity import sensitivity
 
 
 class Counting(SwarmModel):

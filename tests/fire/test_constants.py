@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import FireConstantsWarning, InvalidValueError
+from mesa_swarm.base.errors import FireConstantsWarning, InvalidValueError
 from mesa_swarm.fire import FireConstants, design_constants, robots_needed
 from mesa_swarm.fire.burning import next_temperature
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT_FIRE
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.fire import FightFire, FireConstants
 from mesa_swarm.fire.strategy import nearest_seen
 from mesa_swarm.world.statics import FIRE, OBSTACLE

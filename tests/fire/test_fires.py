@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mesa_swarm import SwarmModel, disc
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire import FireConstants, Fires, design_constants
+from mesa_swarm.maps.map import FireSpot
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.trigger import Trigger
-from mesa_swarm.world.map import FireSpot
 from mesa_swarm.world.statics import FIRE, FIXED
 from support.scenes import blind, empty
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from mesa_swarm import SwarmModel, disc, rectangle
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.control import Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire import Burning
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.state_hash import written_state_hash
-from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.recording.earlier import OF_BURNING, in_parts
+from mesa_swarm.recording.checkpoint import OF_BURNING, checkpoint_of, in_parts, restore
 from mesa_swarm.world.bodies import Body
 from support.scenes import blind, empty
 

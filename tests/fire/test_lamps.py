@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import RadiationSensor, RobotDesign, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError
 
 SIDES = (0, 90, 180, 270)
 FEELER = RobotDesign(

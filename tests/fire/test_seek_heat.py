@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, RadiationSensor, RobotDesign, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire import FightFire, SeekHeat
+from mesa_swarm.maps.map import Map
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.snapshots import DECISIONS
-from mesa_swarm.world.map import Map
 from support.made_senses import ROBOTS, made_senses
 
 BEARINGS = (0, 60, -60)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc, rectangle, scatter
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.fire import Spreading
+from mesa_swarm.maps.map import Map
 from mesa_swarm.recording import Recording
-from mesa_swarm.world.map import Map
 
 
 class Burning(SwarmModel):

@@ -7,8 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point
 
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.geometry.room import Crowded, areas_by_cell, outside, part_around, room_for_disc, room_to_try
+from mesa_swarm.base.errors import InvalidValueError
+from mesa_swarm.geometry.room import (
+    Crowded,
+    areas_by_cell,
+    circumscribed_ratio,
+    part_around,
+    room_for_disc,
+    room_to_try,
+)
 from support.pace import work_within
 
 TWO = shapely.union_all([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 7, 1)])
@@ -20,7 +27,7 @@ def test_a_grown_disc_is_drawn_around_the_circle_and_touches_it(quarter_segments
     hole = room.interiors[0]
     assert hole.distance(Point(50, 50)) == pytest.approx(20.0, rel=1e-12)
     corners = shapely.get_coordinates(hole) - 50
-    assert max(math.hypot(*corner) for corner in corners) == pytest.approx(20.0 * outside(quarter_segments))
+    assert max(math.hypot(*corner) for corner in corners) == pytest.approx(20.0 * circumscribed_ratio(quarter_segments))
 
 
 @pytest.mark.parametrize("sides", [(100, 300), (300, 100), (100, 100)])
@@ -121,7 +128,7 @@ def test_in_a_crowd_a_place_is_free_if_it_is_far_enough_from_every_solid():
     gap = np.min(np.hypot(*(points[:, None] - centres).transpose(2, 0, 1)) - radii, axis=1)
     gap = np.min([gap, x, 300 - x, y, 200 - y], axis=0)
     free = room.holds(points)
-    assert free[gap > 2.0 * outside(16) + 0.01].all()
+    assert free[gap > 2.0 * circumscribed_ratio(16) + 0.01].all()
     assert not free[gap < 2.0].any()
     assert free.any()
 
@@ -146,7 +153,7 @@ def test_a_long_jagged_outline_is_grown_whole_and_so_exactly():
     coast = shapely.Polygon([(-1, -9), *np.column_stack([x, 20 + 3 * (np.arange(len(x)) % 2)]), (1500, -9)])
     room = room_for_disc((0, -50, 1500, 100), [(coast, 0.0)], 5.0, 16)
     inner = shapely.box(5, -45, 1495, 95)
-    assert room.equals(inner.difference(coast.buffer(5.0 * outside(16), quad_segs=16)))
+    assert room.equals(inner.difference(coast.buffer(5.0 * circumscribed_ratio(16), quad_segs=16)))
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e6]), st.booleans())
@@ -168,10 +175,10 @@ def test_among_very_many_discs_a_place_is_free_exactly_where_it_is_on_none_of_th
         rng.integers(0, 256, 4000) * math.tau / 256,
         rng.integers(-2, 3, 4000),
     )
-    far = (radii[of] + reach) * rng.choice([1.0, 1.0006, outside(16)], 4000) * (1 + factor * 2e-16)
+    far = (radii[of] + reach) * rng.choice([1.0, 1.0006, circumscribed_ratio(16)], 4000) * (1 + factor * 2e-16)
     rims = centres[of] + far[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     points = np.concatenate([scale * rng.uniform(400, 1600, (2000, 2)), rims])
-    grown = [shape.buffer((own + reach) * outside(16), quad_segs=16) for shape, own in solids]
+    grown = [shape.buffer((own + reach) * circumscribed_ratio(16), quad_segs=16) for shape, own in solids]
     met = shapely.STRtree(grown).query(shapely.points(points), predicate="intersects")[0]
     free = shapely.contains_xy(room.inner, points)
     free[met] = False

@@ -19,7 +19,7 @@ from mesa_swarm.geometry.sector import (
     sector_to_disc,
     sector_to_segment,
 )
-from mesa_swarm.physics.shapely_sensing import View, distance_to_disc, distance_to_polygon, wedge
+from mesa_swarm.physics.shapely_engine import View, distance_to_disc, distance_to_polygon, wedge
 
 RANGE = 50.0
 WIDTHS = [0.0, 0.01, math.pi / 6, math.pi / 2, 3.0, math.pi, 3.3, 5.0, 6.2, 2 * math.pi]

@@ -10,7 +10,7 @@ from hashlib import blake2b
 import numpy as np
 import pytest
 
-from mesa_swarm.geometry.code_files import SEAL_BYTES
+from mesa_swarm.kernels.code_files import SEAL_BYTES
 from support.disks import read_only, small_disk
 
 pytestmark = pytest.mark.slow
@@ -54,7 +54,7 @@ KINDS = [name for name, _ in damages(b"x" * 9000, np.random.default_rng(1))]
 
 def ended(folder, **more):
     """Run a command; return its status, output and errors."""
-    command = [sys.executable, "-m", "mesa_swarm.cli", "run", "./mine.py:Mine", "--steps", "2", "--quiet"]
+    command = [sys.executable, "-m", "mesa_swarm", "run", "./mine.py:Mine", "--steps", "2", "--quiet"]
     settings = os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache"), "NUMBA_OPT": "1"} | more
     return subprocess.run(command, cwd=folder, env=settings, capture_output=True, check=False)
 

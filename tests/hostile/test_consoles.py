@@ -41,7 +41,7 @@ MODEL = '''
 """A model."""
 from typing import Annotated
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.parameters import Slider
+from mesa_swarm.model.parameters import Slider
 
 class Mine(SwarmModel):
     """\u0420\u043e\u0431\u043e\u0442\u044b that turn by \u03b8 \u2264 \u03c0, \u65e5\u672c \U0001f41d."""
@@ -113,7 +113,7 @@ def test_commands_end_as_they_do_where_all_letters_are_there(tmp_path, tally, am
     (tmp_path / "mine.py").write_text(MODEL, encoding="utf-8")
 
     def ended(words, settings):
-        command = [sys.executable, "-m", "mesa_swarm.cli", *words]
+        command = [sys.executable, "-m", "mesa_swarm", *words]
         environment = {**os.environ, "PYTHONIOENCODING": "utf-8", **settings}
         return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
 

@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 
 from mesa_swarm import cli
-from mesa_swarm.dashboard.exporting import Exporting
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.evolution import Trial, evolve
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.run.exporting import Exporting
 from mesa_swarm.learning import QPolicy, save_policy
+from mesa_swarm.maps.map import Map
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT3
+from mesa_swarm.searches.evolution import Trial, evolve
 from mesa_swarm.viewing.pictures import png, world_figure
-from mesa_swarm.world.map import Map
 from support.disks import read_only, small_disk
 from support.hostile import attack
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from mesa_swarm.dashboard.addresses import COUNTS, Address, address_from
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.dashboard.page.addresses import COUNTS, Address, address_from
+from mesa_swarm.model.gallery import find_model, model_names
+from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.parameters import parameters_of
 from support.clients import (
     HOST,
     QUICK,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import JobError
+from mesa_swarm.base.errors import JobError
 from mesa_swarm.experiments.jobs import read_job
 from support.hostile import attack
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording import Recording
 from support.killing import COMMAND, Victim, killed, lines_in
 from support.waiting import wait_until
@@ -157,7 +157,7 @@ def test_the_benchmark_of_learners_goes_on(tally, amount, tmp_path):
 EVOLUTION = """
 import sys
 from pathlib import Path
-from mesa_swarm.experiments.evolution import Trial, evolve
+from mesa_swarm.searches.evolution import Trial, evolve
 from mesa_swarm.learning import save_policy
 
 if __name__ == "__main__":
@@ -214,8 +214,8 @@ import os, shutil, sys, tempfile
 from pathlib import Path
 tempfile.tempdir = sys.argv[1] + "_"
 os.mkdir(tempfile.tempdir)
-from mesa_swarm.dashboard.exporting import Exporting
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.run.exporting import Exporting
+from mesa_swarm.dashboard.page.session import Session
 session = Session("collision_avoidance", {"n_robots": 5})
 exporting = session.companion(Exporting)
 exporting.record(True)
@@ -305,8 +305,8 @@ if __name__ == "__main__":
 """,
     "of the page's comparison": """
 import time
-from mesa_swarm.dashboard import many_runs
-from mesa_swarm.dashboard.comparing import ComparedRuns
+from mesa_swarm.dashboard.experiment import many_runs
+from mesa_swarm.dashboard.compare.comparing import ComparedRuns
 from mesa_swarm.experiments.plan import checked_plan
 many_runs.cpu_count = lambda: 3
 runs = many_runs.ManyRuns()

@@ -8,11 +8,11 @@ from zlib import crc32
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.sweep import done_before, run_experiment
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from support.hostile import attack
 
 pytestmark = pytest.mark.slow

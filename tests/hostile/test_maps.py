@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.errors import MapError, SwarmError
-from mesa_swarm.world.map import Map, builtin_maps
+from mesa_swarm.base.errors import MapError, SwarmError
+from mesa_swarm.maps.map import Map, builtin_maps
 from support.hostile import attack
 
 pytestmark = pytest.mark.slow

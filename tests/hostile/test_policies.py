@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import SwarmError
 from mesa_swarm.experiments.controllers import algorithm_of, load_controller
 from mesa_swarm.learning import PolicyLayer, export_onnx, load_policy, save_policy
 from mesa_swarm.learning.networks import Networks

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import SwarmModel
-from mesa_swarm.dashboard.replaying import ReplayPlayer
-from mesa_swarm.errors import ExportError, RecordingError
+from mesa_swarm.base.errors import ExportError, RecordingError
+from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting

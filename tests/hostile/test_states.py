@@ -5,7 +5,7 @@ import gc
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import RecordingError, SwarmError
+from mesa_swarm.base.errors import RecordingError, SwarmError
 from mesa_swarm.recording import verify
 from mesa_swarm.recording.container import from_bytes, to_bytes
 from support import vandals

@@ -13,19 +13,19 @@ import pytest
 
 import mesa_swarm.control
 from mesa_swarm import AGENT9, AGENT_FIRE, Radio, RobotDesign, SwarmModel, disc, polygon, rectangle
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.control import Subsumption, VectorSum
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.evolution import Trial
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.fire.constants import design_constants
-from mesa_swarm.gallery import find_model, model_names
 from mesa_swarm.learning import Evolution, Fitness, HebbianLearning, PolicyLayer, QLearning, QPolicy, WireFittedQ
-from mesa_swarm.parameters import parameters_of
-from mesa_swarm.reporters import held
+from mesa_swarm.model.gallery import find_model, model_names
+from mesa_swarm.model.parameters import parameters_of
+from mesa_swarm.model.reporters import held
 from mesa_swarm.robots.design import all_round
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
+from mesa_swarm.searches.evolution import Trial
 from mesa_swarm_studies.benchmarks.learn_bench import Benchmark
 from support.hostile import attack
 

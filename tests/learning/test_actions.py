@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.learning import QLearning
 from mesa_swarm.learning.actions import boltzmann, checked_actions
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.learning import Networks, QPolicy, SensorLayout, fit
 from mesa_swarm_studies.thesis.networks import regression_figure
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, LineSensor, RadiationSensor, RobotDesign
+from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.control import Avoid, Cohere, Condition, Explore, Halt, Senses, StateMachine, Transition
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning.c_machines import export_machine, machine_source
 from mesa_swarm.robots.drive import HolonomicDrive, OmniDrive
 from support.c_code import compiled_machine, needs_cc, place

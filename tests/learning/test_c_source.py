@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3
-from mesa_swarm.errors import LearningError, SwarmError
+from mesa_swarm.base.errors import LearningError, SwarmError
 from mesa_swarm.learning import ReflexPolicy, SensorLayout
 from mesa_swarm.learning.c_source import c_source, export_c
 from support.c_code import acted_in_c, compiled_library, drawn_inputs, needs_cc, place

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, RobotDesign, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.control import Subsumption, behaviour
-from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.learning import approach_values, reward
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann
 from mesa_swarm.learning.dynamic_programming import _Wall, value_iteration

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import InvalidValueError, LearningError
+from mesa_swarm.base.errors import InvalidValueError, LearningError
 from mesa_swarm.learning.evolution import Evolution
 
 

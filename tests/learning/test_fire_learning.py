@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT_FIRE, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.learning import PolicyLayer, SensorLayout, SkillPolicy, load_policy, save_policy
 from mesa_swarm.learning.fire_learning import (

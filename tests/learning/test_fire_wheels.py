@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, LearningError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import InvalidValueError, LearningError
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.learning import FireWheelPolicy, LearnFireWheels, Networks, SensorLayout, load_policy, save_policy
 from mesa_swarm.learning.actions import ACTIONS

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, Map, SwarmModel, rectangle
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.control import Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.fitness import Fitness, Tally, floreano
 

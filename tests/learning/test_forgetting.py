@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.learning import Networks, fit, fit_in_turn
 from mesa_swarm.learning.networks import present
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
-from mesa_swarm.experiments.driving import tallied
 from mesa_swarm.learning import PolicyLayer, ReflexPolicy, SensorLayout, reward
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.q_learning import QLearning
-from mesa_swarm.world.random_map import random_map
+from mesa_swarm.maps.random_map import random_map
+from mesa_swarm.searches.driving import tallied
 
 PREFIX = "0.HebbianLearning"
 

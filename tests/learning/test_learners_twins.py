@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import LearningError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import LearningError
 from mesa_swarm.learning import (
     HebbianLearning,
     Networks,

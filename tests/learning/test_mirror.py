@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, ProximitySensor, RobotDesign
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.learning import SensorLayout
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length, half_length, twins_of, whole_genome
 

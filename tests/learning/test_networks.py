@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import InvalidValueError, LearningError
+from mesa_swarm.base.errors import InvalidValueError, LearningError
 from mesa_swarm.learning.networks import Networks, fit
 
 SIZES = st.tuples(st.integers(1, 4), st.integers(1, 6), st.integers(1, 8), st.integers(0, 2**32))

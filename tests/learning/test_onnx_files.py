@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from mesa_swarm import extras
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.extras import install_command
+from mesa_swarm.base import extras
+from mesa_swarm.base.errors import SwarmError
+from mesa_swarm.base.extras import install_command
 from mesa_swarm.learning.onnx_files import HEADER, export_onnx
 from support.c_code import drawn_inputs
 from support.exported_policies import NINE, POLICIES, in_python, q

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.learning import (
     HebbianLearning,
     QLearning,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, LearningError, SwarmError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import BehaviourError, InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import (
     HebbianLearning,
     PolicyLayer,

@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import (
     QLearning,
     QPolicy,

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.control import Avoid, Subsumption, behaviour
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning.actions import ACTIONS, boltzmann, chosen, temperature_at
 from mesa_swarm.learning.learner import is_bounded
 from mesa_swarm.learning.networks import Networks, back_propagate

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import LearningError
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.environments.task_world import Commanded
-from mesa_swarm.errors import LearningError
 from mesa_swarm.learning import (
     HebbianLearning,
     PolicyLayer,

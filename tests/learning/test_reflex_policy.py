@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import LearningError, SwarmError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import LearningError, SwarmError
 from mesa_swarm.learning import PolicyLayer, SensorLayout, load_policy, save_policy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length
 from mesa_swarm.world.statics import ROBOT

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import LearningError, SwarmError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import LearningError, SwarmError
 from mesa_swarm.learning import QLearning, WireFittedQ
 from mesa_swarm.learning.learner import rate_of
 from mesa_swarm.learning.networks import PARTS

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
-from mesa_swarm.errors import InvalidValueError, LearningError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.learning import QPolicy
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann
 from mesa_swarm.learning.reward_lab import learned_profile, marks_of, reward_profile, wall_readings

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.learning import PolicyLayer, SensorLayout, TablePolicy, TableQLearning, load_policy, reward, save_policy
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS
 from mesa_swarm.learning.table_learning import state_of

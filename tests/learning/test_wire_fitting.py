@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.learning.wire_learning import wire_value
 
 SEEDS = st.integers(0, 2**32)

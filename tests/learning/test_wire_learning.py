@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import LearningError, SwarmError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import LearningError, SwarmError
 from mesa_swarm.learning import Networks, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
 from mesa_swarm.learning.wire_learning import STARTS, learn_one, propose
 

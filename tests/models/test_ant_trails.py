@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.models.ant_trails import ANT, ENDS, FOOD, FORK, FORKS, HALF, LEVEL, NEAR, NEST, PATH, AntTrails, way
 from mesa_swarm_studies.published.trails import trail_checks, trail_figure, trail_run
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.models.best_of_n import NEST, BestOfN
 
 STORED = {"agreed at": None, "share for the left site": 0.5}

@@ -7,8 +7,8 @@ import pytest
 from joblib import Parallel, delayed
 
 from mesa_swarm import all_round
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import SwarmError
 from mesa_swarm.models.cooperative_transport import GOAL, NEAR, START, CooperativeTransport
 from support.scenes import ahead
 

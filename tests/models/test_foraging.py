@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.models.foraging import FULL, GAIN, INSIDE, NEST, NEST_RADIUS, OUTSIDE, Foraging
 
 

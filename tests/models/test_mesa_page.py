@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import solara
 
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.viewing.canvas_widget import swarm_canvas
 
 with warnings.catch_warnings():

@@ -7,11 +7,11 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm import batch_run
-from mesa_swarm.errors import SwarmError
+from mesa_swarm import Choice, Slider, batch_run
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
-from mesa_swarm.gallery import find_model, model_names
-from mesa_swarm.parameters import Choice, Slider, parameters_of
+from mesa_swarm.model.gallery import find_model, model_names
+from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm_studies.registry import items
 
 NAMES = model_names()

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.control import Avoid, Subsumption
-from mesa_swarm.dashboard.controls import values_of
-from mesa_swarm.dashboard.session import Session
-from mesa_swarm.errors import InvalidValueError, SwarmError
+from mesa_swarm.dashboard.page.controls import control_values
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.models.q_learning import QLearning
-from mesa_swarm.parameters import parameters_of
 from mesa_swarm.recording.provenance import provenance_of, rebuilt
 
 
@@ -79,11 +79,11 @@ def test_a_table_takes_the_defaults_of_settings_of_networks(off):
 def test_the_page_shows_beside_the_control_that_a_table_has_no_eta_and_goes_on():
     session = Session("q_learning", {"n_robots": 2, "eta": 0.3})
     session.set_parameter("memory", "table")
-    assert values_of(session)["memory"]["fault"].startswith("eta is 0.3")
+    assert control_values(session)["memory"]["fault"].startswith("eta is 0.3")
     assert (session.error, session.settings["memory"]) == ("", "networks")
     session.set_parameter("eta", 0.1)
     session.set_parameter("memory", "table")
-    assert {value["fault"] for value in values_of(session).values()} == {""}
+    assert {value["fault"] for value in control_values(session).values()} == {""}
     assert (session.error, session.model.given[1]["memory"]) == ("", "table")
 
 

@@ -4,7 +4,7 @@ import mesa
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.models.shepherding import APART, NEAR, STRIDE, TARGET, Sheep, Shepherding
 
 

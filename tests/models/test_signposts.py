@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.models.signposts import FADES, REACH, SOURCE, Signposts
 from mesa_swarm.recording import Recording
 

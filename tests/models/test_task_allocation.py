@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.models.task_allocation import PACE, TaskAllocation
 from mesa_swarm_studies.published.decisions import allocation_run, at_work, equilibrium
 

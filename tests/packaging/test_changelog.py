@@ -8,7 +8,6 @@ import yaml
 
 import mesa_swarm
 from mesa_swarm.learning.hebbian import WITHOUT_EFFECT
-from mesa_swarm.moved import HOMES, NAMES
 from support.installing import ROOT
 
 TEXT = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
@@ -54,8 +53,15 @@ def test_each_version_has_the_usual_sections_in_their_order():
 
 def test_the_list_of_deprecated_names_is_that_of_the_code():
     listed = {old: new or effect for old, new, effect in ROW.findall(TEXT)}
-    without = {f"HebbianLearning({name}=)": "without effect" for name in WITHOUT_EFFECT}
-    assert listed == {**HOMES, **NAMES, **deprecated_by_warnings(), **without}
+    without = {f"HebbianLearning({', '.join(f'{name}=' for name in WITHOUT_EFFECT)})": "without effect"}
+    assert listed == {**deprecated_by_warnings(), **without}
+    assert "`moved.py` of the package lists" in " ".join(TEXT.split()), "former addresses"
+
+
+def test_the_changes_of_a_version_fit_on_a_page():
+    for part in VERSION.split(TEXT)[3::3]:
+        assert len(part.splitlines()) <= 130
+        assert max(map(len, part.splitlines())) <= 120
 
 
 def test_the_citation_has_the_version_and_its_date():

@@ -21,6 +21,6 @@ class TestTheArchiveOfSources:
         assert names == {*wanted, "PKG-INFO"}
 
     def test_its_tests_run(self, editable, sources):
-        tests = ("tests/test_errors.py", "tests/packaging/test_changelog.py")
+        tests = ("tests/base/test_errors.py", "tests/packaging/test_changelog.py")
         printed = run(editable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *tests, cwd=sources)
         assert " passed" in printed

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, DifferentialDrive, HolonomicDrive, OmniDrive, RobotDesign, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Cruise, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.robots.drive import accelerate
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from support.scenes import ahead, circle, empty

@@ -9,12 +9,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import Map, RobotDesign, SwarmModel, rectangle
-from mesa_swarm.errors import PlacementError
+from mesa_swarm.base.errors import PlacementError
 from mesa_swarm.physics import contact, separation, settle, shapely_engine
 from mesa_swarm.physics.contact import SLOP, Contacts, coincident_direction
 from mesa_swarm.physics.crowd import near_pairs
 from mesa_swarm.physics.separation import MOST_SWEEPS
-from mesa_swarm.physics.shapely_engine import is_apart
+from mesa_swarm.physics.shapely_engine import is_apart_from_robots
 from mesa_swarm.world.statics import BORDER, FIRE, LOAD, OBSTACLE, ROBOT
 from support.scenes import PROMISED
 from support.solid_worlds import BOUNDS, contacts_of, crowd_in, solid_world
@@ -37,14 +37,14 @@ def crowd(seed, n=6):
 @given(xs, ys, radii)
 def test_the_deepest_overlap_with_a_static_body_is_the_twins(x, y, radius):
     depth, nx, ny, flat, item = contact.deepest_static(x, y, radius, WORLD.statics)
-    twin = shapely_engine.deepest_static(np.array([x, y]), radius, WORLD.solids)
+    twin = shapely_engine.deepest_solid(np.array([x, y]), radius, WORLD.solids)
     if twin is None:
         assert depth <= SLOP * radius
         return
     # The centre of a robot is never deep inside a solid; at two equally deep overlaps either may count.
     assume(twin.depth < 0.9 * radius)
     assert depth == pytest.approx(twin.depth, abs=1e-9)
-    nudged = shapely_engine.deepest_static(np.array([x + 1e-7, y - 1e-7]), radius, WORLD.solids)
+    nudged = shapely_engine.deepest_solid(np.array([x + 1e-7, y - 1e-7]), radius, WORLD.solids)
     assume(nudged is not None and np.allclose(nudged.normal, twin.normal, atol=1e-3))
     assert (nx, ny) == pytest.approx(tuple(twin.normal), abs=1e-6)
     owner, body = (BORDER, OBSTACLE) if item == BORDER else (WORLD.statics.owner[item], WORLD.statics.body[item])
@@ -55,7 +55,7 @@ def test_the_deepest_overlap_with_a_static_body_is_the_twins(x, y, radius):
 def test_whether_a_place_is_free_is_the_same_in_both_engines_and_inside_of_solids_too(x, y, radius):
     gap = WORLD.solids.gaps(np.array([[x, y]]))[0]
     assume(abs(gap - radius) > 1e-6)
-    twin = shapely_engine.is_free(np.array([[x, y]]), radius, WORLD.solids)[0]
+    twin = shapely_engine.is_free_of_solids(np.array([[x, y]]), radius, WORLD.solids)[0]
     assert settle.is_free(x, y, radius, WORLD.statics, WORLD.rings) == twin == (gap > radius)
 
 
@@ -65,8 +65,8 @@ def test_overlaps_up_to_rounding_are_free_and_not_pushed_and_deeper_ones_are(dep
     here = np.array([[BOUNDS[0] + radius - depth * SLOP * radius, 30.0]])
     deep = depth > 1
     assert settle.is_free(*here[0], radius, WORLD.statics, WORLD.rings) != deep
-    assert shapely_engine.is_free(here, radius, WORLD.solids)[0] != deep
-    assert (shapely_engine.deepest_static(here[0], radius, WORLD.solids) is not None) == deep
+    assert shapely_engine.is_free_of_solids(here, radius, WORLD.solids)[0] != deep
+    assert (shapely_engine.deepest_solid(here[0], radius, WORLD.solids) is not None) == deep
     ours, twin = contacts_of(1)
     place = here.copy()
     assert contact.push_from_statics(0, place, radius, WORLD.statics, ours)
@@ -120,7 +120,7 @@ def test_a_centre_at_most_a_millionth_of_its_radius_behind_a_face_leaves_on_the_
     x = face + behind * 1e-6 * radius
     _, nx, ny, flat, _ = contact.deepest_static(x, 27.0, radius, WORLD.statics)
     assert (nx, ny, flat) == (out, 0.0, True)
-    twin = shapely_engine.deepest_static(np.array([x, 27.0]), radius, WORLD.solids)
+    twin = shapely_engine.deepest_solid(np.array([x, 27.0]), radius, WORLD.solids)
     assert tuple(twin.normal) == pytest.approx((out, 0.0))
 
 
@@ -172,7 +172,7 @@ def test_overlaps_of_robots_up_to_rounding_of_the_smaller_one_are_left(share):
     assert count == deep
     assert len(shapely_engine.overlapping_pairs(position, radius)) == deep
     assert settle.overlaps_any(0, *position[0], position, radius) == deep
-    assert is_apart(0, position[:1], position, radius)[0] != deep
+    assert is_apart_from_robots(0, position[:1], position, radius)[0] != deep
 
 
 def test_coincident_robots_push_each_other_apart_by_half_of_both_radii():
@@ -240,7 +240,7 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     contact.push_all_from_statics(np.arange(n), place, radius, WORLD.statics, ours, free)
     near = near_pairs(position, radius, radius.min(), WORLD.grid)
     settled, pairs = separation.separate(*bodies, near, MOST_SWEEPS)
-    twice = shapely_engine.separate(other, radius, WORLD.solids, twin, MOST_SWEEPS)
+    twice = shapely_engine.separate_by_shapely(other, radius, WORLD.solids, twin, MOST_SWEEPS)
     assume(settled)
     assert twice
     assert free.all()
@@ -261,11 +261,11 @@ def test_robots_that_overlap_return_to_where_they_were_as_those_of_the_twin_do(s
     other, (ours, twin) = place.copy(), contacts_of(n)
     listed, free = place + rng.uniform(-0.5, 0.5, (n, 2)), rng.random(n) < 0.5
     for i in range(n):
-        free[i] &= shapely_engine.deepest_static(place[i], radius[i], WORLD.solids) is None
+        free[i] &= shapely_engine.deepest_solid(place[i], radius[i], WORLD.solids) is None
     pairs = near_pairs(listed, radius, radius.min(), WORLD.grid)
     _robots, bodies = crowd_in(WORLD, place, radius, before=before, listed=listed, free=free, contacts=ours)
-    separation.put_back(*bodies, pairs)
-    shapely_engine.put_back(other, before, radius, WORLD.solids, twin)
+    separation.return_to_free_places(*bodies, pairs)
+    shapely_engine.return_overlapping(other, before, radius, WORLD.solids, twin)
     assert (place == other).all()
     assert ours.depth == pytest.approx(twin.depth, abs=1e-9)
 
@@ -277,8 +277,8 @@ def test_all_that_follow_one_that_returns_return_with_it():
     (_, twin), mine, theirs = contacts_of(4), place.copy(), place.copy()
     pairs, free = near_pairs(mine, radius, 4.0, WORLD.grid), np.array([False, True, True, True])
     _robots, bodies = crowd_in(WORLD, mine, radius, before=before, free=free)
-    separation.put_back(*bodies, pairs)
-    shapely_engine.put_back(theirs, before, radius, WORLD.solids, twin)
+    separation.return_to_free_places(*bodies, pairs)
+    shapely_engine.return_overlapping(theirs, before, radius, WORLD.solids, twin)
     assert (mine == before).all()
     assert (theirs == before).all()
 
@@ -293,7 +293,7 @@ def test_the_place_that_a_robot_is_moved_to_is_the_first_free_one_of_the_rings(p
     position[2], size[2] = place, radius
     twin = position.copy()
     found = settle.find_room(2, position, size, WORLD.statics, WORLD.rings, apart)
-    assert found == shapely_engine.find_room(2, twin, size, BOUNDS, WORLD.solids, apart=apart)
+    assert found == shapely_engine.find_room_among_solids(2, twin, size, BOUNDS, WORLD.solids, apart=apart)
     assert position == pytest.approx(twin, abs=1e-9)
     assert found
     assert WORLD.solids.gaps(position[2:3])[0] >= radius * (1 - 1e-6)
@@ -306,7 +306,7 @@ def test_deep_in_a_large_body_both_engines_search_the_same_coarser_rings():
     for place in ((55.0, 33.0), (62.0, 37.5), (97.0, 20.0)):
         ours, twin, radius = np.array([place]), np.array([place]), np.array([0.5])
         assert settle.find_room(0, ours, radius, block.statics, block.rings, False)
-        assert shapely_engine.find_room(0, twin, radius, BOUNDS, block.solids, apart=False)
+        assert shapely_engine.find_room_among_solids(0, twin, radius, BOUNDS, block.solids, apart=False)
         assert ours == pytest.approx(twin, abs=1e-9)
         nearest = min(place[0] - 20, 100 - place[0], place[1] - 5, 65 - place[1]) + 0.5
         assert nearest <= math.dist(ours[0], place) <= 1.02 * nearest + 0.0625
@@ -316,7 +316,7 @@ def test_there_is_no_room_for_a_robot_wider_than_the_map():
     position, radius = np.array([[60.0, 40.0]]), np.array([41.0])
     for apart in (False, True):
         assert not settle.find_room(0, position, radius, WORLD.statics, WORLD.rings, apart)
-        assert not shapely_engine.find_room(0, position, radius, BOUNDS, WORLD.solids, apart=apart)
+        assert not shapely_engine.find_room_among_solids(0, position, radius, BOUNDS, WORLD.solids, apart=apart)
     assert position.tolist() == [[60.0, 40.0]]
 
 
@@ -327,7 +327,7 @@ def test_a_tangle_is_dissolved_one_robot_after_the_other_as_by_the_twin(seed):
     place, radius = rng.uniform((14, 0), (40, 24), (7, 2)), rng.uniform(2, 5, 7)
     twin, before = place.copy(), place.copy()
     assert settle.leave_each_other(place, radius, WORLD.statics, WORLD.rings) == -1
-    shapely_engine.leave_each_other(twin, radius, BOUNDS, WORLD.solids)
+    shapely_engine.separate_placed_robots(twin, radius, BOUNDS, WORLD.solids)
     assert place == pytest.approx(twin, abs=1e-9)
     assert len(shapely_engine.overlapping_pairs(place, radius)) == 0
     for i in range(7):
@@ -345,7 +345,7 @@ def test_the_first_robot_without_room_is_named_with_its_radius():
     place, radius = np.array([[5.2, 5.5], [15.3, 5.5], [26.5, 5.5]]), np.array([5.0, 5.0, 6.0])
     assert settle.leave_each_other(place.copy(), radius, small.statics, small.rings) == 2
     with pytest.raises(PlacementError, match=r"no room is left for robot 3 of 3 \(radius 6\)"):
-        shapely_engine.leave_each_other(place.copy(), radius, bounds, small.solids)
+        shapely_engine.separate_placed_robots(place.copy(), radius, bounds, small.solids)
     swarm = SimpleNamespace(columns={"position": place, "radius": radius, "number": np.arange(3)})
     with pytest.raises(PlacementError, match=r"no room is left for robot 3 of 3 \(radius 6\)"):
         settle.settle(swarm, small.surroundings, small.grid)
@@ -360,7 +360,7 @@ def test_only_robots_inside_of_solids_leave_them_and_other_robots_do_not_count_y
     for i, was in enumerate(before):
         alone = was[None].copy()
         if not settle.is_free(*was, 3.0, WORLD.statics, WORLD.rings):
-            assert shapely_engine.find_room(0, alone, np.array([3.0]), BOUNDS, WORLD.solids, apart=False)
+            assert shapely_engine.find_room_among_solids(0, alone, np.array([3.0]), BOUNDS, WORLD.solids, apart=False)
         assert position[i] == pytest.approx(alone[0], abs=1e-9)
 
 

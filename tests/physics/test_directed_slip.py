@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, DirectedSlip, HolonomicDrive, RobotDesign, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, behaviour
-from mesa_swarm.errors import InvalidValueError
 from support.scenes import empty, worst_overlap
 
 SLIP = DirectedSlip(forward=0.1, backward=0.3, sideways=0.4, turn=0.5)

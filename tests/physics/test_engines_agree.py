@@ -223,8 +223,8 @@ def test_a_sensor_beyond_the_border_or_inside_a_wall_reads_zero(engine):
 def test_crowds_include_those_where_robots_are_put_back(monkeypatch):
     """The jams above are worth something only if they reach the last resort."""
     calls = []
-    real = shapely_engine.put_back
-    monkeypatch.setattr(shapely_engine, "put_back", lambda *args: (calls.append(1), real(*args)))
+    real = shapely_engine.return_overlapping
+    monkeypatch.setattr(shapely_engine, "return_overlapping", lambda *args: (calls.append(1), real(*args)))
     for seed in range(4):
         outcome(crowd(seed, n=14, size=60.0).model("shapely"))
     assert calls

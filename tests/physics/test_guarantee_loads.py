@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import Map, SwarmModel, disc, polygon, rectangle
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.physics import engine as physics
 from support.scenes import PROMISED, ahead, blind, circle, empty, wedge, worst_load_overlap, worst_overlap
 from support.tables import farthest_from

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, RobotDesign, SwarmModel, rectangle
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.physics.imperfect import chance, normal
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.robots.imperfections import (

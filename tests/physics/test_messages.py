@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from shapely import LineString
 
 from mesa_swarm import AGENT9, Lamp, NeighbourSensor, Radio, RobotDesign, rectangle
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError
 from mesa_swarm.control import PASS, Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError, InvalidValueError
 from support.scenes import empty
 
 RANGE, MOST = 120.0, 3

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import Radio, SwarmModel, disc, polygon, rectangle
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError
 from support.messages import Broadcasting, heard, listener
 from support.scenes import blind, circle, empty
 

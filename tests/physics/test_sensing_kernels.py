@@ -9,8 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RadiationSensor, RobotDesign, disc
-from mesa_swarm.geometry.block import Block
-from mesa_swarm.physics import shapely_sensing
+from mesa_swarm.kernels.block import Block
+from mesa_swarm.physics import shapely_engine as shapely_sensing
 from mesa_swarm.physics.engine import CompiledEngine
 from mesa_swarm.physics.sensing import (
     MOST_FOUND,
@@ -18,7 +18,7 @@ from mesa_swarm.physics.sensing import (
     err,
     into_frame,
     is_just_behind,
-    is_nearer,
+    is_nearest_body,
     look_at_segment,
     segment_within,
     sense_inside,
@@ -76,9 +76,9 @@ def test_a_segment_is_within_reach_where_its_box_meets_the_square(ax, ay, bx, by
 @pytest.mark.parametrize("kind", [NOTHING, OBSTACLE, ROBOT, FIRE, LOAD])
 @pytest.mark.parametrize("what", [OBSTACLE, ROBOT, FIRE, LOAD])
 def test_the_nearest_counts_and_of_equally_near_bodies_the_lowest_kind(what, kind):
-    assert is_nearer(4.0, what, 5.0, kind)
-    assert not is_nearer(5.0, what, 4.0, kind)
-    assert is_nearer(5.0, what, 5.0, kind) == (kind == NOTHING or what < kind)
+    assert is_nearest_body(4.0, what, 5.0, kind)
+    assert not is_nearest_body(5.0, what, 4.0, kind)
+    assert is_nearest_body(5.0, what, 5.0, kind) == (kind == NOTHING or what < kind)
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.0, 2.5, -2.0])
@@ -182,7 +182,7 @@ def test_the_hottest_burning_fire_in_each_sector_is_felt_as_the_twin_feels_it(se
     columns = swarm.columns
     place = columns["position"], columns["heading"], columns["design"]
     sense_radiation(*place, swarm.table.radiation, Block(world.surroundings.radiating).numbers, felt)
-    shapely_sensing.sense_radiation(swarm, world.surroundings, twin)
+    shapely_sensing.sense_radiation_by_shapely(swarm, world.surroundings, twin)
     assert (felt == twin).all()
     # The first design has one such sensor only: what it does not have feels nothing.
     assert (felt[swarm.design == 0, 1] == 0).all()
@@ -198,7 +198,7 @@ def test_a_line_sensor_reads_where_shapely_finds_its_point_over_a_mark(seed):
     table, ground, columns = swarm.table, WORLD.surroundings.marks, swarm.columns
     place = columns["position"], columns["heading"], columns["design"]
     sense_line(*place, table.line, ground.edges, ground.rings, ground.discs, line)
-    shapely_sensing.sense_line(swarm, WORLD.surroundings, twin)
+    shapely_sensing.sense_line_by_shapely(swarm, WORLD.surroundings, twin)
     assert (line == twin).all()
     for i in np.flatnonzero(swarm.design == 1):
         for s in range(2):

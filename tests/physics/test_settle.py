@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.errors import PlacementError
+from mesa_swarm.base.errors import PlacementError
 
 ENGINES = ("compiled", "shapely")
 RADIUS = AGENT9.radius

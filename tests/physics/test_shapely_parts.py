@@ -7,8 +7,17 @@ import pytest
 import shapely
 from shapely import LineString, Point
 
-from mesa_swarm.physics.shapely_engine import is_on_map, overlapping_pairs, rings, way_out
-from mesa_swarm.physics.shapely_sensing import View, distance_to_disc, distance_to_polygon, outside, wedge
+from mesa_swarm.physics.shapely_engine import (
+    View,
+    distance_to_disc,
+    distance_to_polygon,
+    is_on_map,
+    overlapping_pairs,
+    ring_around_map,
+    rings,
+    way_out,
+    wedge,
+)
 from support.shapely_loads import _touching_corners
 
 AHEAD = LineString([(0, 0), (50, 0)])
@@ -34,7 +43,7 @@ def test_room_is_first_looked_for_an_eighth_of_a_radius_away():
 
 
 def test_the_outside_of_a_map_reaches_as_far_as_its_margin_all_round():
-    assert outside((0, 0, 10, 10), 5).area == 20**2 - 10**2
+    assert ring_around_map((0, 0, 10, 10), 5).area == 20**2 - 10**2
 
 
 def test_a_ray_measures_the_way_to_a_polygon_and_to_a_disc_beside_it():

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, AGENT_FIRE, ProximitySensor, RobotDesign, SwarmModel, rectangle
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine
 from mesa_swarm.physics.threads import VARIABLE, RowThreads, ranges
 from mesa_swarm.robots.imperfections import ROBOTARIUM

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc, polygon, rectangle
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.control import Align, Avoid, Cohere, Cruise, Explore, Separate, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.behaviour import PASS
-from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire import FireConstants
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore

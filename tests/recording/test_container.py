@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.recording.container import LENGTH, MAGIC, Checkpoint, Packed, from_bytes, to_bytes
 
 DTYPES = st.one_of(

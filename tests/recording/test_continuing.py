@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Field, Radio, Scale, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, UnstoredStateWarning
 from mesa_swarm.control import Avoid, Chance, Explore, Halt, StateMachine, Subsumption, Transition
-from mesa_swarm.errors import InvalidValueError, UnknownNameError, UnstoredStateWarning
-from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.model.mesa_model import add_reporters
 from mesa_swarm.model.observers import Observer
+from mesa_swarm.model.parameters import Choice, Slider, parameters_of
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.q_learning import QLearning
-from mesa_swarm.parameters import Choice, Slider, parameters_of
 from mesa_swarm.recording import Recording, continued
 from mesa_swarm.recording.continuing import continue_with, match_robots
 from mesa_swarm.robots.imperfections import ROBOTARIUM

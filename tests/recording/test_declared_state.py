@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Process, SwarmModel
+from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RecordingError, UnstoredStateWarning
 from mesa_swarm.fire import Spreading
+from mesa_swarm.model.scattering import scatter
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.container import Packed
-from mesa_swarm.scattering import scatter
 from support.scenes import blind
 
 

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 import mesa_swarm
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.recording.devices import part_from_json, part_to_json
 from mesa_swarm.robots.devices import Device
 from mesa_swarm.robots.drive import DifferentialDrive, EqualByValues

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pytest
 
 from mesa_swarm import SwarmModel
-from mesa_swarm.errors import InvalidValueError, RecordingError
+from mesa_swarm.base.errors import InvalidValueError, RecordingError
 from mesa_swarm.model.state import refuse_attributes
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording, sealed_stream, verify

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.checkpoint import checkpoint_of

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, Radio, SwarmModel, disc
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.cli import main
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire import design_constants
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting

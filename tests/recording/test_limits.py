@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.errors import InvalidValueError, RecordingError
+from mesa_swarm.base.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, collected, container, verify
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.foraging import Foraging

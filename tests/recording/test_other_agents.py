@@ -7,8 +7,8 @@ from mesa.agent import AgentSet
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm import AGENT9, Recording, SwarmModel, disc
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RecordingError
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from support.scenes import blind
 

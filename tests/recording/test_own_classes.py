@@ -6,7 +6,7 @@ import pytest
 from mesa import Agent
 
 from mesa_swarm import AGENT9, Actuator, RobotDesign, Sensor, SwarmModel
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.making import is_class
 

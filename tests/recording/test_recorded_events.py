@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import SwarmModel
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.frames import frame_of

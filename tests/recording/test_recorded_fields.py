@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, Field, Recording, SwarmModel, disc
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import SwarmError
 from mesa_swarm.recording import verify
 from mesa_swarm.recording.layout import DEFAULT
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, RecordingError, UnknownNameError
+from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.model.processes import ProcessesPart
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, record
 from mesa_swarm.recording.sealed_stream import SealedWriter
-from mesa_swarm.trigger import Trigger
 
 
 def small(**given):

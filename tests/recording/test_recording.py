@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Frame, Recording
 from mesa_swarm.recording.frames import events_of
-from mesa_swarm.recording.provenance import joined, shows
+from mesa_swarm.recording.provenance import join_sceneries, shows
 
 
 def equal(one, two):
@@ -182,7 +182,7 @@ def test_a_frame_shows_its_step_robots_and_columns_in_one_line(recorded):
 def test_each_scenery_of_a_run_has_the_robots_and_designs_of_all_and_its_own_shapes():
     early = {"designs": ["a"], "robots": [[1, 2, 0]], "loads": [], "shapes": ["wall"]}
     late = {"designs": ["b", "a"], "robots": [[2, 2, 1], [5, 6, 0]], "loads": [], "shapes": []}
-    (_, first), (_, second) = joined([(0, early), (9, late)])
+    (_, first), (_, second) = join_sceneries([(0, early), (9, late)])
     assert (first["designs"], first["robots"]) == (["a", "b"], [[1, 2, 0], [5, 6, 1]])
     assert (first["shapes"], second) == (["wall"], {**first, "shapes": []})
 

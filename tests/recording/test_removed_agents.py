@@ -4,8 +4,8 @@ import pytest
 from mesa import Agent
 
 from mesa_swarm import AGENT9, SwarmModel, disc, rectangle
+from mesa_swarm.base.errors import RemovedRobotError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RemovedRobotError
 from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore

@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from mesa_swarm.errors import RecordingError
-from mesa_swarm.files import is_locked
+from mesa_swarm.base.errors import RecordingError
+from mesa_swarm.base.files import is_locked
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.sealed_stream import SealedWriter

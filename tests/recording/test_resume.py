@@ -1,9 +1,9 @@
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, RecordingError, UnknownNameError
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, resume
 from support.other_code import other_code

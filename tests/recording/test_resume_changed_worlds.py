@@ -4,8 +4,8 @@ import pytest
 from mesa import Agent
 
 from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.model.state_hash import written_state_hash
 
 

@@ -4,8 +4,8 @@ import pyarrow as pa
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RecordingError, UnstoredStateWarning
 from mesa_swarm.model.state_hash import written_state_hash
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify

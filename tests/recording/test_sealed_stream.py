@@ -10,7 +10,7 @@ import time
 import pyarrow as pa
 import pytest
 
-from mesa_swarm.errors import RecordingError
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.sealed_stream import END_OF_STREAM, SealedReader

@@ -1,18 +1,18 @@
 import pytest
 
 from mesa_swarm import SwarmModel, disc
+from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.cli import main
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import RecordingError
 from mesa_swarm.fire import FireConstants
-from mesa_swarm.gallery import find_model, model_names
+from mesa_swarm.maps.map import Map
+from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.sealed_stream import SealedReader
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.robots.radio import Radio
-from mesa_swarm.world.map import Map
 from support.other_code import other_code
 
 

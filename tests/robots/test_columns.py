@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.robots.robot import remove_together
 from mesa_swarm.robots.snapshots import DECISIONS, HEAT, Snapshots, check_watched
 from mesa_swarm.robots.swarm import COLUMNS, LASTING, MESSAGES, Swarm

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, ProximitySensor, RadiationSensor, Recording, RobotDesign, Sensor, SwarmModel
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, UncompiledBehaviourWarning, UnknownNameError
 from mesa_swarm.control import Subsumption, behaviour
 from mesa_swarm.control.custom_fields import WRITTEN
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.rule import Me
-from mesa_swarm.errors import BehaviourError, InvalidValueError, UncompiledBehaviourWarning, UnknownNameError
 from mesa_swarm.recording.layout import FIRST_COLUMNS, TABLES
 from mesa_swarm.robots import swarm
 from mesa_swarm.robots.devices import OF_FUNCTIONS, RESERVED

@@ -18,8 +18,8 @@ from mesa_swarm import (
     bump_sensor,
     laser_sensor,
 )
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.robots.drive import DifferentialDrive
 from mesa_swarm.robots.sensors import mount_of
 from support.scenes import ahead, blind, empty

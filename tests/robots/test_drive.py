@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import RobotDesign
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption, behaviour
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.physics.motion import sinc
 from mesa_swarm.robots.drive import DifferentialDrive, limit_command
 from support.driving import alone, pose_of

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, Radio, RobotDesign, Sensor, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Lead, Subsumption
-from mesa_swarm.dashboard.inspector import inspect
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, UnknownNameError
+from mesa_swarm.dashboard.run.inspector import inspect
 from mesa_swarm.fire import FightFire
 from mesa_swarm.robots.drive import HolonomicDrive, OmniDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections

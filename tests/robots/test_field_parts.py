@@ -17,8 +17,8 @@ from mesa_swarm import (
     SwarmModel,
     rectangle,
 )
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, SwarmError
 from mesa_swarm.control import Subsumption, behaviour
-from mesa_swarm.errors import BehaviourError, InvalidValueError, SwarmError
 from mesa_swarm.recording import verify
 
 ANTENNAE = FieldSensor(field="trail", mount=(5, 2)), FieldSensor(field="trail", mount=(5, -2))

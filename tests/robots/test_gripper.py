@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Carried, Gripper, RobotDesign, SwarmModel, disc, rectangle
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption, behaviour
-from mesa_swarm.errors import InvalidValueError
 
 DESIGN = RobotDesign(
     name="picker", sensors=(*AGENT9.sensors, Carried()), actuators=(Gripper(reach=3.0, kinds=("puck",)),)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.robots.imperfections import (
     MEASURED,
     PRESETS,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import LineSensor, ProximitySensor, RadiationSensor, Radio, RobotDesign, bump_sensor, laser_sensor
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.robots.design import all_round
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 

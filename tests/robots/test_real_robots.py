@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, E_PUCK, I_SWARM, KILOBOT, REAL_ROBOTS, RealRobot, Recording, Scale, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, RecordingError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.dashboard.chart_content import csv_of, figure_of
-from mesa_swarm.dashboard.series import Series
-from mesa_swarm.errors import InvalidValueError, RecordingError
+from mesa_swarm.dashboard.page.series import Series
+from mesa_swarm.dashboard.run.charts import csv_of, figure_of
 from mesa_swarm.models.collision_avoidance import DESIGNS, CollisionAvoidance
 from mesa_swarm.recording.provenance import scenery_of
 from mesa_swarm.recording.schema import checked_scenery

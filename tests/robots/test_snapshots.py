@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.robots.snapshots import DECISIONS
 from support.pace import processor_seconds

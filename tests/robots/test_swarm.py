@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, ProximitySensor, RobotDesign
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, SwarmError, UnknownNameError
 from mesa_swarm.control import Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, SwarmError, UnknownNameError
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import COLUMNS
 from support.scenes import ahead, blind, empty

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.statistics import Interval
-from mesa_swarm.world.map import Map
+from mesa_swarm.maps.map import Map
 from mesa_swarm_studies.drawing import plain_axes, svg
 from mesa_swarm_studies.judging import above_zero, judged_fact, limits_in_words
 from mesa_swarm_studies.registry import table_of

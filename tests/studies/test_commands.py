@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm_studies.benchmarks import speed as bench
 from mesa_swarm_studies.benchmarks.speed import Goal, Measurement
 from mesa_swarm_studies.registry import items

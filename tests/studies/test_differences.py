@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm_studies.registry import items
 from mesa_swarm_studies.thesis.differences import (
     COUNTED,
@@ -23,7 +23,7 @@ from mesa_swarm_studies.thesis.differences import (
 )
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "differences.md"
+PAGE = ROOT / "docs" / "appendix" / "differences.md"
 ENTRIES = [*deviations(), *thesis_items()]
 WHERE = sorted({place for entry in ENTRIES for place in entry.where})
 TESTS = sorted({test for entry in ENTRIES for test in entry.tests})

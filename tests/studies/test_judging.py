@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.experiments.statistics import Interval, mean_interval
 from mesa_swarm_studies import judging
 from mesa_swarm_studies.judging import OUTCOMES, VERDICTS, Check, Result, verdict

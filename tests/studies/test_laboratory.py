@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.errors import SwarmError
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm_studies.commands import made_by
 from mesa_swarm_studies.laboratory import Laboratory, key_of

@@ -12,16 +12,16 @@ import pytest
 from typer.testing import CliRunner
 
 from mesa_swarm import AGENT9, Map, disc
+from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.cli import app
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments.scores import within_reach
-from mesa_swarm.errors import SwarmError
-from mesa_swarm.experiments.driving import drive_measured, driven_world
 from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
-from mesa_swarm.experiments.gating import VALIDATION
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.learning import ReflexPolicy, SensorLayout, save_policy
-from mesa_swarm.world.random_map import random_map
+from mesa_swarm.maps.random_map import random_map
+from mesa_swarm.searches.driving import drive_measured, driven_world
+from mesa_swarm.searches.gating import VALIDATION
 from mesa_swarm_studies.benchmarks import learn_bench as bench
 from mesa_swarm_studies.benchmarks.benchmark_tasks import APART, TEST, TRAIN, benchmark_tasks
 from mesa_swarm_studies.benchmarks.contestants import BREEDING, CHOOSING

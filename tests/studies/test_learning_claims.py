@@ -10,7 +10,7 @@ import pytest
 from mesa_swarm_studies.registry import find_item
 from mesa_swarm_studies.thesis import learning
 
-PAGE = Path(__file__).parents[2] / "docs" / "reproduction.md"
+PAGE = Path(__file__).parents[2] / "docs" / "appendix" / "reproduction.md"
 FIGURES = ["8.2", "8.3", "8.4", "8.5"]
 # "To about 0" is the only number of collisions of the text.
 STATED = {"0"}

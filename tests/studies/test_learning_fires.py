@@ -11,7 +11,8 @@ from mesa_swarm.learning.fire_learning import BACK_OFF, SITUATIONS, WAIT
 from mesa_swarm.models.learning_fires import LearningFires
 
 pytestmark = pytest.mark.long
-PAGE = " ".join((Path(__file__).parents[2] / "docs" / "fire_learning.md").read_text(encoding="utf-8").split())
+APPENDIX = Path(__file__).parents[2] / "docs" / "appendix"
+PAGE = " ".join((APPENDIX / "fire_learning.md").read_text(encoding="utf-8").split())
 SEEDS = range(20, 26)
 LARGEST, TOGETHER = "rounds with the largest out", "fighting at the largest in company"
 HOT, COOLING = (SITUATIONS.index(f"too hot, {where} the heat, sees a fire") for where in ("in", "out of"))

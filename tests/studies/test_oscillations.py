@@ -2,7 +2,7 @@
 
 import pytest
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, oscillating_robot, trained
 from mesa_swarm_studies.thesis.oscillations import (
     BESIDE,

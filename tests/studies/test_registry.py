@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm_studies.judging import PASSED, REFUTED, VERDICTS, Check, verdict
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Made, find_item, items, report
@@ -25,8 +25,8 @@ FIGURES = [
 SECTIONS = ["5.2.2", "5.3.4", "10.2", "6.4", "7.3.2", "tuning", "req9.2", "9.4", "9.5"]
 # These take no runs; the others are made in the slow tests.
 FAST = ("8.1", "B.1", "D.1", "D.2", "D.3", "D.4")
-DOCS = Path(__file__).parents[2] / "docs"
-PAGE = DOCS / "reproduction.md"
+APPENDIX = Path(__file__).parents[2] / "docs" / "appendix"
+PAGE = APPENDIX / "reproduction.md"
 
 
 def test_the_registry_has_exactly_the_figures_of_the_thesis_that_a_computer_can_make():
@@ -137,7 +137,7 @@ def checks_in(section):
 
 @pytest.mark.parametrize("name", ["reproduction", "readings", "published", "validation"])
 def test_the_verdicts_and_counts_of_a_page_follow_from_its_checks(name):
-    summary, *sections = re.split(r"^## (?!All results)", (DOCS / f"{name}.md").read_text(), flags=re.M)
+    summary, *sections = re.split(r"^## (?!All results)", (APPENDIX / f"{name}.md").read_text(), flags=re.M)
     lines = {row[0]: row for row in re.findall(r"^\| (\S+) \| .* \| \*\*(.+?)\*\* \| (.*) \|$", summary, re.M)}
     verdicts = []
     for section in sections:

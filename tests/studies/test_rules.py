@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm.experiments.statistics import paired_difference
+from mesa_swarm.maps.map import Map
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.world.map import Map
 from mesa_swarm_studies.thesis import fire_fighting, fire_growth
 from mesa_swarm_studies.thesis.complexity import exponents
 from mesa_swarm_studies.thesis.fire_fighting import fire_model, grown_map, rhythm

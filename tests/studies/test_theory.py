@@ -22,7 +22,7 @@ from mesa_swarm_studies.theory import sensing as theory_sensing
 from mesa_swarm_studies.theory.courses import Course, apart, torus
 from mesa_swarm_studies.theory.motion import CELL, CELLS, SIDE, SLIPS, Slip
 
-PAGE = Path(__file__).parents[2] / "docs" / "validation.md"
+PAGE = Path(__file__).parents[2] / "docs" / "appendix" / "validation.md"
 NAMES = [name for name, item in items().items() if item.source == "theory"]
 FAST = ("walker_coverage", "sector_hits")
 

@@ -7,13 +7,13 @@ import warnings
 import pytest
 
 from mesa_swarm import AGENT3, AGENT6, AGENT9, AGENT_FIRE
+from mesa_swarm.base.errors import FireConstantsWarning
 from mesa_swarm.control import Gather
-from mesa_swarm.errors import FireConstantsWarning
 from mesa_swarm.experiments.jobs import read_job, sample_jobs
 from mesa_swarm.fire.constants import design_constants, robots_needed
 from mesa_swarm.learning.q_learning import QLearning as QLayer
+from mesa_swarm.maps.map import Map
 from mesa_swarm.models.q_learning import QLearning
-from mesa_swarm.world.map import Map
 
 LEARNING = {
     "first_temperature": 1.0,

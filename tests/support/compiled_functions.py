@@ -1,6 +1,6 @@
 """Which functions are compiled for the models of the gallery: counted in a process with nothing compiled for each.
 
-As a script it writes the file that `mesa_swarm.geometry.compiling` reads.
+As a script it writes the file that `mesa_swarm.kernels.compiling` reads.
 """
 
 import json
@@ -10,13 +10,13 @@ import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 
-from mesa_swarm.gallery import gallery_names
-from mesa_swarm.geometry.compiling import EVERY, NEEDED
+from mesa_swarm.kernels.compiling import EVERY, NEEDED
+from mesa_swarm.model.gallery import gallery_names
 
 COUNT = """
 import sys
 from mesa_swarm.experiments.warm_up import compile_for
-from mesa_swarm.geometry.compiling import compilation
+from mesa_swarm.kernels.compiling import compilation
 compile_for(sys.argv[1])
 print("\\n".join(compilation.compiled))
 """

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from mesa_swarm import SwarmModel, disc, polygon
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.physics.contact import SLOP
 
 from .random_worlds import World, crowd, with_loads

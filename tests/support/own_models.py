@@ -7,7 +7,7 @@ from typing import Annotated
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.parameters import Slider
+from mesa_swarm.model.parameters import Slider
 
 
 class {name}(SwarmModel):

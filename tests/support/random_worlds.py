@@ -18,7 +18,7 @@ from mesa_swarm import (
     disc,
     polygon,
 )
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 
 BOUNDS = (0.0, 0.0, 200.0, 150.0)
 # No sensor of these designs sticks out farther than this.

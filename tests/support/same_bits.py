@@ -22,7 +22,7 @@ if not __package__:  # run as a program
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from mesa_swarm import SwarmModel
-from mesa_swarm.gallery import find_model, gallery_names
+from mesa_swarm.model.gallery import find_model, gallery_names
 from support.bit_worlds import STEPS, STEPS_OF, WORLDS
 
 STORED = Path(__file__).with_suffix(".json")

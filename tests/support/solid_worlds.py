@@ -5,12 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mesa_swarm import disc, polygon, rectangle
-from mesa_swarm.geometry.block import Block
 from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.kernels.block import Block
 from mesa_swarm.physics.contact import ContactArrays, StaticArrays
 from mesa_swarm.physics.crowd import CrowdArrays
-from mesa_swarm.physics.shapely_engine import Touches
-from mesa_swarm.physics.shapely_sensing import Solids
+from mesa_swarm.physics.shapely_engine import Solids, Touches
 from mesa_swarm.physics.surroundings import Surroundings
 
 from .tables import surroundings_of

@@ -15,7 +15,7 @@ if not __package__:  # run as a program
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from mesa_swarm import SwarmModel
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from support.stored_world import StoredWorld
 
 FILES = Path(__file__).parents[1] / "recording" / "files"

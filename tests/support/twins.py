@@ -11,7 +11,7 @@ import numpy as np
 
 from mesa_swarm import Field, Radio, Recording, SwarmModel, disc
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.parameters import parameters_of
+from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 from support.twin_models import Tide, Wolf
 

@@ -19,7 +19,7 @@ from mesa_swarm import (
     disc,
     polygon,
 )
-from mesa_swarm.errors import InvalidValueError, PlacementError
+from mesa_swarm.base.errors import InvalidValueError, PlacementError
 from support.random_worlds import World, differences, load_state, state
 from support.scenes import PROMISED, worst_load_overlap, worst_overlap
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from mesa_swarm.base.errors import InvalidValueError, check_number
 from mesa_swarm.control import PASS, Avoid
-from mesa_swarm.errors import InvalidValueError, check_number
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.robots.design import AGENT9

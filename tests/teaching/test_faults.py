@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.teaching import Criterion, Verdict, check_estimate, check_function, check_model, check_settings
-from mesa_swarm.teaching.faults import code_of
+from mesa_swarm.teaching.checks import code_of
 from mesa_swarm.teaching.verdicts import CHECK_FAILED, JUDGED, NOT_JUDGED
 from support.exercises import last_value
 

@@ -6,8 +6,8 @@ import warnings
 import numpy as np
 import pytest
 
-from mesa_swarm.errors import ExportError, ExportWarning, InvalidValueError, RecordingError, UnknownNameError
-from mesa_swarm.extras import install_command
+from mesa_swarm.base.errors import ExportError, ExportWarning, InvalidValueError, RecordingError, UnknownNameError
+from mesa_swarm.base.extras import install_command
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing import films

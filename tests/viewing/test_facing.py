@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm import AGENT9, HolonomicDrive, Recording, RobotDesign, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.dashboard.gallery_drawing import WorldDrawing, sight_of
+from mesa_swarm.dashboard.gallery.gallery_drawing import WorldDrawing, sight_of
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.flocking import Flocking
 from mesa_swarm.recording.frames import frame_of

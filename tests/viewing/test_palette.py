@@ -14,13 +14,13 @@ from matplotlib.colors import CSS4_COLORS, to_hex
 
 import mesa_swarm
 from mesa_swarm.dashboard.app import CSS
-from mesa_swarm.dashboard.chart_content import figure_of
-from mesa_swarm.dashboard.charts import ChartBoard
-from mesa_swarm.dashboard.gallery_drawing import drawn as thumbnail_of
-from mesa_swarm.dashboard.series import Series
+from mesa_swarm.dashboard.gallery.gallery_drawing import drawn as thumbnail_of
+from mesa_swarm.dashboard.page.series import Series
+from mesa_swarm.dashboard.run.charts import ChartBoard, figure_of
 from mesa_swarm.environments import FindFires
 from mesa_swarm.environments.camera import Camera
 from mesa_swarm.environments.task_world import TaskWorld
+from mesa_swarm.maps import map as maps
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
@@ -42,7 +42,6 @@ from mesa_swarm.viewing.palette import (
 from mesa_swarm.viewing.pictures import Look, world_figure
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.run_pictures import ethogram_figure
-from mesa_swarm.world import map as maps
 
 PACKAGE = Path(mesa_swarm.__file__).parent
 # WCAG 2.2: 1.4.3 for text, 1.4.11 for graphics.
@@ -292,7 +291,7 @@ ALSO_WORDS = {"tan", "linen", "snow", "peru", "salmon", "wheat", "plum", "orchid
 # Arguments of Matplotlib that take a colour, and those that take a map of colours.
 COLOURED = re.compile(r"colou?rs?$|^c$|^mfc$|^mec$|facecolors?|edgecolors?|markerfacecolor(alt)?|^cmap$")
 # Why colours stand in these files: the palette; maps as SVG are written below its floor, and compared above.
-ELSEWHERE = {"viewing/palette.py", "world/map.py"}
+ELSEWHERE = {"viewing/palette.py", "maps/map.py"}
 
 
 def literals(path: Path) -> list[str]:

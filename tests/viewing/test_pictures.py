@@ -9,8 +9,10 @@ from matplotlib.figure import Figure
 from mesa_swarm.experiments.figures import fires_figure, series_figure, window_means
 from mesa_swarm.experiments.learning_figures import fire_figure, fire_run, reward_figure
 from mesa_swarm.experiments.reality_gap import Gap, gap_figure
-from mesa_swarm.gallery import find_model
 from mesa_swarm.learning.reward_lab import reward_profile
+from mesa_swarm.maps.map import Map
+from mesa_swarm.maps.map_parts import FireSpot
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.robots.design import AGENT9
 from mesa_swarm.swarm_model import SwarmModel
@@ -18,8 +20,6 @@ from mesa_swarm.viewing.final_state import final_state_of
 from mesa_swarm.viewing.palette import LIGHT, fire_colour, rgb
 from mesa_swarm.viewing.pictures import draw_world, legend_of, png, world_figure
 from mesa_swarm.viewing.scene import scene_of
-from mesa_swarm.world.map import Map
-from mesa_swarm.world.map_parts import FireSpot
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 from mesa_swarm_studies.benchmarks.speed import (
     AREA_PER_ROBOT,

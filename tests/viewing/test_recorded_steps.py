@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, rectangle
-from mesa_swarm.errors import UnknownNameError
+from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording

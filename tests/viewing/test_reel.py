@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel, disc
+from mesa_swarm.base.errors import InvalidValueError, RecordingError
 from mesa_swarm.control import Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, recorder
 from mesa_swarm.recording import provenance as written

@@ -6,9 +6,9 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import to_rgba
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import PASS, Subsumption, behaviour
-from mesa_swarm.errors import InvalidValueError
-from mesa_swarm.gallery import find_model
+from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import png

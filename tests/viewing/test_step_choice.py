@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.viewing.export import StepChoice
 from mesa_swarm.viewing.pictures import Look, film_size, parsed_size
 

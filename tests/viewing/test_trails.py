@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9
-from mesa_swarm.dashboard.pair import Pair
-from mesa_swarm.dashboard.replaying import ReplayPlayer
-from mesa_swarm.dashboard.session import Session
+from mesa_swarm.dashboard.compare.pair import Pair
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing import trails
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel, disc, rectangle
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.world.arena import Arena, Registered

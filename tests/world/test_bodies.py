@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Gripper, NeighbourSensor, RobotDesign, SwarmModel, disc, rectangle
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError, SwarmError, UnknownKindWarning, UnknownNameError
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    RemovedRobotError,
+    SwarmError,
+    UnknownKindWarning,
+    UnknownNameError,
+)
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.world.bodies import Load, Obstacle
 from support.scenes import empty

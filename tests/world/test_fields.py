@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, Emitter, Field, FieldSensor, RobotDesign, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.errors import InvalidValueError, SwarmError, UnknownNameError
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError
+from mesa_swarm.maps.map import Map
 from mesa_swarm.world.fields import ScalarField
-from mesa_swarm.world.map import Map
 
 EMPTY = Map(name="empty", bounds=(0, 0, 200, 150))
 

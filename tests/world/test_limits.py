@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from mesa_swarm import Map, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.errors import InvalidValueError, MapError, PlacementError
+from mesa_swarm.base.errors import InvalidValueError, MapError, PlacementError
+from mesa_swarm.maps.map import FireSpot, read_legacy
+from mesa_swarm.maps.map_parts import Work, file_content, refusal
+from mesa_swarm.maps.random_map import random_map
+from mesa_swarm.maps.svg import chord_count, length, numbers, transform, viewbox_numbers
+from mesa_swarm.maps.toml import number_text, parsed_toml
 from mesa_swarm.world.bodies import checked_resistance
-from mesa_swarm.world.map import FireSpot, read_legacy
-from mesa_swarm.world.map_parts import Work, file_content, refusal
-from mesa_swarm.world.map_toml import number_text, parsed_toml
 from mesa_swarm.world.placement import MOST_ROBOTS
-from mesa_swarm.world.random_map import random_map
 from mesa_swarm.world.shapes import MOST_VERTICES, checked_rings
-from mesa_swarm.world.svg_paths import chord_count, length, numbers, transform, viewbox_numbers
 from support.scenes import blind
 
 

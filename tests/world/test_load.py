@@ -9,8 +9,8 @@ import pytest
 from shapely import Point
 
 from mesa_swarm import AGENT9, disc, rectangle
+from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError, RemovedRobotError
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.world.bodies import Load
 from support.scenes import ahead, blind, empty

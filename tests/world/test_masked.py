@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, Field, Radio, SwarmModel, disc, polygon, rectangle
+from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.control import behaviour
 from mesa_swarm.control.conditions import own_chances
 from mesa_swarm.environments.actions import shares
-from mesa_swarm.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments.controllers import _actions_of
 from mesa_swarm.experiments.runs import numbers_of
 from mesa_swarm.learning import QPolicy, ReflexPolicy
 from mesa_swarm.learning.actions import boltzmann
 from mesa_swarm.learning.evolution import Evolution
-from mesa_swarm.looks import Chart
+from mesa_swarm.model.looks import Chart
 
 
 def masked(*numbers, at=0):

@@ -13,8 +13,8 @@ from hypothesis.extra.numpy import arrays
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm import AGENT9, RobotDesign, SwarmModel, disc, rectangle
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.errors import InvalidValueError
 from mesa_swarm.recording import record
 from mesa_swarm.world.read_only import ReadOnlyArray, read_only
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.errors import InvalidValueError
+from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.world.shapes import MOST_VERTICES, disc, polygon, rectangle, shape_from_json, shape_to_json
 from support.pace import work_within
 

@@ -1,6 +1,0 @@
-"""The command line as `python -m mesa_swarm.cli`."""
-
-from mesa_swarm.cli import main
-
-if __name__ == "__main__":
-    main()

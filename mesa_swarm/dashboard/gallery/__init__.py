@@ -1,0 +1,1 @@
+"""The tab of all models, and their pictures."""

@@ -1,0 +1,1 @@
+"""The tab that describes a model."""

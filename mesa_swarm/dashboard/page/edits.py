@@ -1,0 +1,271 @@
+"""What a user changes by hand between two steps: edits, which can be applied again and written into a link."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
+from mesa_swarm.fire.fires import Fire
+from mesa_swarm.robots.robot import Robot
+from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.world.bodies import Body, Load
+from mesa_swarm.world.movers import Driven
+from mesa_swarm.world.shapes import Shape, disc, polygon
+
+# Full pushes of robots that a body drawn on the page withstands.
+RESISTANCE = 0.5
+# Overlaps below this are rounding.
+TOUCHING = 1e-9
+NAMES = {"obstacle": "an obstacle", "load": "a load"}
+MOST_ROBOTS = 10_000
+MOST_EDITS = 200
+BETWEEN, WITHIN = ";", ","
+SET = "set"
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """One change by hand: after which step, what, and its numbers; of parameters (`SET`) names and values as text.
+
+    Examples
+    --------
+    >>> Edit(120, "obstacle", (400.0, 300.0, 25.0)).text
+    '120,obstacle,400,300,25'
+    >>> edits_from("120,obstacle,400,300,25;130,set,noise,0.2")[1]
+    Edit(step=130, do='set', values=('noise', '0.2'))
+    """
+
+    step: int
+    do: str
+    values: tuple
+
+    @property
+    def text(self) -> str:
+        """The edit as part of a link."""
+        numbers = [str(one) if isinstance(one, str) else repr(float(one)).removesuffix(".0") for one in self.values]
+        return WITHIN.join([str(self.step), self.do, *numbers])
+
+
+def link_value(value: object) -> str:
+    """Return a value as links have it, from which the same value is read."""
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def edits_from(text: str) -> list[Edit]:
+    """Return the edits in a link, in the order of their steps."""
+    found = [_edit_from(part) for part in text.split(BETWEEN) if part]
+    if len(found) > MOST_EDITS:
+        raise InvalidValueError(f"edits are {len(found)}; expected at most {MOST_EDITS}")
+    if any(one.step > other.step for one, other in pairwise(found)):
+        raise InvalidValueError("edits are not in the order of their steps; copy the link again")
+    return found
+
+
+def _edit_from(text: str) -> Edit:
+    step, do, values = (*text.split(WITHIN, 2), "", "")[:3]
+    check_choice("edit", do, (SET, *EDITS))
+    if not step.isdecimal():
+        raise InvalidValueError(f"edit {shortened(text)} has no step; expected a link copied from the page")
+    if do == SET:
+        parts = tuple(values.split(WITHIN))
+        if "map" in parts[::2]:  # its value may name a file, which no link makes this machine read
+            raise InvalidValueError("map cannot be changed during a run; expected another parameter in edits")
+        return Edit(int(step), do, parts)
+    try:
+        numbers = tuple(float(one) for one in values.split(WITHIN) if one)
+    except ValueError:
+        raise InvalidValueError(f"edit {shortened(text)} has a value that is not a number") from None
+    return Edit(int(step), do, tuple(check_number(do, one, minimum=-1e9, maximum=1e9) for one in numbers))
+
+
+def as_text(edits: Iterable[Edit]) -> str:
+    """Return edits as part of a link."""
+    return BETWEEN.join(edit.text for edit in edits)
+
+
+def apply_edit(model: SwarmModel, do: str, values: Sequence[float]) -> None:
+    """Change a model as one of `EDITS` does, or refuse, with the reason, and change nothing."""
+    act = EDITS[check_choice("edit", do, tuple(EDITS))]
+    expected = act.__code__.co_argcount - 1
+    if len(values) != expected:
+        raise InvalidValueError(f"{do} has {len(values)} numbers; expected {expected}")
+    act(model, *(check_number(do, value, minimum=-1e9, maximum=1e9) for value in values))
+
+
+def check_place(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> None:
+    """Refuse a place where something, `of` itself left out, would overlap another thing or the border of the map."""
+    depth, what = deepest(model, shape, of)
+    if depth > TOUCHING:
+        x, y = shape.position.tolist()
+        raise InvalidValueError(
+            f"at ({x:.4g}, {y:.4g}) it would overlap {what} by {depth:.3g}; choose a place farther away"
+        )
+
+
+def deepest(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> tuple[float, str]:
+    """Return the largest overlap of a shape, and with what."""
+    x_min, y_min, x_max, y_max = model.map.bounds
+    left, low, right, high = shape.bounds
+    found = [(max(x_min - left, y_min - low, right - x_max, high - y_max), "the border of the map")]
+    bodies = [body for body in model.obstacle_list if body.contact and getattr(body, "carrier", None) is None]
+    for body in bodies:
+        found.append((-_gap(shape, body.shape), NAMES.get(body.kind, f"a {body.kind}")) if body is not of else found[0])
+    for number, fire in enumerate(model.fires.agents, start=1):
+        found.append((-_gap(shape, fire.shape), f"fire {number}") if fire is not of else found[0])
+    swarm = model.swarm
+    gaps = shapely.distance(shape.geometry, shapely.points(swarm.position)) - shape.radius - swarm.radius
+    if isinstance(of, Robot):
+        gaps[of.row] = np.inf
+    if len(gaps):
+        nearest = int(np.argmin(gaps))
+        found.append((-float(gaps[nearest]), f"robot {swarm.agents[nearest].unique_id}"))
+    return max(found, key=lambda one: one[0])
+
+
+def outline_of(shape: Shape) -> BaseGeometry:
+    """Return the area that a shape covers."""
+    return shape.geometry.buffer(shape.radius) if shape.is_disc else shape.geometry
+
+
+def _gap(one: Shape, other: Shape) -> float:
+    """Return how far apart two shapes are; below 0 if they overlap, of polygons the side of a square of that area."""
+    distance = float(shapely.distance(one.geometry, other.geometry))
+    if distance > 0 or one.is_disc or other.is_disc:
+        return distance - one.radius - other.radius
+    return -float(np.sqrt(shapely.intersection(one.geometry, other.geometry).area))
+
+
+def thing(model: SwarmModel, number: float) -> Robot | Body:
+    """Return the robot, fire or body with this unique_id."""
+    everything = (*model.swarm.agents, *model.fires.agents, *model.obstacle_list)
+    found = next((one for one in everything if one.unique_id == number), None)
+    if found is None:
+        raise InvalidValueError(f"{number:g} is not a robot, fire or body of the model now; choose another one")
+    return found
+
+
+def thing_at(model: SwarmModel, x: float, y: float, near: float = 0.0) -> Robot | Body | None:
+    """Return what is at a place: a robot, else a body that moves, a fire, an obstacle; None on free ground.
+
+    Robots count as `near` larger than they are, so that small ones are found.
+    """
+    swarm = model.swarm
+    gaps = np.hypot(*(swarm.position - (x, y)).T) - np.maximum(swarm.radius, near)
+    if len(gaps) and gaps.min() <= 0:
+        return swarm.agents[int(gaps.argmin())]
+    point = shapely.Point(x, y)
+    bodies = [*model.displaced, *model.fires.agents, *reversed(model.obstacle_list)]
+    carried = (body for body in bodies if getattr(body, "carrier", None) is None)
+    return next((body for body in carried if outline_of(body.shape).covers(point)), None)
+
+
+def move(model: SwarmModel, number: float, x: float, y: float, heading: float) -> None:
+    """Move a robot or a body that moves to a free place; others are replaced by the same ones there."""
+    moved = thing(model, number)
+    if isinstance(moved, Robot):
+        check_place(model, disc((x, y), moved.radius), moved)
+        moved.position, moved.heading = (x, y), heading
+    elif isinstance(moved, Load):
+        check_place(model, moved.form.shape_at((x, y, heading)), moved)
+        moved.move_to((x, y, heading))
+    elif isinstance(moved, Driven):
+        moved.move_to((x, y, heading))
+    elif isinstance(moved, Fire):
+        _move_fire(model, moved, x, y)
+    else:
+        _move_obstacle(model, moved, x, y)
+
+
+def _move_fire(model: SwarmModel, fire: Fire, x: float, y: float) -> None:
+    model.space.checked_point((x, y))
+    area, radius, temperature, out = fire.area, fire.radius, fire.temperature, fire.out
+    fire.remove()
+    again = model.add_fire((x, y), radius=radius, area=area, temperature=temperature or 1.0)
+    if out:
+        again.put_out()
+
+
+def _move_obstacle(model: SwarmModel, obstacle: Body, x: float, y: float) -> None:
+    shape = obstacle.shape
+    dx, dy = np.array([x, y]) - shape.position
+    if shape.is_disc:
+        moved = disc((x, y), shape.radius, contact=shape.contact)
+    else:
+        rings = [shape.geometry.exterior, *shape.geometry.interiors]
+        outline, *holes = [[(px + dx, py + dy) for px, py in ring.coords[:-1]] for ring in rings]
+        moved = polygon(outline, holes, contact=shape.contact)
+    model.space.checked_point((x, y))
+    model.add_body(moved, kind=obstacle.kind, mode="fixed", temperature=obstacle.temperature)
+    obstacle.remove()
+
+
+def robot(model: SwarmModel, x: float, y: float, heading: float, like: float) -> None:
+    """Add a robot of the design and the group of another one, the last one if that is gone, at a free place."""
+    check_count("robots", len(model.swarm) + 1, maximum=MOST_ROBOTS)
+    robots = model.swarm.agents
+    if not robots:
+        raise InvalidValueError("the model has no robot whose design a new one could have; press Reset first")
+    model_of = next((one for one in robots if one.unique_id == like), robots[-1])
+    check_place(model, disc((x, y), model_of.radius))
+    model.add_robots(model_of.design, poses=[(x, y, heading)], group=model_of.group)
+
+
+def wall(model: SwarmModel, x: float, y: float, to_x: float, to_y: float, width: float) -> None:
+    """Add a straight wall of this width between two places."""
+    length = math.hypot(to_x - x, to_y - y)
+    if length < width:
+        raise InvalidValueError("the wall is shorter than wide; drag from its one end to the other")
+    side = 0.5 * width / length * np.array([y - to_y, to_x - x])
+    ends = np.array([(x, y), (to_x, to_y)])
+    model.add_obstacle(polygon([*(ends + side).tolist(), *(ends[::-1] - side).tolist()]))
+
+
+def obstacle(model: SwarmModel, x: float, y: float, radius: float) -> None:
+    """Add a round obstacle; robots there are moved to free space nearby in the next step."""
+    model.space.checked_point((x, y))
+    model.add_obstacle(disc((x, y), radius))
+
+
+def load(model: SwarmModel, x: float, y: float, radius: float) -> None:
+    """Add a round body that robots push."""
+    check_place(model, disc((x, y), radius))
+    model.add_body(disc((x, y), radius), mode="pushed", resistance=RESISTANCE)
+
+
+def fire(model: SwarmModel, x: float, y: float, radius: float) -> None:
+    """Add a fire."""
+    check_place(model, disc((x, y), radius))
+    model.add_fire((x, y), radius=radius)
+
+
+def switch(model: SwarmModel, number: float) -> None:
+    """Put a fire out, or light it again."""
+    chosen = thing(model, number)
+    if not isinstance(chosen, Fire):
+        raise InvalidValueError(f"{number:g} is not a fire; click on one")
+    if chosen.out:
+        chosen.light()
+    else:
+        chosen.put_out()
+
+
+def remove(model: SwarmModel, number: float) -> None:
+    """Remove a robot, a fire or a body."""
+    thing(model, number).remove()
+
+
+def clear(model: SwarmModel) -> None:
+    """Remove all obstacles and marks on the ground."""
+    for body in [body for body in model.obstacle_list if body.mode == "fixed"]:
+        body.remove()
+
+
+# What can be changed by hand, and of which numbers: the parameters of the functions.
+EDITS: dict[str, Callable[..., None]] = {
+    one.__name__: one for one in (move, robot, wall, obstacle, load, fire, switch, remove, clear)
+}

@@ -1,0 +1,1 @@
+"""The tab of a run: charts, inspector, changes by hand, files."""

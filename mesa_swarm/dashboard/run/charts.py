@@ -1,0 +1,668 @@
+"""Charts beside the canvas: measurements over time, histograms of robots, phase plots."""
+
+import json
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Protocol, cast
+
+import anywidget
+import numpy as np
+import pandas as pd
+import traitlets
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError, unknown_name
+from mesa_swarm.base.wording import quantity
+from mesa_swarm.dashboard.page.robot_columns import Bins, Quantity, RobotValues, binned, values_of_session
+from mesa_swarm.dashboard.page.series import ChartTable, Curves, Plot, row_until
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.page.widgets import Downloads, Link
+from mesa_swarm.model.gallery import short_name
+from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.pictures import literal, png
+from mesa_swarm.viewing.play_loop import Listeners
+from mesa_swarm.viewing.player import PackedFrame, Past, Viewer
+
+MOST_POINTS = 256
+POINTS_OF_A_PICTURE = 2048
+# Of a phase plot, beside the last one; others are left out evenly.
+MOST_PHASE_POINTS = 1024
+DASHES = ("-", "--", ":")
+OVER_TIME, HISTOGRAM, PHASE_PLOT = "over time", "histogram", "phase plot"
+# Axes that may be logarithmic, by kind.
+LOG_AXES = {OVER_TIME: "y", HISTOGRAM: "x", PHASE_PLOT: "xy"}
+LONGEST_TEXT = 1000
+# Beyond it, floats are whole anyway.
+LARGEST_WHOLE = 2.0**53
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenChart:
+    """What one chart shows: a chart of a series over time, a quantity of robots, or one curve against another.
+
+    Stored as text, in which it is in `Session.chosen_charts`.
+
+    Examples
+    --------
+    >>> chosen = ChosenChart(HISTOGRAM, "heading")
+    >>> chosen.text
+    '["histogram", "heading", "", ""]'
+    >>> ChosenChart.of(chosen.text) == chosen
+    True
+    """
+
+    kind: str
+    what: str
+    against: str = ""  # the curve on the x axis of a phase plot
+    log: str = ""  # the logarithmic axes: "", "x", "y" or "xy"
+
+    @property
+    def text(self) -> str:
+        """All that is to be stored."""
+        return json.dumps([self.kind, self.what, self.against, self.log])
+
+    @classmethod
+    def of(cls, text: str) -> "ChosenChart":
+        """Return the chart that a text describes, which may come from a browser; a key alone is one over time."""
+        if not text.startswith("["):
+            return cls(OVER_TIME, text)
+        try:
+            parts = json.loads(text[:LONGEST_TEXT])
+            if len(parts) == 4 and all(isinstance(part, str) for part in parts) and parts[0] in LOG_AXES:
+                kind, what, against, log = parts
+                return cls(kind, what, against, "".join(axis for axis in LOG_AXES[kind] if axis in log))
+        except (TypeError, ValueError, RecursionError):
+            pass
+        raise InvalidValueError(f"chart is {text!r:.60}; expected kind, what, against and logarithmic axes")
+
+    @property
+    def place(self) -> tuple[str, str, str]:
+        """What distinguishes it from others."""
+        return self.kind, self.what, self.against
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """Name and unit of an axis, whether it is logarithmic, and what is not shown as it was chosen, and why."""
+
+    label: str
+    log: bool = False
+    note: str = ""
+
+    @classmethod
+    def of(cls, label: str, values: np.ndarray, log: bool) -> "Axis":
+        """Return an axis for these values: a logarithmic one only if all are above 0."""
+        known = values[np.isfinite(values)]
+        if not log or not len(known):
+            return cls(label)
+        least = float(known.min())
+        return cls(label, True) if least > 0 else cls(label, False, f"no log axis: the least value is {least:.4g}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeContent:
+    """A chart over time: its curves, the exact last or displayed row, its axes."""
+
+    chart: Plot
+    curves: Curves
+    row: tuple[int, np.ndarray] | None
+    x: Axis
+    y: Axis
+
+    @classmethod
+    def of(
+        cls, series: ChartTable, chosen: ChosenChart, most: int = MOST_POINTS, step: int | None = None
+    ) -> "TimeContent":
+        """Return the content of a chart of a series, with the exact row of a step."""
+        chart, curves = series.chart(chosen.what), series.curves(chosen.what, most)
+        y = Axis.of(chart_axis_label(chart), curves.low, "y" in chosen.log)
+        return cls(chart, curves, series.exact(chosen.what, step), Axis(time_label(series)), y)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HistogramContent:
+    """A histogram of the robots at a step."""
+
+    quantity: Quantity
+    step: int
+    values: np.ndarray
+    bins: Bins
+    x: Axis
+    y: Axis
+
+    @classmethod
+    def of(cls, robots: RobotValues, chosen: ChosenChart) -> "HistogramContent":
+        """Return the histogram of a quantity; without values where it is not known at that step."""
+        quantity = robots.quantities.get(chosen.what)
+        if quantity is None:
+            missing = Axis(chosen.what, False, robots.missing or "there are no robots")
+            nothing = Quantity(chosen.what, "", lambda: np.empty(0))
+            return cls(nothing, robots.step, np.empty(0), binned(np.empty(0)), missing, Axis("robots"))
+        try:
+            values = quantity.measure()
+        except Exception as problem:  # a function of a user's may raise anything
+            return cls.of(RobotValues(robots.step, missing=reported(problem)), chosen)
+        x = Axis.of(quantity.label, values, "x" in chosen.log)
+        bins = binned(values, log=x.log, is_direction=quantity.is_direction)
+        return cls(quantity, robots.step, values, bins, x, Axis("robots"))
+
+    @property
+    def summary(self) -> str:
+        """The number of robots, their mean, and the sample standard deviation."""
+        known = self.values[np.isfinite(self.values)]
+        words = [quantity(len(known), "robot")]
+        if len(known) and not self.quantity.is_direction:
+            words.append(f"mean {known.mean():.4g}")
+            words += [f"standard deviation {known.std(ddof=1):.3g}"] if len(known) > 1 else []
+        return ", ".join(words)
+
+    @property
+    def note(self) -> str:
+        """Why an axis is not as chosen, and how many robots have no value."""
+        without = self.bins.without
+        words = f"{without:,} robot{' has' if without == 1 else 's have'} no value" if without else ""
+        return "; ".join(filter(None, [self.x.note, words]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhaseContent:
+    """One curve against another, in the order of time; `mark` is the present or displayed point."""
+
+    steps: np.ndarray
+    across: np.ndarray
+    up: np.ndarray
+    mark: tuple[int, np.ndarray] | None
+    x: Axis
+    y: Axis
+
+    @classmethod
+    def of(
+        cls, series: ChartTable, chosen: ChosenChart, most: int = MOST_PHASE_POINTS, step: int | None = None
+    ) -> "PhaseContent":
+        """Return the points of two curves of a series, all of them exact, and the last one of all among them."""
+        (steps, across, below), (later, up, beside) = (curve_of(series, one) for one in (chosen.against, chosen.what))
+        both = min(len(steps), len(later))  # a row may have been added between the two
+        steps, across, up = steps[:both], across[:both], up[:both]
+        x, y = Axis.of(below, across, "x" in chosen.log), Axis.of(beside, up, "y" in chosen.log)
+        mark = row_until(steps, np.column_stack([across, up]), step)
+        shown = thinned(both, most)
+        return cls(steps[shown], across[shown], up[shown], mark, x, y)
+
+
+def curve_of(series: ChartTable, label: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Return steps and numbers of a curve by its label, and the label with its unit."""
+    labels = series.labels()
+    if label not in labels:
+        raise UnknownNameError(unknown_name("curve", label, labels))
+    key, k = labels[label]
+    steps, rows = series.rows(key)
+    return steps, rows[:, k], with_unit(label, series.chart(key))
+
+
+def thinned(count: int, most: int) -> np.ndarray:
+    """Return at most `most` + 1 places of `count` ones, evenly from the first on, and the last one.
+
+    Examples
+    --------
+    >>> thinned(10, 4)
+    array([0, 4, 8, 9])
+    """
+    stride = 1
+    while -(-count // stride) > most:
+        stride *= 2
+    places = np.arange(0, count, stride)
+    return places if not count or places[-1] == count - 1 else np.append(places, count - 1)
+
+
+def chart_title(chosen: ChosenChart, series: ChartTable) -> str:
+    """Return the title of a chart."""
+    if chosen.kind == OVER_TIME:
+        return series.chart(chosen.what).title
+    return f"{chosen.what} against {chosen.against}" if chosen.kind == PHASE_PLOT else f"Histogram of {chosen.what}"
+
+
+def csv_of(series: ChartTable, key: str) -> bytes:
+    """Return all stored rows of one chart as CSV, with units in the header."""
+    chart, (steps, rows) = series.chart(key), series.rows(key)
+    columns = {with_unit(name, chart): column for name, column in zip(chart.names, rows.T, strict=True)}
+    return csv_of_columns({**times_of(series, steps), **{name: in_whole(c) for name, c in columns.items()}})
+
+
+def histogram_csv(content: HistogramContent) -> bytes:
+    """Return the bins of a histogram as CSV: from, to, robots."""
+    label, edges = content.quantity.label, content.bins.edges
+    return csv_of_columns({f"{label} from": edges[:-1], f"{label} to": edges[1:], "robots": content.bins.counts})
+
+
+def phase_csv(series: ChartTable, chosen: ChosenChart) -> bytes:
+    """Return all stored points of a phase plot as CSV."""
+    content = PhaseContent.of(series, chosen, most=sys.maxsize)
+    columns = {content.x.label: in_whole(content.across), content.y.label: in_whole(content.up)}
+    return csv_of_columns({**times_of(series, content.steps), **columns})
+
+
+def times_of(series: ChartTable, steps: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns of steps, and of times if they are known."""
+    return {"step": steps, **({} if series.seconds is None else {"time (s)": steps * series.seconds})}
+
+
+def in_whole(column: np.ndarray) -> Any:
+    """Return a column as whole numbers, if it has no others."""
+    is_whole = (np.isnan(column) | ((column == np.rint(column)) & (np.abs(column) < LARGEST_WHOLE))).all()
+    return pd.array(column, "Int64") if is_whole else column
+
+
+def csv_of_columns(columns: dict[str, Any]) -> bytes:
+    """Return columns as CSV."""
+    return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n").encode()
+
+
+def with_unit(name: str, chart: Plot) -> str:
+    """Return a curve's name, with its unit if it has one."""
+    return f"{name} ({chart.unit})" if chart.unit else name
+
+
+def chart_axis_label(chart: Plot) -> str:
+    """Return the name and the unit of the y axis of a chart over time; a title may name the unit itself."""
+    return chart.title if chart.unit.lower() in chart.title.lower() else with_unit(chart.title, chart)
+
+
+def time_label(series: ChartTable) -> str:
+    """Return the name and the unit of the axis of time."""
+    return "step" if series.seconds is None else "time (s)"
+
+
+def figure_of(series: ChartTable, key: str, log: str = "") -> Figure:
+    """Return one chart as a figure for print: lines are means of groups of steps, bands their ranges."""
+    content = TimeContent.of(series, ChosenChart(OVER_TIME, key, log=log), POINTS_OF_A_PICTURE)
+    chart, curves = content.chart, content.curves
+    figure, axes = _figure(content.x, content.y, chart.title)
+    colours = colours_of(chart)
+    times = curves.steps * (series.seconds or 1)
+    for k, name in enumerate(chart.names):
+        colour, dashes = colours[k % len(colours)], DASHES[k // len(colours) % len(DASHES)]
+        axes.plot(times, curves.mean[k], label=literal(name), linewidth=1.3, color=colour, linestyle=dashes)
+        if curves.width > 1 and len(chart.names) <= 3:
+            axes.fill_between(times, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
+    if len(chart.names) > 1:
+        figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    return figure
+
+
+def histogram_figure(content: HistogramContent) -> Figure:
+    """Return a histogram as a figure for print."""
+    figure, axes = _figure(content.x, content.y, f"Step {content.step:,}: {content.summary}")
+    edges = content.bins.edges
+    axes.bar(edges[:-1], content.bins.counts, np.diff(edges), align="edge", color=palette.LIGHT.series[0], alpha=0.85)
+    if content.quantity.is_direction:
+        axes.set_xticks(range(-180, 181, 90))
+    return figure
+
+
+def phase_figure(series: ChartTable, chosen: ChosenChart, step: int | None = None) -> Figure:
+    """Return a phase plot as a figure for print: coloured along time, with the present or displayed point."""
+    content = PhaseContent.of(series, chosen, POINTS_OF_A_PICTURE, step)
+    figure, axes = _figure(content.x, content.y, chart_title(chosen, series))
+    points = np.column_stack([content.across, content.up])
+    times = content.steps * (series.seconds or 1)
+    colours = ListedColormap(palette.LIGHT.values)
+    norm = Normalize(times[0], max(times[-1], times[0] + 1)) if len(times) else Normalize(0, 1)
+    lines = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)), cmap=colours, norm=norm, linewidths=1.2)
+    lines.set_array(times[1:].astype(float))
+    axes.add_collection(lines)
+    if len(points):
+        axes.scatter(content.across, content.up, c=times, cmap=colours, norm=norm, s=4)
+    if content.mark is not None:
+        axes.plot(*content.mark[1], "o", markersize=8, markerfacecolor="none", color=palette.LIGHT.selection)
+    figure.colorbar(lines, ax=axes, label=time_label(series))
+    return figure
+
+
+def _figure(x: Axis, y: Axis, title: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(7, 3.6), layout="constrained")
+    axes: Axes = figure.subplots()
+    axes.set(title=literal(title), xlabel=literal(x.label), ylabel=literal(y.label))
+    if x.log:
+        axes.set_xscale("log")
+    if y.log:
+        axes.set_yscale("log")
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def colours_of(chart: Plot) -> Sequence[str]:
+    """Return the colours of a chart's curves on paper; for layers their own colours, the last without a layer."""
+    if chart.key != "layers":
+        return palette.LIGHT.series
+    return [*map(palette.layer_colour, range(len(chart.names) - 1)), palette.LIGHT.no_layer]
+
+
+# Shortest time between updates of the charts while the model is played, s.
+EVERY = 0.4
+# Number of charts shown by default, and at most.
+SHOWN_FIRST, MOST_SHOWN = 3, 12
+FIRST = ("at_fires",)
+LATER = ("layers", "collisions", "fire_temperature", "total_collisions")
+
+
+class Charted(Protocol):
+    """What has charts: a session that plays a model, or a player of a recording."""
+
+    name: str
+    chosen_charts: dict[str, list[str]]
+    changed: Listeners
+
+    @property
+    def past(self) -> Past:
+        """The stored steps, one of which is displayed."""
+
+    @property
+    def series(self) -> ChartTable:
+        """The measurements."""
+
+    @property
+    def playing(self) -> bool:
+        """Whether it is played."""
+
+    def add_viewer(self, viewer: Viewer) -> None:
+        """Send frames to a viewer from now on."""
+
+    def remove_viewer(self, viewer: Viewer) -> None:
+        """Send no more frames to a viewer."""
+
+
+class ChartBoard(anywidget.AnyWidget):
+    """Charts drawn in the browser."""
+
+    _esm = palette.script() + text_of("viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/charts.js")
+    # What can be shown, by kind: pairs of a name and its text; and what is shown: id, kind, title and log of each.
+    choices = traitlets.Dict().tag(sync=True)
+    shown: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
+    fault = traitlets.Unicode("").tag(sync=True)
+
+
+class Charting(Link):
+    """Connects a chart board and the measurements of a session or of a recording.
+
+    Numbers are sent while the page is visible and has drawn the last ones, at most every `EVERY` seconds while the
+    model is played. `robots` returns the quantities of robots; `clock` returns seconds far above 0.
+    """
+
+    ready = False  # charts alone need no picture
+
+    def __init__(
+        self,
+        board: ChartBoard,
+        session: Charted,
+        robots: Callable[[], RobotValues] | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.board, self.session, self.clock = board, session, clock
+        self._robots = robots
+        self._downloads = Downloads(board)
+        self._lock = threading.Lock()
+        self._looked_at: int | None = None
+        self._looks = self._waits = False
+        self._busy = self._sent = 0.0
+        self._rows = 0
+        self._keys: tuple[str, ...] = ()
+        leave_view = partial(session.remove_viewer, self)
+        self.connect(board, session.changed.add(self.refresh), leave_view, self._downloads.close)
+        self.refresh()
+        session.add_viewer(self)
+
+    def refresh(self) -> None:
+        """Show which charts there are; send them if others are chosen, or if there are more numbers at rest."""
+        series, before = self.session.series, self.board.shown
+        self._keys = tuple(chart.key for chart in series.charts())
+        self.board.choices = choices_of(series, self._values(at_present=True))
+        self.board.shown = [self._described(one) for one in self._available()]
+        with self._lock:
+            more = self._rows != len(series) and not self.session.playing
+            self._waits = self._waits or more or self.board.shown != before
+        if more or self.board.shown != before:
+            self._send_if_free()
+
+    def push(self, number: int, frame: PackedFrame) -> None:
+        """Show the numbers up to now, if an update is due; mark the displayed step if it is an earlier one."""
+        session = self.session
+        with self._lock:
+            self._looked_at = None if session.past.is_present else frame.step
+            self._waits = True
+            due = not session.playing or self.clock() - self._sent >= EVERY
+        if due:
+            if self._keys != tuple(chart.key for chart in session.series.charts()):
+                self.refresh()
+            self._send_if_free()
+
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
+        value: Any = message.get("value")
+        match message.get("do"):
+            case "look":
+                with self._lock:
+                    self._looks, self._busy, self._waits = bool(value), 0.0, True
+                self._send_if_free()
+            case "drawn":
+                with self._lock:
+                    self._busy = 0.0
+                if not self.session.playing:
+                    self._send_if_free()
+            case "add" | "remove" | "log" | "csv" | "png" as request:
+                try:
+                    self._carry_out(request, ChosenChart.of(str(value)), str(message.get("axis", "")))
+                except SwarmError as problem:
+                    self.board.fault = reported(problem)
+            case _:
+                self._downloads.hear(message)
+
+    def _carry_out(self, request: str, chosen: ChosenChart, axis: str) -> None:
+        self.board.fault = ""
+        if request in ("csv", "png"):
+            if chosen.place in {one.place for one in self._available()}:
+                self._hand_over(chosen, request)
+            return
+        charts = self._chosen()
+        if request == "add":
+            self._check_new(chosen)
+            if chosen.place not in {one.place for one in charts}:
+                charts.append(chosen)
+        elif request == "remove":
+            charts = [one for one in charts if one.place != chosen.place]
+        elif axis in LOG_AXES[chosen.kind]:
+            charts = [with_log(one, axis) if one.place == chosen.place else one for one in charts]
+        self.session.chosen_charts[self.session.name] = [one.text for one in charts]
+        self.refresh()
+
+    def _check_new(self, chosen: ChosenChart) -> None:
+        if not is_available(chosen, self.board.choices):
+            raise InvalidValueError(f"there is not a chart of {chosen.what!r:.60}; choose one of the list")
+        if len(self._available()) >= MOST_SHOWN:
+            raise InvalidValueError(f"{MOST_SHOWN} charts are shown, which is the most; remove one first")
+
+    def _chosen(self) -> list[ChosenChart]:
+        """Return the charts that the user chose, also those that there are not at present, or the usual ones."""
+        texts = self.session.chosen_charts.get(self.session.name)
+        if texts is not None:
+            known = []
+            for text in texts:
+                with suppress(InvalidValueError):  # it may come from a link or a browser
+                    known.append(ChosenChart.of(text))
+            return known
+        keys = order_charts([chart.key for chart in self.session.series.charts()])
+        return [ChosenChart(OVER_TIME, key) for key in keys[:SHOWN_FIRST]]
+
+    def _available(self) -> list[ChosenChart]:
+        return [one for one in self._chosen() if is_available(one, self.board.choices)]
+
+    def _described(self, chosen: ChosenChart) -> dict[str, str]:
+        title = chart_title(chosen, self.session.series)
+        return {"id": replace(chosen, log="").text, "kind": chosen.kind, "title": title, "log": chosen.log}
+
+    def _values(self, *, at_present: bool = False) -> RobotValues:
+        """Return the quantities of robots, measured when they are needed: hold the lock of a session meanwhile."""
+        if self._robots is not None:
+            return self._robots()
+        session = cast(Session, self.session)
+        with session.lock:
+            return values_of_session(session, at_present=at_present)
+
+    def _send_if_free(self) -> None:
+        """Send the numbers if the page is visible and has drawn the last ones."""
+        with self._lock:
+            now = self.clock()
+            if not (self._looks and self._waits) or now - self._busy < 10 * EVERY:
+                return
+            self._waits, self._busy, self._sent = False, now, now
+            looked_at, self._rows = self._looked_at, len(self.session.series)
+        charts, buffers = self._message(looked_at)
+        seconds = self.session.series.seconds
+        self.board.send({"kind": "curves", "charts": charts, "looked_at": looked_at, "seconds": seconds}, buffers)
+
+    def _message(self, step: int | None) -> tuple[list[dict], list[bytes]]:
+        chosen = self._available()
+        if all(one.kind != HISTOGRAM for one in chosen):
+            return message_of(self.session.series, chosen, RobotValues(0), step)
+        # A histogram is measured while the model rests between two steps.
+        lock = getattr(self.session, "lock", threading.RLock())
+        with lock:
+            return message_of(self.session.series, chosen, self._values(), step)
+
+    def _hand_over(self, chosen: ChosenChart, kind: str) -> None:
+        """Make a file in a thread, since a picture takes a while, and send it."""
+        series, step = self.session.series, self._looked_at
+        robots = self._values() if chosen.kind == HISTOGRAM else RobotValues(0)
+        histogram = HistogramContent.of(robots, chosen) if chosen.kind == HISTOGRAM else None
+        name = f"{short_name(self.session.name)}_{file_name(chosen, robots.step)}.{kind}"
+
+        def work() -> None:
+            table, figure = chart_files(series, chosen, histogram, step)
+            self._downloads.send(name, table() if kind == "csv" else png(figure()))
+
+        threading.Thread(target=work, name="chart", daemon=True).start()
+
+
+def with_log(chosen: ChosenChart, axis: str) -> ChosenChart:
+    """Return a chart with this axis logarithmic, or linear if it is logarithmic."""
+    return replace(chosen, log="".join(one for one in "xy" if (one in chosen.log) != (one == axis)))
+
+
+def order_charts(keys: list[str]) -> list[str]:
+    """Return charts in the order of display: fires, those of the model, then those of all models."""
+    own = [key for key in keys if key not in FIRST + LATER]
+    order = [*FIRST, *LATER, *own] if set(FIRST) & set(keys) else [*own, *LATER]
+    return [key for key in order if key in keys]
+
+
+def choices_of(series: ChartTable, robots: RobotValues) -> dict[str, list[list[str]]]:
+    """Return what can be shown, by kind: a name and a text of each."""
+    titles = {chart.key: chart.title for chart in series.charts()}
+    return {
+        OVER_TIME: [[key, titles[key]] for key in order_charts(list(titles))],
+        HISTOGRAM: [[name, quantity.label] for name, quantity in robots.quantities.items()],
+        PHASE_PLOT: [[label, label] for label in series.labels()],
+    }
+
+
+def is_available(chosen: ChosenChart, choices: dict[str, list[list[str]]]) -> bool:
+    """Return whether a chart can be shown at present."""
+    known = {name for name, _ in choices.get(chosen.kind, [])}
+    return chosen.what in known and (chosen.kind != PHASE_PLOT or chosen.against in known)
+
+
+def file_name(chosen: ChosenChart, step: int) -> str:
+    """Return the name of a file, without its ending; that of a histogram has its step."""
+    words = {
+        OVER_TIME: chosen.what,
+        HISTOGRAM: f"{chosen.what} histogram step {step}",
+        PHASE_PLOT: f"{chosen.what} against {chosen.against}",
+    }
+    return re.sub(r"\W+", "_", words[chosen.kind]).strip("_")
+
+
+def message_of(
+    series: ChartTable, charts: Sequence[ChosenChart], robots: RobotValues, step: int | None
+) -> tuple[list[dict], list[bytes]]:
+    """Return descriptions of charts for the browser, and a float64 buffer each: see the top of ``charts.js``."""
+    makers: dict[str, Callable[[ChosenChart], tuple[dict, list[np.ndarray]]]] = {
+        OVER_TIME: lambda one: curves_message(TimeContent.of(series, one, step=step), series),
+        HISTOGRAM: lambda one: histogram_message(HistogramContent.of(robots, one)),
+        PHASE_PLOT: lambda one: phase_message(PhaseContent.of(series, one, step=step)),
+    }
+    descriptions, buffers = [], []
+    for one in charts:
+        try:
+            about, arrays = makers[one.kind](one)
+        except UnknownNameError:  # the model has just lost it
+            continue
+        lengths = [len(array) for array in arrays]
+        descriptions.append({"id": replace(one, log="").text, "kind": one.kind, "lengths": lengths, **about})
+        buffers.append(np.concatenate(arrays).astype("<f8").tobytes())
+    return descriptions, buffers
+
+
+def curves_message(content: TimeContent, series: ChartTable) -> tuple[dict, list[np.ndarray]]:
+    """Return what describes a chart over time, and first and last steps, means, and least and greatest numbers."""
+    chart, curves = content.chart, content.curves
+    parts = [curves.first, curves.steps, *curves.mean]
+    parts += [*curves.low, *curves.high] if curves.width > 1 else []
+    about = {
+        "names": list(chart.names),
+        "colours": "layers" if chart.key == "layers" else "series",
+        "points": len(curves.steps),
+        "banded": curves.width > 1,
+        "every": series.every,
+        "row": row_json(content.row),
+        "note": "; ".join(filter(None, [series.faults.get(chart.key, ""), content.y.note])),
+        **axes_json(content.x, replace(content.y, label=chart.unit or chart.title)),  # the name is above
+    }
+    return about, parts
+
+
+def histogram_message(content: HistogramContent) -> tuple[dict, list[np.ndarray]]:
+    """Return what describes a histogram, and its edges and counts."""
+    about: dict[str, Any] = {"step": content.step, "summary": content.summary, "points": len(content.bins.counts)}
+    about["robots"] = int(content.bins.counts.sum())
+    about |= {"degrees": content.quantity.is_direction, "note": content.note, **axes_json(content.x, content.y)}
+    return about, [content.bins.edges, content.bins.counts]
+
+
+def phase_message(content: PhaseContent) -> tuple[dict, list[np.ndarray]]:
+    """Return what describes a phase plot, and steps and places of its points."""
+    note = "; ".join(f"{axis.label}: {axis.note}" for axis in (content.x, content.y) if axis.note)
+    about = {"points": len(content.steps), "row": row_json(content.mark), "note": note}
+    return {**about, **axes_json(content.x, content.y)}, [content.steps, content.across, content.up]
+
+
+def axes_json(x: Axis, y: Axis) -> dict[str, dict]:
+    """Return the axes for the browser."""
+    return {name: {"label": axis.label, "log": axis.log} for name, axis in (("x", x), ("y", y))}
+
+
+def row_json(row: tuple[int, np.ndarray] | None) -> dict[str, Any] | None:
+    """Return a row for the browser, with None for what is not a number."""
+    if row is None:
+        return None
+    return {"step": row[0], "values": [float(value) if np.isfinite(value) else None for value in row[1]]}
+
+
+def chart_files(
+    series: ChartTable, chosen: ChosenChart, histogram: HistogramContent | None, step: int | None
+) -> tuple[Callable[[], bytes], Callable[[], Figure]]:
+    """Return what makes the CSV and the figure of a chart."""
+    if histogram is not None:
+        return partial(histogram_csv, histogram), partial(histogram_figure, histogram)
+    if chosen.kind == PHASE_PLOT:
+        return partial(phase_csv, series, chosen), partial(phase_figure, series, chosen, step)
+    return partial(csv_of, series, chosen.what), partial(figure_of, series, chosen.what, chosen.log)

@@ -1,0 +1,160 @@
+"""Many arguments of a compiled function in one array of numbers: addresses and shapes of arrays, and numbers.
+
+To pass an array from Python takes about 50 ns. Arguments that stay the same from step to step are put into a `Block`
+once; a compiled function that is given its array takes them out at the cost of reading memory. Their names and types
+are those that a class, a `typing.NamedTuple`, declares; see `type_names.declared_type`.
+"""
+
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numba import typeof, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+
+from mesa_swarm.kernels.type_names import Integers, declared_type, name_type
+
+NUMBER = np.dtype(np.int64)
+# Of functions that can be called by their addresses: a block, a step, the first row and one past the last.
+SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
+
+
+class Block:
+    """Arguments of a compiled function, as long as none of the arrays is replaced by another.
+
+    Parameters
+    ----------
+    values : NamedTuple
+        The arguments; arrays are kept as long as the block is.
+
+    Attributes
+    ----------
+    numbers : int64 ndarray
+        What the compiled function is given.
+
+    Raises
+    ------
+    TypeError
+        If they have other types than their class declares.
+
+    Examples
+    --------
+    >>> from typing import NamedTuple
+    >>> from mesa_swarm.kernels.type_names import Reals
+    >>> class Table(NamedTuple):
+    ...     values: Reals
+    ...     share: float
+    >>> Block(Table(np.zeros(3), 0.5)).numbers[1:].tolist()
+    [3, 4602678819172646912]
+    """
+
+    __slots__ = ("_values", "numbers")
+
+    def __init__(self, values: Any) -> None:
+        given, declared = name_type(typeof(values)), name_type(declared_type(type(values)))
+        if given != declared:
+            raise TypeError(f"a block got {given}; expected {declared}")
+        self._values = values
+        self.numbers = np.array(_numbers_of(values), NUMBER)
+
+    def replace(self, values: Any) -> None:
+        """Take other values of the same types, in the same numbers, to which blocks may refer."""
+        self._values, self.numbers[:] = values, _numbers_of(values)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how a copy is made: of copies of the arrays, so that it refers to these."""
+        return Block, (self._values,)
+
+
+def _numbers_of(value: Any) -> list[int]:
+    if value is None:
+        return []
+    if isinstance(value, tuple):
+        return [number for part in value for number in _numbers_of(part)]
+    if isinstance(value, np.ndarray):
+        return [value.ctypes.data, *value.shape]
+    return [int(np.float64(value).view(NUMBER)) if isinstance(value, float) else int(value)]
+
+
+@intrinsic
+def unpack(typing_context: Any, block: Any, declared: Any) -> Any:
+    """Return the arguments in a block, as the class declares them, or None for None; for compiled functions."""
+    if block is types.none:
+        return types.none(block, declared), lambda context, *_: context.get_dummy_value()
+    result = declared_type(declared.instance_class)
+
+    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, given[0])
+        return _Reader(context, builder, array.data).take(result)
+
+    return result(block, declared), code
+
+
+class _Reader:
+    """Writes the code that reads the numbers of a block one after the other."""
+
+    def __init__(self, context: Any, builder: Any, first: Any) -> None:
+        self.context, self.builder, self.first, self.place = context, builder, first, 0
+
+    def take(self, kind: Any) -> Any:
+        """Return the value of a type, made of the next numbers."""
+        if isinstance(kind, types.BaseTuple):
+            return self.context.make_tuple(self.builder, kind, [self.take(part) for part in cast(Any, kind)])
+        if isinstance(kind, types.Array):
+            return self._array(kind)
+        if kind is types.none:
+            return self.context.get_dummy_value()
+        if isinstance(kind, types.Boolean):
+            return self.builder.icmp_signed("!=", self._number(), self.context.get_constant(types.intp, 0))
+        if isinstance(kind, types.Float):
+            return self.builder.bitcast(self._number(), self.context.get_value_type(kind))
+        return self._number()
+
+    def _number(self) -> Any:
+        place = self.context.get_constant(types.intp, self.place)
+        self.place += 1
+        return self.builder.load(self.builder.gep(self.first, [place]))
+
+    def _array(self, kind: Any) -> Any:
+        context, builder = self.context, self.builder
+        array = context.make_array(kind)(context, builder)
+        item = context.get_data_type(kind.dtype)
+        address = builder.inttoptr(self._number(), item.as_pointer())
+        shape = [self._number() for _ in range(kind.ndim)]
+        size = context.get_constant(types.intp, context.get_abi_sizeof(item))
+        strides = [size]
+        for length in shape[:0:-1]:
+            strides.insert(0, builder.mul(strides[0], length))
+        populate_array(array, data=address, shape=shape, strides=strides, itemsize=size, meminfo=None)
+        return array._getvalue()
+
+
+class KernelCall(NamedTuple):
+    """A call of a function of `SIGNATURE` by compiled functions: where its code is, and the numbers of its block."""
+
+    address: int
+    block: Integers
+
+
+def code_address(function: Any) -> int:
+    """Return where the code of a function of `SIGNATURE` is, which is compiled if it is not there."""
+    function.compile(SIGNATURE)
+    result = function.overloads[SIGNATURE]
+    return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+
+
+@intrinsic
+def call_at(typing_context: Any, address: Any, block: Any, step: Any, first: Any, last: Any) -> Any:
+    """Call the function at an address and return its code; for compiled functions."""
+
+    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        where, *arguments = given
+        kind = context.call_conv.get_function_type(types.int64, SIGNATURE)
+        function = builder.inttoptr(where, kind.as_pointer())
+        status, value = context.call_conv.call_function(builder, function, types.int64, SIGNATURE, arguments)
+        with cgutils.if_unlikely(builder, status.is_error):
+            context.call_conv.return_status_propagate(builder, status)
+        return value
+
+    return types.int64(types.int64, *SIGNATURE), code

@@ -1,0 +1,258 @@
+"""Machine code in files: read from where it lies, written where that is allowed, and made anew if it is damaged.
+
+Numba would load what a power cut left of a file, or call it: here each file begins with a digest of what follows, and
+one that does not match is as good as none. Numba would also write beside the sources or nowhere, and read only from
+where it can write: here the code of a read-only installation is read, and new code goes to a folder of the user's.
+"""
+
+import os
+import pickle
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from functools import cache
+from hashlib import blake2b
+from pathlib import Path
+from shutil import rmtree
+from tempfile import TemporaryFile
+from types import SimpleNamespace
+from typing import Any
+from uuid import uuid4
+
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.registry import cpu_target
+from numba.core.serialize import dumps
+from numba.misc.appdirs import AppDirs
+
+from mesa_swarm.base.progress import notice
+from mesa_swarm.kernels.type_names import name_type
+
+PACKAGE = Path(__file__).resolve().parent.parent
+# The rooms that hold compiled functions.
+FLOORS = ("kernels", "geometry", "robots", "physics", "control", "fire", "learning", "environments")
+# Every change of the sources leaves a cache behind: the last few are enough.
+MOST_CACHES = 4
+SEAL_BYTES = 16
+CURE = "set NUMBA_CACHE_DIR to a folder that can be written to"
+# Why code could not be stored by this process, each time.
+problems: list[str] = []
+# The variable that is set, for processes that this one starts, once a user has read such a line.
+REPORTED = "MESA_SWARM_CODE_IS_NOT_STORED"
+# Numba finds its settings when it is imported, where no type checker sees them.
+settings: Any = numba.config
+
+
+def _stamp() -> str:
+    """Return a name for this state of the sources that hold compiled functions."""
+    digest = blake2b(digest_size=8)
+    for path in sorted(path for floor in FLOORS for path in (PACKAGE / floor).glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+# A separate folder for each state of the sources cannot go stale, though machine code is of several files.
+FOLDER = f"kernels-{_stamp()}"
+# The code of this installation: beside it, or where the user has Numba store code.
+HOME = Path(settings.CACHE_DIR or PACKAGE / "__pycache__").absolute() / FOLDER
+
+
+@cache
+def places() -> tuple[Path, ...]:
+    """Return the folders in which code is looked for: the last is the one for new code, if it can be written to."""
+    other = _of_user()
+    return (HOME,) if other is None or not why_unwritable(HOME) else (HOME, other)
+
+
+def _of_user() -> Path | None:
+    """Return the user's own folder for code, None if the system does not define it."""
+    folder = Path(AppDirs(appname="mesa_swarm", appauthor=False).user_cache_dir)
+    return folder / FOLDER if folder.is_absolute() else None
+
+
+@cache
+def why_unwritable(folder: Path) -> str:
+    """Return why no file can be written to a folder, which is made if it is missing; "" if one can."""
+    try:
+        if not folder.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            _drop_old(folder)
+        with TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return error.strerror or type(error).__name__
+
+
+def _drop_old(new: Path) -> None:
+    """Remove all but the newest caches beside one that has just been made."""
+    others = [path for path in new.parent.glob("kernels-*") if path != new]
+    for old in sorted(others, key=modified)[: 1 - MOST_CACHES]:
+        rmtree(old, ignore_errors=True)
+
+
+def modified(path: Path) -> float:
+    """Return when a file or folder was changed, 0 if it is gone meanwhile."""
+    with suppress(OSError):
+        return path.stat().st_mtime
+    return 0.0
+
+
+def unstored() -> str:
+    """Return in one line that no code can be stored, and why; "" if it can."""
+    reasons = {str(folder): why_unwritable(folder) for folder in places()}
+    if not all(reasons.values()):
+        return ""
+    named = "; ".join(f"{folder}: {reason}" for folder, reason in reasons.items())
+    return f"machine code cannot be stored ({named}); {CURE}"
+
+
+def read(name: str) -> Iterator[bytes]:
+    """Yield what whole files of this name hold, those of the installation first."""
+    for folder in places():
+        with suppress(OSError):
+            seal, code = _opened((folder / name).read_bytes())
+            if seal == _seal(code):
+                yield code
+
+
+def is_stored(name: str) -> bool:
+    """Return whether there is a whole file of this name."""
+    return any(_is_whole(folder / name) for folder in places())
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        state = path.stat()
+    except OSError:
+        return False
+    return _was_whole(path, state.st_mtime_ns, state.st_size)
+
+
+@cache
+def _was_whole(path: Path, *_state: int) -> bool:
+    """Return whether a file is whole; it is read once as long as it does not change."""
+    with suppress(OSError):
+        seal, code = _opened(path.read_bytes())
+        return seal == _seal(code)
+    return False
+
+
+def _opened(content: bytes) -> tuple[bytes, bytes]:
+    return content[:SEAL_BYTES], content[SEAL_BYTES:]
+
+
+def drop_damaged(folder: str) -> list[str]:
+    """Remove damaged files of a folder within the places; return the names of those that no whole one replaces."""
+    files = {f"{folder}/{path.name}": path for place in places() for path in (place / folder).glob("*.nbc")}
+    damaged = {name: path for name, path in files.items() if not is_stored(name)}
+    for path in damaged.values():
+        with suppress(OSError):  # of a read-only installation
+            path.unlink()
+    return sorted(damaged)
+
+
+def write(name: str, code: bytes) -> None:
+    """Store code in a file, in one rename; where that cannot be, a user reads so once."""
+    path = places()[-1] / name
+    draft = path.with_name(f"{path.name}.tmp.{uuid4().hex[:16]}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft.write_bytes(_seal(code) + code)
+        os.replace(draft, path)
+    except OSError as error:
+        with suppress(OSError):
+            draft.unlink()
+        if not path.exists():  # Windows replaces no file that another process reads
+            _report(unstored() or f"machine code cannot be stored ({path.parent}: {error.strerror or error}); {CURE}")
+
+
+def _report(problem: str) -> None:
+    if not problems and REPORTED not in os.environ:
+        os.environ[REPORTED] = "1"
+        notice(f"{problem}; until then each start compiles anew")
+    problems.append(problem)
+
+
+def _seal(code: bytes) -> bytes:
+    return blake2b(code, digest_size=SEAL_BYTES).digest()
+
+
+def file_of(stem: str, words: str, more: str = "") -> str:
+    """Return the name of the file of a function's code for arguments of these types, on this machine.
+
+    Parameters
+    ----------
+    stem : str
+        The name of the function.
+    words : str
+        The types, see `type_names.in_words`.
+    more : str
+        Whatever else the code depends on.
+    """
+    digest = blake2b(repr((machine(), words, more)).encode("utf-8", "backslashreplace"), digest_size=12).hexdigest()
+    return f"{stem}-{digest}.nbc"
+
+
+@cache
+def machine() -> str:
+    """Return a name for what machine code depends on besides the sources: Numba loads that of no other processor."""
+    return repr((sys.version_info[:2], numba.__version__, cpu_target.target_context.codegen().magic_tuple()))
+
+
+def types_named(arguments: Iterable[Any]) -> str:
+    """Return types in words, as in names of files and in `kernels/needed.json`."""
+    return " ".join(map(name_type, arguments))
+
+
+class _Form(CompileResultCacheImpl):
+    """What Numba stores of compiled code; where is decided here."""
+
+    def __init__(self, function: Any) -> None:
+        self._lineno = function.__code__.co_firstlineno
+        self._locator = SimpleNamespace(_py_file=function.__code__.co_filename)  # for its warnings
+
+
+class StoredCode(FunctionCache):
+    """The machine code of a function, for Numba to load and to store.
+
+    Parameters
+    ----------
+    function : function
+    stem : str
+        The name of its files, see `file_of`.
+    more : str
+        Whatever else the code depends on.
+    accepts : callable
+        Code is stored if this returns True when it has been compiled.
+    """
+
+    def __init__(self, function: Any, stem: str, more: str = "", accepts: Callable[[], bool] = lambda: True) -> None:
+        self._py_func, self._impl = function, _Form(function)
+        self._stem, self._more, self._accepts = stem, more, accepts
+
+    @property
+    def cache_path(self) -> str:
+        """The folder for new code."""
+        return str(places()[-1])
+
+    def flush(self) -> None:
+        """Do nothing: what is stored stays."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the code for these types, None if there is none that is whole."""
+        target_context.refresh()
+        for content in read(self._file(sig)):
+            with suppress(Exception):  # of types that cannot be unpickled or compared: it is compiled
+                key, code = pickle.loads(content)
+                if key == self._index_key(sig, target_context.codegen()):
+                    return self._impl.rebuild(target_context, code)
+        return None
+
+    def save_overload(self, sig: Any, result: Any) -> None:
+        """Store code."""
+        if self._impl.check_cachable(result) and self._accepts():
+            key = self._index_key(sig, result.codegen)
+            write(self._file(sig), dumps((key, self._impl.reduce(result))))
+
+    def _file(self, sig: Any) -> str:
+        return file_of(self._stem, types_named(getattr(sig, "args", sig)), self._more)

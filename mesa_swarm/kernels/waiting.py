@@ -1,0 +1,37 @@
+"""Waiting for a number that another thread writes, in compiled code, without holding the GIL."""
+
+from typing import Any
+
+from numba.core import types
+from numba.extending import intrinsic
+
+from mesa_swarm.kernels.compiled import compiled
+
+# Multiplications between two looks, so that a thread that waits does not slow down the one beside it.
+PAUSE = 16
+
+
+@intrinsic
+def look_at(typing: Any, word: Any) -> Any:
+    """Read the first number of an array as another thread has written it last."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        address = builder.bitcast(array.data, context.get_value_type(types.int64).as_pointer())
+        return builder.load_atomic(address, "acquire", 8)
+
+    return types.int64(word), code
+
+
+@compiled(nogil=True)
+def wait_while(word, value, looks):
+    """Look at a word until it differs from a value, at most so often, and return what it is."""
+    busy = 1
+    for _ in range(looks):
+        found = look_at(word)
+        if found != value:
+            return found
+        for _ in range(PAUSE):
+            busy = busy * 3 + value
+    # Of use only so that no compiler leaves the pause out.
+    return look_at(word) if busy != 0 else value

@@ -1,0 +1,336 @@
+"""Kernels of stages: called in the order of the plan they do what a step does, and the plan names why there is none."""
+
+import math
+import pickle
+from collections import Counter
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numba import types
+
+from mesa_swarm import AGENT9, AGENT_FIRE, Field, Lamp, Map, Radio, SwarmModel, disc, rectangle
+from mesa_swarm.base.errors import BehaviourError
+from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum
+from mesa_swarm.control.arbiter import decide_layers
+from mesa_swarm.fire import FightFire
+from mesa_swarm.fire.burning import Burning
+from mesa_swarm.kernels.part import Phase
+from mesa_swarm.kernels.plan import due
+from mesa_swarm.model.engine_model import EngineModel
+from mesa_swarm.model.gallery import find_model
+from mesa_swarm.physics import engine as engine_module
+from mesa_swarm.physics.packed import LIST
+
+SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
+HEAR, DECIDE, FIELDS, PROCESSES = (
+    "robots hear each other",
+    "layers decide",
+    "fields diffuse and evaporate",
+    "processes take place",
+)
+SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
+# How often each kernel returned each code.
+CODES: Counter = Counter()
+KERNELS: list = []
+
+
+def step_by_kernels(model):
+    """Take a step as `EngineModel.step` does, by kernels where stages have them."""
+    parts, counted = model.parts, False
+    for place in range(len(parts.plan.stages)):
+        _, stage = parts.plan.stages[place]  # made anew where Python has changed arrays since
+        if stage.phase is Phase.COLLECT and not counted:
+            model._completed, counted = model._completed + 1, True
+        if stage.kernel is None:
+            due(stage, lambda: model.completed)()
+            continue
+        function, block, _, attend = stage.kernel
+        KERNELS.append(stage.kernel)
+        while code := function(block, model.steps, 0, len(model.swarm)):
+            CODES[function.__name__, code] += 1
+            attend(code)
+    model._collect()
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """Return what takes the steps of two equal models, of the second by kernels, and compares them."""
+
+    def run_both(models, steps):
+        usual, by_kernels = models
+        usual.run(steps)
+        with monkeypatch.context() as patched:
+            patched.setattr(EngineModel, "step", step_by_kernels)
+            by_kernels.run(steps)
+        assert by_kernels.completed == usual.completed
+        assert by_kernels.state_hash() == usual.state_hash()
+        rows = [model.datacollector.get_model_vars_dataframe() for model in models]
+        assert rows[1].equals(rows[0])
+
+    return run_both
+
+
+def on_own_map():
+    """Return a dense crowd between walls of a map of its own, which gets stuck in corners."""
+    walls = [rectangle((56, 0), (64, 40)), rectangle((56, 60), (64, 100)), disc((20, 50), 6)]
+    model = SwarmModel(map=Map(bounds=(0, 0, 120, 100), obstacles=walls), rng=3)
+    model.add_robots(AGENT9, 14)
+    model.control = Subsumption(Explore())
+    return model
+
+
+def with_fields():
+    """Return a model with fields, one of which is empty, and one stays as it is."""
+    model = find_model("collision_avoidance")(n_robots=10, rng=2)
+    for name, diffusion in (("trail", 30.0), ("still", 0.0), ("empty", 1.0)):
+        model.add_field(Field(name, cell=20.0, diffusion=diffusion, evaporation=0.01 * (diffusion > 0)))
+    for name in ("trail", "still"):
+        model.fields[name].deposit((200, 300), 5.0)
+    return model
+
+
+def in_touch():
+    """Return a world in which robots hear of fires, and go where others fight them; one beacon stands in a corner."""
+    model = SwarmModel(map="openspace_fire", rng=5, communication=Radio(range=200, occlusion=True, beacons=[(20, 20)]))
+    model.add_obstacle(rectangle((300, 200), (320, 400)))
+    model.add_robots(AGENT_FIRE, 12)
+    model.control = Subsumption(Avoid(fires="never"), FightFire(), Explore())
+    return model
+
+
+# Of each world its model, and the stages that have kernels.
+WORLDS = {
+    "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
+    "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
+    "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
+    "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
+    "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
+    "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
+}
+
+
+def stages_with_kernels(model):
+    return {stage.name for _, stage in model.plan.stages if stage.kernel is not None}
+
+
+@pytest.mark.parametrize(("make", "kernels"), WORLDS.values(), ids=WORLDS)
+def test_kernels_in_the_order_of_the_plan_are_a_step_whatever_arrays_are_replaced(make, kernels, run):
+    models = make(), make()
+    assert stages_with_kernels(models[1]) >= kernels
+    run(models, 30)
+    for model in models:
+        x, y = model.robots[0].position
+        model.add_robots(model.robots[0].design, poses=[(x, y, 0.5), (x + 1, y, 0.0)])  # overlap: they are moved
+    run(models, 10)
+    for model in models:
+        model.remove_robots(list(model.robots)[1:3])
+        model.add_obstacle(disc(tuple(model.robots[0].position + 30), 5))
+    run(models, 10)
+    copies = [deepcopy(model) for model in models]
+    run(copies, 10)
+    run([pickle.loads(pickle.dumps(model)) for model in models], 10)
+    run(models, 10)
+    assert models[1].state_hash() == copies[0].state_hash()
+
+
+def test_kernels_follow_when_fields_are_added_and_removed_and_walls_change(run):
+    models = with_fields(), with_fields()
+    run(models, 3)
+    for model in models:
+        wall = model.add_obstacle(rectangle((255, 200), (265, 400)))
+        model.remove_field("still")
+        model.add_field(Field("late", diffusion=5.0)).deposit((300, 100), 2.0)
+    run(models, 5)
+    for model in models:
+        list(model.obstacles)[-1].remove()
+        model.fields["empty"].deposit((250, 300), 1.0)
+    assert wall.space is None
+    run(models, 5)
+
+
+def test_kernels_follow_when_constants_change_and_what_burns_is_put_out_added_and_removed(run):
+    models = [find_model("fire_fighting")(rng=4) for _ in range(2)]
+    run(models, 20)
+    for model in models:
+        model.fires[0].put_out()
+        model.fire_constants = replace(model.fire_constants, k1=2 * model.fire_constants.k1)
+    run(models, 20)
+    for model in models:
+        model.fires[1].remove()
+        model.add_fire((120, 130), radius=15, temperature=0.001)
+        model.extinguish_range = 500.0
+    run(models, 60)
+    assert any(fire.out for fire in models[1].fires)
+
+
+def test_a_kernel_that_lacks_room_for_pairs_gets_it_and_goes_on(run):
+    models = [SwarmModel(map=Map(bounds=(0, 0, 400, 400)), rng=1) for _ in range(2)]
+    for model in models:
+        places = [(x, y, 0.1 * x) for x in range(40, 360, 12) for y in range(40, 360, 12)]
+        model.add_robots(AGENT9, poses=places)
+        model.control = Subsumption(Explore())
+    CODES.clear()
+    run(models, 3)
+    assert CODES["sense_robots", LIST] > 0
+
+
+def test_a_step_that_lacks_room_for_pairs_after_a_piece_goes_on_with_the_next(run):
+    models = [SwarmModel(map=Map(bounds=(0, 0, 400, 400)), rng=1) for _ in range(2)]
+    for model in models:
+        headings = np.linspace(-3, 3, 60).tolist()
+        places = [(200 - 190 * np.cos(heading), 200 - 190 * np.sin(heading), heading) for heading in headings]
+        model.add_robots(replace(AGENT9, max_speed=180.0), poses=places)
+        model.swarm.columns["command"][:] = 180.0
+        model.sense()
+    crowd = models[1].parts.robots.engine._crowd
+    crowd.near = crowd.near._replace(room=np.empty((1, 2), np.int64))
+    crowd._pairs.replace(crowd.near)
+    CODES.clear()
+    run(models, 1)
+    assert CODES["move_robots", LIST] > 0
+
+
+def test_each_kernel_is_compiled_for_one_signature(run):
+    models = [find_model("fire_fighting")(rng=1) for _ in range(2)]
+    KERNELS.clear()
+    run(models, 1)
+    decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
+    functions = {*decided, *(kernel.function for kernel in KERNELS)}
+    names = {function.__name__ for function in functions}
+    assert {"avoid_all", "fight_all", "go_straight_all", "sense_devices", "move_robots", "advance_fields"} <= names
+    for function in functions:
+        assert function.signatures == [SIGNATURE]
+        assert types.unliteral(function.overloads[SIGNATURE].signature.return_type) == types.int64
+
+
+def test_a_parameter_of_a_layer_that_is_set_between_steps_counts_from_the_next_on(run):
+    models = [find_model("collision_avoidance")(n_robots=5, rng=1) for _ in range(2)]
+    run(models, 2)
+    for speed in (0.5, 0.0):
+        for model in models:
+            model.control.layers[-1].speed = speed
+            assert model.plan.stages  # which looks at what was set by hand
+        run(models, 3)
+    straight = models[1].swarm.layer == len(models[1].control.layers) - 1
+    assert (models[1].swarm.command[straight] == 0.0).all()
+
+
+def test_a_layer_that_commands_nan_is_named_by_an_error_whichever_way_a_step_is_taken(monkeypatch):
+    words = []
+    for step in (EngineModel.step, step_by_kernels):
+        model = find_model("collision_avoidance")(n_robots=5, rng=1)
+        model.control.layers[-1].speed = math.nan
+        monkeypatch.setattr(EngineModel, "step", step)
+        with pytest.raises(BehaviourError, match="commanded NaN to robot") as caught:
+            model.step()
+        words.append(str(caught.value))
+    assert words[0] == words[1]
+
+
+class OwnAvoid(Avoid):
+    """A layer that decides in its own way."""
+
+    def decide(self, senses, command, layer, index):
+        command[:], layer[:] = 0.25, index
+
+
+class SlowBurning(Burning):
+    """What burns in each other step."""
+
+    def step(self, model):
+        if model.steps % 2:
+            super().step(model)
+
+
+def test_derived_classes_that_do_otherwise_have_no_kernel(run):
+    def make():
+        model = SwarmModel(map="openspace_fire", rng=1)
+        model.add_robots(AGENT9, 5)
+        model.control = Subsumption(OwnAvoid(), Explore())
+        model.remove_process(model.processes[0])
+        model.add_process(SlowBurning())
+        return model
+
+    models = make(), make()
+    run(models, 5)
+    assert not {DECIDE, PROCESSES} & stages_with_kernels(models[1])
+    assert (models[1].swarm.command == 0.25).all()
+
+
+def loaded(model):
+    model.add_load(disc((300, 300), 10), resistance=1.0)
+
+
+def driven(model):
+    model.add_body(disc((300, 300), 10))
+
+
+def shared(model):
+    model.threads = 2
+
+
+def imperfect(model):
+    model.imperfections = model.imperfections or find_model("collision_avoidance")(imperfections=0.5).imperfections
+
+
+def turning(model):
+    model.control = Subsumption(Avoid(), Explore(turn_interval=5))
+
+
+def acting(model):
+    model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 1)
+    model.control = Subsumption(Avoid(front="random"), Explore())
+
+
+def summing(model):
+    model.control = VectorSum(Avoid(), Explore())
+
+
+# What changes a model, and why which stage has no kernel then.
+REASONS = {
+    "loads": ({}, loaded, {SENSE: "loads", MOVE: "loads"}),
+    "driven bodies": ({}, driven, {SENSE: "driven bodies", MOVE: "driven bodies"}),
+    "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
+    "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
+    "losses": ({"communication": Radio(range=9, loss_probability=0.1)}, bool, {HEAR: "broadcasts that are lost"}),
+    "messages": ({"communication": Radio(range=9, message=("x",))}, bool, {HEAR: "messages"}),
+    "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
+    "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
+    "weights": ({}, summing, {DECIDE: "VectorSum"}),
+    "slip": ({"slip": 0.5}, bool, {SENSE: "imperfections", MOVE: "imperfections"}),
+    "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
+}
+
+
+@pytest.mark.parametrize(("arguments", "change", "reasons"), REASONS.values(), ids=REASONS)
+def test_the_plan_names_why_a_stage_has_no_kernel(arguments, change, reasons, monkeypatch):
+    monkeypatch.setattr(engine_module, "FEWEST_ROWS", 2)
+    model = SwarmModel(rng=1, **arguments)
+    model.add_robots(AGENT9, 3)
+    change(model)
+    named = {stage.name: stage.python for _, stage in model.plan.stages if stage.kernel is None}
+    assert {name: named.get(name) for name in (SENSE, HEAR, DECIDE, MOVE) if name in named} == reasons
+    assert all(reason in str(model.plan) for reason in reasons.values())
+
+
+def test_a_stage_of_python_that_changes_bodies_within_a_step_is_seen_by_the_next(run):
+    def make():
+        model = SwarmModel(rng=1)
+        model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 5)
+        model.control = Subsumption(Avoid(), Explore())
+        model.add_process(Builder())
+        return model
+
+    run((make(), make()), 12)
+
+
+class Builder:
+    """A process that adds an obstacle in each third step, and takes a robot away in each fifth."""
+
+    def step(self, model):
+        if model.steps % 3 == 0:
+            model.add_obstacle(disc((40.0 * model.steps, 300), 8))
+        if model.steps % 5 == 0:
+            model.robots[0].remove()
