@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -31,6 +31,7 @@ from mesa_swarm.model.gallery import find_model, loaded_models, short_name
 if TYPE_CHECKING:
     from mesa_swarm.experiments.experiment import Experiment
     from mesa_swarm.experiments.jobs import Job
+    from mesa_swarm.experiments.sweep import Shard, Sweep
 
 commands = typer.Typer()
 
@@ -60,7 +61,6 @@ def sweep(
     prepare()
     from mesa_swarm.experiments.jobs import read_job
     from mesa_swarm.experiments.pool import checked_jobs, on_scheduler
-    from mesa_swarm.experiments.reports import notes_on_rows
     from mesa_swarm.experiments.run_tables import checked_forms
     from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.sweep import WHOLE, Shard, done_before, run_experiment
@@ -71,30 +71,41 @@ def sweep(
     folder = out or Path("results", read.name)
     if dry_run:
         for experiment, home, options in _parts(read, folder, record, parts):
-            runs, done = part.count(experiment), done_before(experiment, home, options, part, series=parts)
-            points, seeds = len(experiment.points), len(experiment.seeds)
-            size = f"{quantity(points, 'point')} x {quantity(seeds, 'seed')}, {quantity(experiment.steps, 'step')} each"
-            print_lines([f"{home}: {quantity(runs, 'run')} ({size}), {done:,} done, {runs - done:,} to do"])
+            _print_size(experiment, home, part, done_before(experiment, home, options, part, series=parts))
         return
     check_writable(folder)
     workers = checked_jobs(jobs)
     if scheduler is not None and jobs != -1:
         raise InvalidValueError("--jobs counts processes of this machine; leave it out with --scheduler")
     failures = 0
+    kept: dict[str, Any] = {"shard": part, "series": parts, "tables": forms}
     with nullcontext() if scheduler is None else on_scheduler(scheduler):
-        kept = {"shard": part, "series": parts, "tables": forms}
         for experiment, home, options in _parts(read, folder, record, parts):
             made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, **kept)
-            before = f", {made.done_before:,} of them before" if made.done_before else ""
-            failed = f", {made.failed:,} ended in an error" if made.failed else ""
-            size = f"{made.path}: {quantity(made.runs, 'run')}{before}{failed}"
-            print_lines([size, *map(str, made.written), *notes_on_rows(made.left_out)])
-            for error in made.errors:
-                print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
+            _print_made(made)
             failures += made.failed
     if failures:
         print("mesa-swarm: --retry-failed repeats the runs that failed", file=sys.stderr, flush=True)
         raise typer.Exit(FAILED)
+
+
+def _print_size(experiment: "Experiment", home: Path, part: "Shard", done: int) -> None:
+    """Print how many runs an experiment has, and how many of them are done."""
+    points, seeds, runs = len(experiment.points), len(experiment.seeds), part.count(experiment)
+    size = f"{quantity(points, 'point')} x {quantity(seeds, 'seed')}, {quantity(experiment.steps, 'step')} each"
+    print_lines([f"{home}: {quantity(runs, 'run')} ({size}), {done:,} done, {runs - done:,} to do"])
+
+
+def _print_made(made: "Sweep") -> None:
+    """Print what a sweep has done and written, and the first errors."""
+    from mesa_swarm.experiments.reports import notes_on_rows
+
+    before = f", {made.done_before:,} of them before" if made.done_before else ""
+    failed = f", {made.failed:,} ended in an error" if made.failed else ""
+    size = f"{made.path}: {quantity(made.runs, 'run')}{before}{failed}"
+    print_lines([size, *map(str, made.written), *notes_on_rows(made.left_out)])
+    for error in made.errors:
+        print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
 
 
 def _parts(

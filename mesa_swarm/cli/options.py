@@ -17,6 +17,8 @@ from mesa_swarm.model.gallery import BASE, check_model_name, find_model
 if TYPE_CHECKING:
     from mesa_swarm.swarm_model import SwarmModel
 
+__all__ = ["Folder", "Jobs", "Quiet", "resumable"]
+
 # Typer checks limits before anything slow is imported.
 MOST_STEPS = 100_000_000
 # Steps that are stored take memory.

@@ -25,6 +25,17 @@ Ranges = Annotated[
         help="Range of a parameter, NAME=LOW:HIGH:log for a logarithmic one, NAME=A,B,... for values; repeat it.",
     ),
 ]
+Targets = Annotated[
+    list[str] | None,
+    typer.Option(metavar="MEASURE=VALUE", help="Target of a measure, MEASURE=VALUE:SCALE with a scale; repeat it."),
+]
+Missing = Annotated[
+    list[str] | None,
+    typer.Option(metavar="MEASURE=VALUE", help="What counts where a measure did not happen; repeat it."),
+]
+FreshRuns = Annotated[
+    int, typer.Option(min=1, max=100_000, help="Runs of the best with seeds of their own; intervals need 6.")
+]
 DesignSeed = Annotated[int, typer.Option("--rng", min=0, max=2**31 - 1, help="Seed of the design or search.")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="Repeat runs that ended in an error.")]
 Results = Annotated[
@@ -91,20 +102,12 @@ def calibrate(
     model: Model,
     *,
     ranges: Ranges = None,
-    target: Annotated[
-        list[str] | None,
-        typer.Option(metavar="MEASURE=VALUE", help="Target of a measure, MEASURE=VALUE:SCALE with a scale; repeat it."),
-    ] = None,
+    target: Targets = None,
     points: Annotated[int, typer.Option(min=1, max=100_000, help="Points of the search.")] = 80,
     batch: Annotated[int, typer.Option(min=1, max=100_000, help="Points that are proposed at a time.")] = 8,
     seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each point of the search.")] = 5,
-    fresh: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Runs of the best with seeds of their own; intervals need 6.")
-    ] = 20,
-    missing: Annotated[
-        list[str] | None,
-        typer.Option(metavar="MEASURE=VALUE", help="What counts where a measure did not happen; repeat it."),
-    ] = None,
+    fresh: FreshRuns = 20,
+    missing: Missing = None,
     steps: StepsOfRuns = None,
     setting: Settings = None,
     rng: DesignSeed = 1,

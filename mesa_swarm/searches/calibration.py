@@ -298,7 +298,9 @@ def calibrate(
     need_optuna()
     model_class, workers = checked_class(model), checked_jobs(jobs)
     checked, losses = checked_ranges(model_class, ranges), _checked_losses(target, measure, missing)
-    budget = _checked_budget(points, batch, fresh)
+    for name, count in (("points", points), ("batch", batch)):
+        check_count(name, count, minimum=1, maximum=MOST_POINTS)
+    check_count("fresh", fresh, minimum=1, maximum=MOST_SEEDS)
     design = AdaptiveDesign(
         model_class,
         seeds=seeds,
@@ -311,9 +313,9 @@ def calibrate(
         retry_failed=retry_failed,
         until=until,
     )
-    history = _searched(design, checked, losses, budget, _checked_sampler(sampler, rng))
+    history = _searched(design, checked, losses, _checked_sampler(sampler, rng), points, batch)
     how: dict[str, Any] = {"workers": workers, "progress": progress, "retry_failed": retry_failed}
-    return _judged(design, history, checked, losses, budget.fresh, check_writable(out) / FRESH, how)
+    return _judged(design, history, checked, losses, fresh, check_writable(out) / FRESH, how)
 
 
 def _judged(
@@ -429,23 +431,6 @@ def _mean(column: pd.Series) -> float:
     return mean if math.isfinite(mean) else mean_interval(column.tolist()).estimate  # of huge numbers it may be finite
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Budget:
-    """Points of a search, how many are proposed at a time, and fresh seeds for the best."""
-
-    points: int
-    batch: int
-    fresh: int
-
-
-def _checked_budget(points: int, batch: int, fresh: int) -> _Budget:
-    return _Budget(
-        points=check_count("points", points, minimum=1, maximum=MOST_POINTS),
-        batch=check_count("batch", batch, minimum=1, maximum=MOST_POINTS),
-        fresh=check_count("fresh", fresh, minimum=1, maximum=MOST_SEEDS),
-    )
-
-
 def _checked_losses(target: object, measure: Sequence[str], missing: Mapping[str, float] | None) -> _Losses:
     numbers = {name: check_number(f"missing {name}", number) for name, number in (missing or {}).items()}
     if callable(target):
@@ -488,7 +473,7 @@ def _checked_sampler(sampler: Any, rng: int) -> Any:
 
 
 def _searched(
-    design: AdaptiveDesign, ranges: Mapping[str, Range], losses: _Losses, budget: _Budget, sampler: Any
+    design: AdaptiveDesign, ranges: Mapping[str, Range], losses: _Losses, sampler: Any, points: int, batch: int
 ) -> pd.DataFrame:
     """Return the history of a search: one row a point."""
     from optuna import create_study  # noqa: PLC0415 - optional, and slow to load
@@ -499,8 +484,8 @@ def _searched(
     error = ""
     with _without_log():
         study = create_study(sampler=sampler)
-        while len(rows) < budget.points:
-            trials = [study.ask(space) for _ in range(min(budget.batch, budget.points - len(rows)))]
+        while len(rows) < points:
+            trials = [study.ask(space) for _ in range(min(batch, points - len(rows)))]
             design.propose([_settings(ranges, trial.params) for trial in trials])
             numbers_of = range(len(rows), len(rows) + len(trials))
             for trial, point, (_, table) in zip(trials, numbers_of, design.results().groupby(POINT), strict=True):
