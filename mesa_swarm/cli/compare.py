@@ -172,8 +172,8 @@ def compare(
     if comparison.done_before:
         done = f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / LEDGER}"
         print_lines([done])
-    table = comparison.table(terminal_width() or WIDEST)
-    print_lines([table, "", *map(str, paths), "", comparison.finding()], 0)
+    summary = comparison.table(terminal_width() or WIDEST)
+    print_lines([summary, "", *map(str, paths), "", comparison.finding()], 0)
 
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger, Outcome
@@ -179,11 +179,12 @@ def run_plan(
         # Portraits are not stored: for the pictures the runs with the first seed are done again.
         later = [run for run in runs if run.key in stored and run.rng != plan.seeds[0]]
         known = {run.key: plan.paired(run, stored[run.key]) for run in later}
-        found = do(known=known)
+        found = cast(dict[str, PairedOutcome], do(known=known))
         first = found[runs[0].key]
         other = {key for key, outcome in known.items() if not _is_alike(outcome, first)}
         if other:  # runs that have other results than the first
-            found = do(known={key: outcome for key, outcome in found.items() if key not in other})
+            alike = {key: outcome for key, outcome in found.items() if key not in other}
+            found = cast(dict[str, PairedOutcome], do(known=alike))
     done_before = sum(_is_alike(outcome, found[key]) for key, outcome in stored.items())
     # Of two values that are the same map, each has its own name in the tables.
     ordered = (replace(found[run.key], value=run.settings[plan.parameter]) for run in runs)

@@ -116,7 +116,7 @@ def write_behaviorspace(path: Path, experiment: Experiment, pairs: Pairs) -> Pat
         Returns runs with their outcomes, in the order in which they are numbered, from 1.
     """
     low_x, low_y, high_x, high_y = first_built(experiment).map.bounds
-    about = [
+    about: list[list[Any]] = [
         [f"BehaviorSpace results (mesa-swarm {version('mesa-swarm')})", "Table version 2.0"],
         [model_address(experiment.model_class)],
         [experiment.name],
@@ -135,16 +135,19 @@ def write_behaviorspace(path: Path, experiment: Experiment, pairs: Pairs) -> Pat
     return _write(path, [*about, head], rows, quoting=csv.QUOTE_ALL, shown=in_netlogo)
 
 
-def _has_steps(run: Run) -> bool:
-    """Return whether the rows of the model after each step are stored."""
-    return run.series is not None and OF_MODEL in run.series.parts
+def _file_of_steps(run: Run) -> Path | None:
+    """Return the file of the rows of the model after each step, None if they are not stored."""
+    if run.series is None or OF_MODEL not in run.series.parts:
+        return None
+    return run.series.file(OF_MODEL, run.key)
 
 
 def _reporters(run: Run, outcome: Outcome) -> list[str]:
     """Return the names of what is known of a run."""
-    if not _has_steps(run) or outcome.error is not None:
+    file = _file_of_steps(run)
+    if file is None or outcome.error is not None:
         return list(outcome.numbers)
-    names = parquet.read_schema(run.series.file(OF_MODEL, run.key)).names
+    names = parquet.read_schema(file).names
     return names[names.index(STEP) + 1 :]
 
 
@@ -152,11 +155,11 @@ def _steps(run: Run, outcome: Outcome) -> Iterator[tuple[int, Mapping[str, Any]]
     """Yield the steps of a run that are known, with what was reported after each."""
     if outcome.error is not None:
         return
-    if not _has_steps(run):
+    file = _file_of_steps(run)
+    if file is None:
         yield outcome.steps, outcome.numbers
-        return
-    for row in parquet.ParquetFile(run.series.file(OF_MODEL, run.key)).read().to_pylist():
-        yield row[STEP], row
+    else:
+        yield from ((row[STEP], row) for row in parquet.ParquetFile(file).read().to_pylist())
 
 
 def in_netlogo(value: Any) -> str:

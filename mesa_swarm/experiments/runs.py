@@ -37,7 +37,9 @@ SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
 class Store(Protocol):
     """Where outcomes of runs are looked up and stored by the keys of runs: a `Ledger`, or files of another kind."""
 
-    path: Path
+    @property
+    def path(self) -> Path:
+        """The file or folder, for errors."""
 
     def outcome(self, key: str) -> Outcome | None:
         """Return the outcome of a run, None if it is not done."""
@@ -146,13 +148,13 @@ def call(run: Run) -> Outcome:
 
 def completed(
     runs: Sequence[Run],
-    work: Callable[[Run], SomeOutcome] = call,  # type: ignore[assignment]
+    work: Callable[[Run], Outcome] = call,
     *,
     ledger: Store | None,
-    known: Mapping[str, SomeOutcome] | None = None,
-    each: Callable[[SomeOutcome], object] = lambda outcome: None,
+    known: Mapping[str, Outcome] | None = None,
+    each: Callable[[Any], object] = lambda outcome: None,
     **how: Any,
-) -> dict[str, SomeOutcome]:
+) -> dict[str, Outcome]:
     """Return the outcomes of all runs by key, after doing those that are not known as `do_runs` does.
 
     Those are known that a ledger has, unless `known` is given. `each` is called with each new outcome.

@@ -320,12 +320,13 @@ def run_experiment(
             if archive is not None and outcome.error is not None:
                 archive.clear(run.key)
             heard(run, outcome)
-        path, written = ledger.path, ()
+        paths = [ledger.path]
         if shard.shards == 1:
-            path, *written = write_tables(experiment, ledger, folder, archive, tables)
+            paths = write_tables(experiment, ledger, folder, archive, tables)
         failed, errors = _failures(runs(), ledger)
         left_out = _left_out(experiment, runs(), ledger)
-    return Sweep(path, shard.count(experiment), failed, before, errors, left_out, tuple(written), experiment.series)
+    path, *others = paths
+    return Sweep(path, shard.count(experiment), failed, before, errors, left_out, tuple(others), experiment.series)
 
 
 def _ledger_of(shard: Shard, folder: Path) -> Path:

@@ -132,13 +132,13 @@ def _value(node: ast.expr, number: Callable[[str], float]) -> float:
     match node:
         case ast.Name(id=name) | ast.Constant(value=str(name)):
             return number(name)
-        case ast.Constant(value=int() | float()):
-            return float(node.value)
+        case ast.Constant(value=int(constant) | float(constant)):
+            return float(constant)
         case ast.UnaryOp() if type(node.op) in OF_ONE:
             return OF_ONE[type(node.op)](_value(node.operand, number))
         case ast.BoolOp():
-            values = [_is_true(_value(part, number)) for part in node.values]
-            return all(values) if isinstance(node.op, ast.And) else any(values)
+            holds = [_is_true(_value(part, number)) for part in node.values]
+            return all(holds) if isinstance(node.op, ast.And) else any(holds)
         case ast.BinOp() if type(node.op) in ARITHMETIC:
             return ARITHMETIC[type(node.op)](_value(node.left, number), _value(node.right, number))
         case ast.Compare() if all(type(sign) in COMPARISONS for sign in node.ops):
