@@ -13,19 +13,7 @@ from typer.core import TyperGroup
 
 from mesa_swarm.base.errors import SwarmError, error_line, located
 from mesa_swarm.base.work_done import one_line
-from mesa_swarm.cli import (
-    check,
-    compare,
-    design,
-    draw,
-    info,
-    learn,
-    listing,
-    page,
-    parameter_searches,
-    policies,
-    run,
-)
+from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, parameter_searches, policies, run
 from mesa_swarm.cli.installed import command_of, installed_commands
 from mesa_swarm.cli.lines import any_letters
 

@@ -122,12 +122,13 @@ def diversity(
     """Search for reflexes that behave differently (pyribs), and draw the best of each cell; continue there."""
     from mesa_swarm.experiments import diversity as search
     from mesa_swarm.searches.design_gap import search_maps
+    from mesa_swarm.searches.diversity import behaviour_figure, diversify
     from mesa_swarm.searches.evolution import Trial
     from mesa_swarm.viewing.pictures import png
 
     folder = check_writable(out)
     with resumable(folder):
-        found = search.diversify(
+        found = diversify(
             Trial(robots=robots, steps=steps, units=0, encoding="typed"),
             measures=[name.strip() for name in measures.split(",")],
             cells=cells,
@@ -139,6 +140,6 @@ def diversity(
             out=folder,
         )
     print(f"{found.filled:.1%} of the cells filled by {found.tried:,} controllers")
-    files: dict[str, str | bytes] = {"diversity.csv": found.csv(), "diversity.png": png(search.behaviour_figure(found))}
+    files: dict[str, str | bytes] = {"diversity.csv": found.csv(), "diversity.png": png(behaviour_figure(found))}
     print("\n".join(map(str, write_all(folder, files))))
     found.save(folder / "diversity.json")
