@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +10,7 @@ import typer
 
 from mesa_swarm.base.files import check_apart, check_writable, checked_file, write_all
 from mesa_swarm.cli.lines import print_lines, terminal_width
+from mesa_swarm.cli.options import Folder, Jobs, Quiet, resumable
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 
 if TYPE_CHECKING:
@@ -20,20 +20,6 @@ if TYPE_CHECKING:
 
 # Dots per inch of the pictures on a page, which are narrower than those that are stored.
 ON_PAGES = 120
-
-Jobs = Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")]
-Folder = Annotated[Path, typer.Option("--out", help="Folder for tables, pictures and stored runs.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress bar.")]
-
-
-@contextmanager
-def resumable(place: Path) -> Iterator[None]:
-    """Print after Ctrl-C where finished runs are stored."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        print(f"the runs so far are stored in {place}; the same command continues from there")
-        raise
 
 
 def bench(

@@ -1,10 +1,10 @@
 """Many runs, resumed where an earlier call stopped: sweep, compare, reality-gap."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,12 +12,26 @@ from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import FAILED, Jobs, Model, Quiet, Settings, StepsOfRuns, known_model, prepare, resumable
+from mesa_swarm.cli.options import (
+    FAILED,
+    Jobs,
+    Model,
+    Quiet,
+    Series,
+    Settings,
+    StepsOfRuns,
+    Tables,
+    Until,
+    known_model,
+    prepare,
+    resumable,
+)
 from mesa_swarm.model.gallery import find_model, loaded_models, short_name
 
 if TYPE_CHECKING:
     from mesa_swarm.experiments.experiment import Experiment
     from mesa_swarm.experiments.jobs import Job
+    from mesa_swarm.experiments.sweep import Shard, Sweep
 
 commands = typer.Typer()
 
@@ -38,51 +52,70 @@ def sweep(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a dask scheduler, whose workers do the runs.")
     ] = None,
+    until: Until = None,
+    series: Series = None,
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Do all runs of a job file; continue an interrupted sweep. Exit status 1 if some runs failed."""
     prepare()
     from mesa_swarm.experiments.jobs import read_job
     from mesa_swarm.experiments.pool import checked_jobs, on_scheduler
-    from mesa_swarm.experiments.reports import notes_on_rows
+    from mesa_swarm.experiments.run_tables import checked_forms
+    from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.sweep import WHOLE, Shard, done_before, run_experiment
 
     part = WHOLE if shard is None else Shard.parsed(shard)
-    read = read_job(job)
+    forms, parts = checked_forms(table or ()), checked_series(series)
+    read = read_job(job, until)
     folder = out or Path("results", read.name)
     if dry_run:
-        for experiment, home, options in _parts(read, folder, record):
-            runs, done = part.count(experiment), done_before(experiment, home, options, part)
-            points, seeds = len(experiment.points), len(experiment.seeds)
-            size = f"{quantity(points, 'point')} x {quantity(seeds, 'seed')}, {quantity(experiment.steps, 'step')} each"
-            print_lines([f"{home}: {quantity(runs, 'run')} ({size}), {done:,} done, {runs - done:,} to do"])
+        for experiment, home, options in _parts(read, folder, record, parts):
+            _print_size(experiment, home, part, done_before(experiment, home, options, part, series=parts))
         return
     check_writable(folder)
     workers = checked_jobs(jobs)
     if scheduler is not None and jobs != -1:
         raise InvalidValueError("--jobs counts processes of this machine; leave it out with --scheduler")
     failures = 0
+    kept: dict[str, Any] = {"shard": part, "series": parts, "tables": forms}
     with nullcontext() if scheduler is None else on_scheduler(scheduler):
-        for experiment, home, options in _parts(read, folder, record):
-            made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, shard=part)
-            before = f", {made.done_before:,} of them before" if made.done_before else ""
-            failed = f", {made.failed:,} ended in an error" if made.failed else ""
-            size = f"{made.path}: {quantity(made.runs, 'run')}{before}{failed}"
-            print_lines([size, *notes_on_rows(made.left_out)])
-            for error in made.errors:
-                print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
+        for experiment, home, options in _parts(read, folder, record, parts):
+            made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, **kept)
+            _print_made(made)
             failures += made.failed
     if failures:
         print("mesa-swarm: --retry-failed repeats the runs that failed", file=sys.stderr, flush=True)
         raise typer.Exit(FAILED)
 
 
-def _parts(job: "Job", folder: Path, record: bool) -> "Iterator[tuple[Experiment, Path, dict | None]]":
-    """Yield the experiments of a job, the folder of each, and the options of its recordings if it is recorded."""
-    from mesa_swarm.experiments.sweep import check_recorded
+def _print_size(experiment: "Experiment", home: Path, part: "Shard", done: int) -> None:
+    """Print how many runs an experiment has, and how many of them are done."""
+    points, seeds, runs = len(experiment.points), len(experiment.seeds), part.count(experiment)
+    size = f"{quantity(points, 'point')} x {quantity(seeds, 'seed')}, {quantity(experiment.steps, 'step')} each"
+    print_lines([f"{home}: {quantity(runs, 'run')} ({size}), {done:,} done, {runs - done:,} to do"])
 
-    for experiment in job.experiments if record else ():
-        check_recorded(experiment)
+
+def _print_made(made: "Sweep") -> None:
+    """Print what a sweep has done and written, and the first errors."""
+    from mesa_swarm.experiments.reports import notes_on_rows
+
+    before = f", {made.done_before:,} of them before" if made.done_before else ""
+    failed = f", {made.failed:,} ended in an error" if made.failed else ""
+    size = f"{made.path}: {quantity(made.runs, 'run')}{before}{failed}"
+    print_lines([size, *map(str, made.written), *notes_on_rows(made.left_out)])
+    for error in made.errors:
+        print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
+
+
+def _parts(
+    job: "Job", folder: Path, record: bool, series: Sequence[str]
+) -> "Iterator[tuple[Experiment, Path, dict | None]]":
+    """Yield the experiments of a job, the folder of each, and the options of its recordings if it is recorded."""
+    from mesa_swarm.experiments.sweep import check_columns_of
+
+    for experiment in job.experiments:
+        check_columns_of(experiment, recorded=record, series=series)
     for experiment, records in zip(job.experiments, job.records, strict=True):
         home = folder if len(job.experiments) == 1 else folder / experiment.name
         yield experiment, home, dict(records.options if records else {}) if record else None
@@ -104,6 +137,9 @@ def compare(
     out: Annotated[
         Path | None, typer.Option(help="Folder of tables, pictures and runs; results/compare_MODEL by default.")
     ] = None,
+    until: Until = None,
+    series: Series = None,
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Compare values of a parameter over the same seeds; continue an interrupted comparison."""
@@ -111,10 +147,12 @@ def compare(
     from mesa_swarm.experiments.compare import LEDGER, run_plan
     from mesa_swarm.experiments.plan import checked_plan
     from mesa_swarm.experiments.pool import checked_jobs
+    from mesa_swarm.experiments.run_tables import FILES, checked_forms
+    from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.tables import WIDEST
     from mesa_swarm.model.parameters import parsed_settings
 
-    model_class = find_model(model)
+    model_class, forms, parts = find_model(model), checked_forms(table or ()), checked_series(series)
     folder = check_writable(out or Path("results", f"compare_{short_name(model)}"))
     workers = checked_jobs(jobs)
     plan = checked_plan(
@@ -125,15 +163,17 @@ def compare(
         steps=steps,
         settings=parsed_settings(model_class, setting or ()),
         measures=measure or (),
+        until=until,
     )
     with resumable(folder / LEDGER):
-        comparison = run_plan(plan, workers, not quiet, folder=folder)
-    paths = comparison.save(folder)
+        comparison = run_plan(plan, workers, not quiet, folder=folder, series=parts, tables=forms)
+    written = dict.fromkeys([*comparison.save(folder), *(folder / FILES[form] for form in forms)])
+    paths = [*written, *(comparison.plan.series.folders if comparison.plan.series else ())]
     if comparison.done_before:
         done = f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / LEDGER}"
         print_lines([done])
-    table = comparison.table(terminal_width() or WIDEST)
-    print_lines([table, "", *map(str, paths), "", comparison.finding()], 0)
+    summary = comparison.table(terminal_width() or WIDEST)
+    print_lines([summary, "", *map(str, paths), "", comparison.finding()], 0)
 
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
@@ -166,6 +206,9 @@ def reality_gap(
         Path | None,
         typer.Option(help="Folder; results/reality_gap_MODEL by default, for all models results/reality_gap."),
     ] = None,
+    until: Until = None,
+    series: Series = None,
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Turn a dial from ideal to imperfect robots and draw the model's score; continue an interrupted call."""
@@ -174,8 +217,9 @@ def reality_gap(
     from mesa_swarm.model.parameters import parsed_settings
     from mesa_swarm.viewing.pictures import png
 
-    if model is None and (setting or measure is not None):
-        option = "--set" if setting else "--measure"
+    of_one = {"--set": setting, "--measure": measure, "--until": until}
+    option = next((name for name, value in of_one.items() if value), None)
+    if model is None and option is not None:
         raise InvalidValueError(f"{option} is given without a model; name the model that it is for")
     folder = check_writable(out or Path("results", f"reality_gap_{short_name(model)}" if model else "reality_gap"))
     found = []
@@ -191,8 +235,11 @@ def reality_gap(
             jobs=jobs,
             progress=not quiet,
             out=home,
+            until=until,
+            series=series or False,
+            tables=table or (),
         )
         found.append(gap)
-        print_lines([gap.table(terminal_width()), "", *map(str, gap.save(home))], 0)
+        print_lines([gap.table(terminal_width()), "", *map(str, (*gap.save(home), *gap.stored))], 0)
     if model is None:
         print(write_whole(folder / "reality_gap.png", png(gaps.gaps_figure(found))))

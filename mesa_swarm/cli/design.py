@@ -119,24 +119,27 @@ def diversity(
     out: Folder = Path("results", "diversity"),
     quiet: Quiet = False,
 ) -> None:
-    """Search for reflexes that behave differently (pyribs), and draw the map of the best in each cell."""
-    from mesa_swarm.searches import diversity as search
+    """Search for reflexes that behave differently (pyribs), and draw the best of each cell; continue there."""
+    from mesa_swarm.experiments import diversity as search
     from mesa_swarm.searches.design_gap import search_maps
+    from mesa_swarm.searches.diversity import behaviour_figure, diversify
     from mesa_swarm.searches.evolution import Trial
     from mesa_swarm.viewing.pictures import png
 
     folder = check_writable(out)
-    found = search.diversify(
-        Trial(robots=robots, steps=steps, units=0, encoding="typed"),
-        measures=[name.strip() for name in measures.split(",")],
-        cells=cells,
-        generations=generations,
-        world=search_maps()[0],
-        rng=rng,
-        jobs=jobs,
-        progress=not quiet,
-    )
+    with resumable(folder):
+        found = diversify(
+            Trial(robots=robots, steps=steps, units=0, encoding="typed"),
+            measures=[name.strip() for name in measures.split(",")],
+            cells=cells,
+            generations=generations,
+            world=search_maps()[0],
+            rng=rng,
+            jobs=jobs,
+            progress=not quiet,
+            out=folder,
+        )
     print(f"{found.filled:.1%} of the cells filled by {found.tried:,} controllers")
-    files: dict[str, str | bytes] = {"diversity.csv": found.csv(), "diversity.png": png(search.behaviour_figure(found))}
+    files: dict[str, str | bytes] = {"diversity.csv": found.csv(), "diversity.png": png(behaviour_figure(found))}
     print("\n".join(map(str, write_all(folder, files))))
     found.save(folder / "diversity.json")

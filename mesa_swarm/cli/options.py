@@ -17,6 +17,8 @@ from mesa_swarm.model.gallery import BASE, check_model_name, find_model
 if TYPE_CHECKING:
     from mesa_swarm.swarm_model import SwarmModel
 
+__all__ = ["Folder", "Jobs", "Quiet", "resumable"]
+
 # Typer checks limits before anything slow is imported.
 MOST_STEPS = 100_000_000
 # Steps that are stored take memory.
@@ -49,6 +51,20 @@ Seed = Annotated[int, _SEED]
 SeedOrNone = Annotated[int | None, _SEED]
 StepsOfRuns = Annotated[
     int | None, typer.Option("--steps", min=1, max=MOST_STEPS, help="At most, in each run; the model's own by default.")
+]
+Until = Annotated[
+    str | None,
+    typer.Option("--until", metavar="CONDITION", help="End a run when its reporters are so: 'fires_burning == 0'."),
+]
+Series = Annotated[
+    str | None,
+    typer.Option(
+        "--series", metavar="both|model|agents", help="Store the rows of each run and step, as Parquet in series/."
+    ),
+]
+Tables = Annotated[
+    list[str] | None,
+    typer.Option("--table", metavar="FORM", help="Write a table of the runs: csv or behaviorspace; may be repeated."),
 ]
 Jobs = Annotated[int, typer.Option(min=-1, max=1024, help="Processes at a time, -1 for one on each core.")]
 Folder = Annotated[Path, typer.Option("--out", help="Folder for tables, pictures and stored runs.")]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,6 +21,7 @@ from mesa_swarm.cli.options import (
     RecordingFile,
     SeedOrNone,
     Settings,
+    Until,
     built_model,
     files_of,
     known_model,
@@ -28,6 +29,10 @@ from mesa_swarm.cli.options import (
     print_pairs,
 )
 from mesa_swarm.model.gallery import check_model_name, find_model, short_name
+
+if TYPE_CHECKING:
+    from mesa_swarm.experiments.series import Watch
+    from mesa_swarm.swarm_model import SwarmModel
 
 JOB = ".toml"
 
@@ -47,6 +52,7 @@ def run(
         Path | None, typer.Option(metavar="FILE", help="Record every step; {seed} and {name} are filled in.")
     ] = None,
     force: Force = False,
+    until: Until = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a model, or the runs of a job file; print the results and state hash of each."""
@@ -54,7 +60,7 @@ def run(
         for name, value in {"--set": setting, "--steps": steps, "--rng": rng}.items():
             if value is not None:
                 raise InvalidValueError(f"{name} is given beside a job file, which sets it; leave it out")
-        if not run_job(model, record, force, progress=not quiet):
+        if not run_job(model, record, force, until, progress=not quiet):
             raise typer.Exit(FAILED)
         return
     check_model_name(model)
@@ -63,16 +69,28 @@ def run(
     if file:
         check_apart(file, files_of(model, setting))
     built = built_model(model, setting, seed)
+    watch = None if until is None else watch_of(built, until)
     with built.record(file, overwrite=force) if file else nullcontext():
         try:
-            built.run(3000 if steps is None else steps, progress=not quiet)
+            built.run(3000 if steps is None else steps, not quiet, until=watch)
         except KeyboardInterrupt:
             if file:
                 print(f"{built.completed} steps are recorded in {file}")
             raise
     results = built.results() if hasattr(built, "results") else {}
     time = {} if built.scale is None else {"time (s)": built.scale.seconds(built.steps)}
-    print_pairs({"steps": built.steps, **time, **results, "state hash": built.state_hash()})
+    ended = {} if watch is None else {"ended by": watch.ended_by(built)}
+    print_pairs({"steps": built.steps, **ended, **time, **results, "state hash": built.state_hash()})
+
+
+def watch_of(model: "SwarmModel", until: str) -> "Watch":
+    """Return what watches a model until a condition holds; refuse a condition that is not about its reporters."""
+    from mesa_swarm.experiments.series import Watch
+    from mesa_swarm.experiments.until import EndCondition
+
+    condition = EndCondition.parsed(until)
+    condition.check(model)
+    return Watch(model, condition)
 
 
 def recording_named(path: Path, name: str, seed: int) -> Path:
@@ -121,7 +139,7 @@ def compile_all(*, jobs: Jobs = -1, quiet: Quiet = False) -> None:
     print_lines([str(warm_up(jobs=jobs, progress=not quiet))], 0)
 
 
-def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> bool:
+def run_job(path: str, record: Path | None, force: bool, until: str | None = None, *, progress: bool) -> bool:
     """Run a job file, recorded to `record` or as it defines; print each run's results; return whether all succeeded."""
     prepare()
     from mesa_swarm.experiments.jobs import named_files, read_job, recorded_to
@@ -130,7 +148,7 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
     from mesa_swarm.experiments.run_records import recorded
     from mesa_swarm.experiments.runs import attempt, error_in_words
 
-    job = read_job(path) if record is None else recorded_to(read_job(path), record)
+    job = read_job(path, until) if record is None else recorded_to(read_job(path, until), record)
     for experiment in job.experiments:
         if len(experiment.points) > 1:
             raise InvalidValueError(
@@ -166,5 +184,6 @@ def run_job(path: str, record: Path | None, force: bool, *, progress: bool) -> b
         left_out = {f"{LEFT_OUT}{OF}{name}": count for name, count in sum_of_left_out([outcome.numbers]).items()}
         measured = {name: outcome.numbers[name] for name in experiment.measures or outcome.numbers} | left_out
         written = {} if file is None else {"recording": file}
-        print_pairs({"steps": outcome.steps, **measured, "state hash": outcome.state_hash, **written})
+        ended = {} if outcome.ended_by is None else {"ended by": outcome.ended_by}
+        print_pairs({"steps": outcome.steps, **ended, **measured, "state hash": outcome.state_hash, **written})
     return not failed

@@ -5,13 +5,13 @@ from itertools import product, starmap
 from typing import Any, cast
 
 import numpy as np
-from mesa import DataCollector
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.experiments.experiment import MOST_STEPS
 from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, is_remote, on_all
 from mesa_swarm.experiments.sampling import check_different
+from mesa_swarm.experiments.series import Watch
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.mesa_model import checked_seed, collected_of_agents
 from mesa_swarm.model.parameters import check_names
@@ -143,30 +143,18 @@ def _grid(parameters: Mapping[str, Any]) -> list[Row]:
     return [dict(zip(values, point, strict=True)) for point in product(*values.values())]
 
 
-def _collections(collector: DataCollector) -> int:
-    """Return how many rows a data collector has; without model reporters, of how many times it has rows of agents."""
-    if collector.model_vars:
-        return len(next(iter(collector.model_vars.values())))
-    return len(collector._agent_records.keys() | collector._agenttype_records.keys())
-
-
 def _rows(model_class: type, number: int, iteration: int, settings: Row, steps: int, period: int) -> tuple[int, list]:
     """Do a run, and return its number and its rows."""
     model = cast(SwarmModel, model_class(**settings))
-    collector = model.datacollector
-    taken: list[int] = []  # the step after which each row was collected
-    times: list[float] = []
-    while True:
-        new = _collections(collector) - len(taken)
-        taken += [model.steps] * new
-        times += [getattr(model, "time", model.steps)] * new
-        if not model.running or model.steps >= steps:
-            break
+    watch, collector = Watch(model), model.datacollector
+    while model.running and model.steps < steps:
         model.step()
+        watch(model)
+    taken = watch.steps
     wanted = range(len(taken))[-1:] if period == LAST else range(0, len(taken), period)
     rows = []
     for k in wanted:
         row = {"RunId": number, "iteration": iteration, "Step": taken[k], **settings}
         row |= {name: values[k] for name, values in collector.model_vars.items()}
-        rows += [row | of_agent for of_agent in collected_of_agents(collector, taken[k], times[k])] or [row]
+        rows += [row | of_agent for of_agent in collected_of_agents(collector, taken[k], watch.times[k])] or [row]
     return number, rows

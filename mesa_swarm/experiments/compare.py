@@ -1,18 +1,20 @@
 """Compare values of a model's parameter over paired seeds, on all cores."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
-from mesa_swarm.experiments.runs import Run, do_runs, has_numbers, stored_in
+from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
+from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
+from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
 
 # A comparison stores its runs here, in the folder of its tables.
@@ -73,6 +75,9 @@ def compare(
     jobs: int = -1,
     progress: bool = False,
     out: str | os.PathLike[str] | None = None,
+    until: Callable[[Any], object] | str | None = None,
+    series: bool | str = False,
+    tables: Sequence[str] = (),
 ) -> Comparison:
     """Run a model with several values of one parameter over the same seeds, and compare the results.
 
@@ -111,6 +116,8 @@ def compare(
         Folder in which each run is stored as soon as it is done. A comparison that was interrupted, or whose process
         was killed, continues when it is called again with the same folder. Runs of code that was changed
         since are other runs (`source_hash`).
+    until, series, tables
+        See `sweep`; series and tables need `out`, the folder to which they are written.
 
     Raises
     ------
@@ -129,17 +136,20 @@ def compare(
     >>> compare("agglomeration", "n_robots", [4, 6], seeds=[7], steps=5, jobs=1).runs[0].rng
     7
     """
-    workers = checked_jobs(jobs)
-    plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures)
-    return run_plan(plan, workers, progress, folder=None if out is None else check_writable(out))
+    workers, forms, parts = checked_jobs(jobs), checked_forms(tables), checked_series(series)
+    plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures, until=until)
+    folder = checked_folder(out, series=parts, forms=forms)
+    return run_plan(plan, workers, progress, folder=folder, series=parts, tables=forms)
 
 
 def run_plan(
     plan: ComparisonPlan,
     workers: int = 1,
     progress: bool = False,
-    heard: Callable[[PairedOutcome], object] | None = None,
+    heard: Callable[[PairedOutcome], object] = lambda outcome: None,
     folder: Path | None = None,
+    series: Sequence[str] = (),
+    tables: Sequence[str] = (),
 ) -> Comparison:
     """Do all runs of a plan that are not stored in a folder, and return all of them.
 
@@ -153,42 +163,35 @@ def run_plan(
         Called with each outcome as soon as its run is done.
     folder : Path, optional
         Where each run is stored as soon as it is done.
+    series, tables : sequence of str
+        Data sets and forms of tables that are written to the folder: see `checked_series`, `checked_forms`.
 
     Examples
     --------
     >>> len(run_plan(checked_plan("fire_fighting", seeds=1, steps=2)).runs)
     2
     """
+    plan = with_series(plan, folder, series)
     with nullcontext() if folder is None else Ledger(folder / LEDGER, fits=has_numbers) as ledger:
         runs = list(plan.runs(keyed=ledger is not None))
         stored = stored_in(ledger, runs)
+        do = partial(completed, runs, plan.simulate, ledger=ledger, each=heard, workers=workers, progress=progress)
         # Portraits are not stored: for the pictures the runs with the first seed are done again.
-        found = {
-            run.key: plan.paired(run, stored[run.key]) for run in runs if run.key in stored and run.rng != plan.seeds[0]
-        }
-        for left in _left(runs, found):
-            done = len(runs) - len(left)
-            for run, outcome in do_runs(
-                left, plan.simulate, count=len(runs), done=done, ledger=ledger, workers=workers, progress=progress
-            ):
-                found[run.key] = outcome
-                if heard is not None:
-                    heard(outcome)
+        later = [run for run in runs if run.key in stored and run.rng != plan.seeds[0]]
+        known = {run.key: plan.paired(run, stored[run.key]) for run in later}
+        found = cast(dict[str, PairedOutcome], do(known=known))
+        first = found[runs[0].key]
+        other = {key for key, outcome in known.items() if not _is_alike(outcome, first)}
+        if other:  # runs that have other results than the first
+            alike = {key: outcome for key, outcome in found.items() if key not in other}
+            found = cast(dict[str, PairedOutcome], do(known=alike))
     done_before = sum(_is_alike(outcome, found[key]) for key, outcome in stored.items())
     # Of two values that are the same map, each has its own name in the tables.
     ordered = (replace(found[run.key], value=run.settings[plan.parameter]) for run in runs)
-    return Comparison(plan, tuple(ordered), done_before)
-
-
-def _left(runs: Sequence[Run], found: Mapping[str, Outcome]) -> Iterator[list[Run]]:
-    """Yield the runs that were not found, and once they are done, those with other results than the first has."""
-    missing = [run for run in runs if run.key not in found]
-    others = [run for run in runs if run.key in found]
-    yield missing
-    first = found[runs[0].key]
-    different = [run for run in others if not _is_alike(found[run.key], first)]
-    if different:
-        yield different
+    comparison = Comparison(plan, tuple(ordered), done_before)
+    if folder is not None:
+        write_stored(plan, list(zip(runs, comparison.runs, strict=True)), folder, tables, runs_csv(comparison))
+    return comparison
 
 
 def _is_alike(one: Outcome, another: Outcome) -> bool:

@@ -3,16 +3,18 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cache
-from hashlib import blake2b
 from importlib.metadata import version
 from itertools import islice, product
 from typing import Any
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, shortened
-from mesa_swarm.experiments.fingerprints import fingerprint, source_hash
+from mesa_swarm.experiments.fingerprints import fingerprint, shown_value, source_hash
+from mesa_swarm.experiments.ledger import ENDED_BY
 from mesa_swarm.experiments.reports import check_report, split_measure
 from mesa_swarm.experiments.runs import Run, check_results
 from mesa_swarm.experiments.sampling import Points, Sample, as_list, check_different, grid_columns
+from mesa_swarm.experiments.series import RUN, RunSeries
+from mesa_swarm.experiments.until import EndCondition, checked_condition
 from mesa_swarm.maps.map import Map, builtin_maps
 from mesa_swarm.model.gallery import find_model, model_address
 from mesa_swarm.model.parameters import parameters_of
@@ -38,7 +40,7 @@ class Experiment:
     """What is to be run: every point with every seed. Made by `checked_experiment`.
 
     `settings` are the same in all runs; without `measures` all results are wanted; `source` is the fingerprint of the
-    model's code.
+    model's code; `until` ends runs before their number of steps; `series` is where theirs are stored.
     """
 
     model_class: type
@@ -49,6 +51,8 @@ class Experiment:
     measures: tuple[str, ...] = ()
     name: str = "run"
     source: str = ""
+    until: EndCondition | None = None
+    series: RunSeries | None = None
 
     def __len__(self) -> int:
         """Count the runs."""
@@ -76,7 +80,11 @@ class Experiment:
 
     def run(self, settings: Mapping[str, Any], rng: int, point: int = 0) -> Run:
         """Return one run, with these settings of all parameters that are set, at the point with this number."""
-        return Run(self.model_class, settings, rng, self.steps, self.key(settings, rng), self.reports, point)
+        return self.keyed_run(settings, rng, self.key(settings, rng), point)
+
+    def keyed_run(self, settings: Mapping[str, Any], rng: int, key: str, point: int = 0) -> Run:
+        """Return one run with a key of its own."""
+        return Run(self.model_class, settings, rng, self.steps, key, self.reports, point, self.until, self.series)
 
     @property
     def reports(self) -> tuple[str, ...]:
@@ -88,7 +96,14 @@ class Experiment:
         defaults = {name: parameter.default for name, parameter in parameters_of(self.model_class).items()}
         place = model_address(self.model_class)
         parameters = {name: shown_value(value) for name, value in {**defaults, **settings}.items()}
-        return fingerprint(place, self.source, package_version("mesa-swarm"), parameters, rng, self.steps, default=repr)
+        ends = () if self.until is None else (self.until.source,)
+        decisive = place, self.source, package_version("mesa-swarm"), parameters, rng, self.steps, *ends
+        return fingerprint(*decisive, default=repr)
+
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """The columns of its table besides parameters and results."""
+        return (*FIXED, *(() if self.until is None else (ENDED_BY,)), *(() if self.series is None else (RUN,)))
 
     @property
     def columns(self) -> list[str]:
@@ -105,6 +120,7 @@ def checked_experiment(
     settings: Mapping[str, Any] | None = None,
     measure: Sequence[str] = (),
     name: str = "run",
+    until: object = None,
 ) -> Experiment:
     """Return an experiment after building its model once; see `sweep`."""
     model_class = checked_class(model)
@@ -121,9 +137,10 @@ def checked_experiment(
         measures=checked_measures(measure),
         name=name,
         source=source_hash(model_class),
+        until=checked_condition(until),
     )
     check_count("number of runs", len(experiment), minimum=1, maximum=MOST_RUNS)
-    check_result_names(check_measures(experiment, first_built(experiment)), {*FIXED, *experiment.columns})
+    check_result_names(check_measures(experiment, first_built(experiment)), {*experiment.fixed, *experiment.columns})
     return experiment
 
 
@@ -173,13 +190,6 @@ def checked_settings(model_class: type, settings: Mapping[str, Any]) -> dict[str
     return checked
 
 
-def shown_value(value: object) -> object:
-    """Return a parameter's value as it is stored: a map by name and content."""
-    if not isinstance(value, Map):
-        return value
-    return f"{value.name} ({blake2b(value.to_toml().encode(), digest_size=8).hexdigest()})"
-
-
 def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> Sequence[dict[str, Any]]:
     """Return the points, checked; those of grids and samples are made lazily."""
     if isinstance(varied, Sample):
@@ -198,8 +208,13 @@ def _points(model_class: type, varied: Mapping | Sample | Sequence[Mapping]) -> 
 
 
 def check_measures(experiment: Experiment, model: SwarmModel) -> Mapping[str, Any]:
-    """Refuse results and reports of a model that are unknown or not numbers; return the results, if it has any."""
+    """Refuse results and reports of a model that are unknown or not numbers; return the results, if it has any.
+
+    Those of the condition that ends runs are checked too.
+    """
     results: Mapping[str, Any] = {}
+    if experiment.until is not None:
+        experiment.until.check(model)
     if hasattr(model, "results") or not experiment.reports:
         check_results(model)
         results = model.results()

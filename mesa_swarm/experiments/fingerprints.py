@@ -2,14 +2,16 @@
 
 import inspect
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from hashlib import blake2b
 from importlib import import_module
 from pathlib import Path
 from types import CodeType
 
+from mesa_swarm.maps.map import Map
 from mesa_swarm.model.gallery import PACKAGE as MODELS
 
 PACKAGE = Path(__file__).resolve().parent.parent
@@ -62,6 +64,38 @@ def source_hash(model_class: type) -> str:
             digest.update(Path(path).read_bytes() if path and Path(path).is_file() else b"")
             digest.update(repr(_methods(base)).encode())
     return digest.hexdigest()
+
+
+def shown_value(value: object) -> object:
+    """Return a parameter's value as it is stored: a map by name and content."""
+    if not isinstance(value, Map):
+        return value
+    return f"{value.name} ({blake2b(value.to_toml().encode(), digest_size=8).hexdigest()})"
+
+
+def function_hash(function: Callable) -> str:
+    """Return a fingerprint of a function that is called with a model: its code, defaults and the values it closes over.
+
+    Of a partial it covers the arguments too, of an object with ``__call__`` its attributes and its class.
+    """
+    if isinstance(function, partial):
+        return fingerprint(function_hash(function.func), _shown(function.args), _shown(function.keywords))
+    if not hasattr(function, "__code__"):
+        return fingerprint(source_hash(type(function)), _shown(function), _shown(getattr(function, "__dict__", {})))
+    cells = [cell.cell_contents for cell in getattr(function, "__closure__", None) or ()]
+    values = [function_hash(value) if hasattr(value, "__code__") else _shown(value) for value in cells]
+    return fingerprint(
+        function.__qualname__, _instructions(function.__code__), _shown(function.__defaults__), values, default=str
+    )
+
+
+def without_addresses(text: str) -> str:
+    """Return a text without the addresses of objects in memory, which differ between processes."""
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
+
+
+def _shown(value: object) -> str:
+    return without_addresses(repr(value))
 
 
 def _methods(base: type) -> list:

@@ -96,6 +96,7 @@ class RunTable(_Table):
     steps: Annotated[int | None, _checked_by(check_count, minimum=1, maximum=MOST_STEPS)] = None
     seeds: Annotated[Any, _checked_by(lambda name, value: checked_seeds(value))] = 1
     measure: list[str] = []
+    until: str | None = None
     parameters: dict[str, Any] = {}
     grid: dict[str, Any] | None = None
     sample: SampleTable | None = None
@@ -169,10 +170,11 @@ class Job:
     records: tuple[RunRecords | None, ...]
 
 
-def read_job(path: str | os.PathLike[str]) -> Job:
+def read_job(path: str | os.PathLike[str], until: str | None = None) -> Job:
     """Return the job of a .toml file or of a sample, after building the model of every experiment in it once.
 
-    A JobError has on one line the file, the table in it, and what is wrong.
+    `until` is the condition of all runs, none of which may have one in the file. A JobError has on one line the file,
+    the table in it, and what is wrong.
     """
     check_present_format(path, JobError)
     file = _found(path)
@@ -180,7 +182,7 @@ def read_job(path: str | os.PathLike[str]) -> Job:
         tables = _tables(parsed_toml(decode_text(file_content(file, LARGEST_JOB), file.name), file.name))
         runs = []
         for number, table in enumerate(tables, start=1):
-            runs.append(_run(number, table, file, tables))
+            runs.append(_run(number, table, file, tables, until))
             points = sum(len(experiment.points) for experiment, _ in runs)
             check_count("number of points of all runs", points, maximum=MOST_POINTS)
         job = Job(file.stem, *zip(*runs, strict=True))
@@ -344,10 +346,14 @@ def _recordings(job: Job) -> Iterator[str]:
                 yield records.path(experiment.name, seed).as_posix().lower()
 
 
-def _run(number: int, table: dict[str, Any], file: Path, tables: list) -> tuple[Experiment, RunRecords | None]:
+def _run(
+    number: int, table: dict[str, Any], file: Path, tables: list, until: str | None
+) -> tuple[Experiment, RunRecords | None]:
     with _naming(file.name, f"run {number}" if len(tables) > 1 else ""):
         run = checked_run(table)
         settings, varied = _with_maps(run, file.parent)
+        if run.until is not None and until is not None:
+            raise InvalidValueError("until is set here and on the command line (--until); leave one out")
         experiment = checked_experiment(
             find_model(_model_of(run.model, file.parent)),
             varied,
@@ -355,6 +361,7 @@ def _run(number: int, table: dict[str, Any], file: Path, tables: list) -> tuple[
             steps=run.steps,
             settings=settings,
             measure=run.measure,
+            until=until if run.until is None else run.until,
             name=run.name or f"run_{number:0{len(str(len(tables)))}}",
         )
         return experiment, run.records(file.parent, experiment)

@@ -31,19 +31,23 @@ LONGEST_ERROR = 500
 LONGEST_LINE = 4 << 20
 LARGEST_STEPS = 2**62
 STORED = ("steps", "state_hash", "results", "error")
+# Stored of a run with a condition only, so that lines of others are those of earlier versions.
+ENDED_BY = "ended_by"
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """The outcome of a run: results, None for what did not happen, or the error that ended it.
 
-    `steps` are those that the model took, `state_hash` the fingerprint of its final state.
+    `steps` are those that the model took, `state_hash` the fingerprint of its final state; `ended_by` is what ended a
+    run that had a condition: "condition", "steps" if it took all of them, "model" if that stopped by itself.
     """
 
     steps: int = 0
     state_hash: str | None = None
     results: dict[str, Any] | None = None
     error: str | None = None
+    ended_by: str | None = None
 
     @property
     def numbers(self) -> dict[str, Any]:
@@ -52,7 +56,8 @@ class Outcome:
 
     def stored(self) -> dict[str, Any]:
         """Return the fields that a ledger stores."""
-        return {name: getattr(self, name) for name in STORED}
+        more = () if self.ended_by is None else (ENDED_BY,)
+        return {name: getattr(self, name) for name in (*STORED, *more)}
 
 
 class Syncing:
@@ -381,7 +386,7 @@ def _entry(line: bytes) -> tuple[str, Outcome] | None:
         values = json.loads(text.decode())
     except (ValueError, RecursionError):
         return None
-    if not isinstance(values, dict) or values.keys() != {"key", *STORED}:
+    if not isinstance(values, dict) or values.keys() - {ENDED_BY} != {"key", *STORED}:
         return None
     key = values.pop("key")
     outcome = Outcome(**values)
@@ -394,7 +399,7 @@ def _is_outcome(outcome: Outcome) -> bool:
         return False
     if (outcome.results is None) == (outcome.error is None):
         return False
-    if not all(text is None or _is_line(text) for text in (outcome.state_hash, outcome.error)):
+    if not all(text is None or _is_line(text) for text in (outcome.state_hash, outcome.error, outcome.ended_by)):
         return False
     results = outcome.results
     return results is None or (

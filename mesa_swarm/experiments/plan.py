@@ -19,6 +19,7 @@ from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.reports import sum_of_left_out
 from mesa_swarm.experiments.runs import Run, outcome_of
 from mesa_swarm.experiments.sampling import check_different
+from mesa_swarm.experiments.until import checked_condition
 from mesa_swarm.model.parameters import Choice, parameters_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
@@ -53,7 +54,7 @@ class ComparisonPlan(Experiment):
         for rng in self.seeds:
             for k, point in enumerate(points):
                 key = self.key(checked[k], rng) if keyed else f"{rng} {k}"
-                yield Run(self.model_class, point, rng, self.steps, key)
+                yield self.keyed_run(point, rng, key, k)
 
     def built(self, rng: int, value: Any) -> SwarmModel:
         """Return the model of one run, before its first step."""
@@ -61,9 +62,11 @@ class ComparisonPlan(Experiment):
 
     def simulate(self, run: Run) -> PairedOutcome:
         """Do one run, and draw the portrait of one with the first seed."""
-        model = run.made().run(run.steps)
+        model = run.made()
+        watch = run.watched(model)
         portrait = final_state_of(model) if run.rng == self.seeds[0] else None
-        return self.paired(run, outcome_of(model, self.measures, self.reports), portrait)
+        outcome = outcome_of(model, self.measures, self.reports)
+        return run.stored(model, watch, self.paired(run, outcome, portrait))
 
     def paired(self, run: Run, outcome: Outcome, portrait: FinalState | None = None) -> PairedOutcome:
         """Return the outcome of a run as one of this comparison."""
@@ -110,6 +113,7 @@ def checked_plan(
     steps: int | None = None,
     settings: Mapping[str, Any] | None = None,
     measures: Sequence[str] = (),
+    until: object = None,
 ) -> ComparisonPlan:
     """Return the plan of a comparison, after building the model once with every value; see `compare`."""
     model_class = checked_class(model)
@@ -125,6 +129,8 @@ def checked_plan(
         source=source_hash(model_class),
         parameter=compared,
         values=chosen,
+        name="comparison",
+        until=checked_condition(until),
     )
     for value in plan.values:
         check_measures(plan, plan.built(plan.seeds[0], value))

@@ -1,9 +1,9 @@
 """The reality gap: scores of a model while a dial goes from ideal robots to measured ones."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +14,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened
-from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.compare import LEDGER
 from mesa_swarm.experiments.experiment import checked_settings
@@ -23,7 +22,9 @@ from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import counted, notes_on_rows, split_measure, sum_of_left_out
+from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
+from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
 from mesa_swarm.model.gallery import find_model, short_name
@@ -34,6 +35,8 @@ from mesa_swarm.viewing.pictures import literal, png
 
 DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
 SEEDS = 10
+# The parameter that the dial sets, and the column of its places.
+IMPERFECTIONS = "imperfections"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,6 +52,8 @@ class Gap:
     scores: dict[float, list[float | None]] = field(default_factory=dict)
     # By reporter, how many rows in all runs were missing and are left out of its reports, where any were.
     left_out: dict[str, int] = field(default_factory=dict)
+    # Tables of all results, and folders of series, that were written.
+    stored: tuple[Path, ...] = ()
 
     def mean(self, place: float) -> Interval:
         """Return the mean score at a place of the dial, with its interval."""
@@ -101,6 +106,9 @@ def reality_gap(
     jobs: int = 1,
     progress: bool = False,
     out: str | os.PathLike[str] | None = None,
+    until: Callable[[Any], object] | str | None = None,
+    series: bool | str = False,
+    tables: Sequence[str] = (),
 ) -> Gap:
     """Run a model at every place of the dial, over the same seeds.
 
@@ -126,6 +134,8 @@ def reality_gap(
     out : path, optional
         Folder in which each run is stored as soon as it is done: what was interrupted, or killed, continues
         when it is called again with the same folder.
+    until, series, tables
+        See `sweep`; series and tables need `out`. The column `imperfections` is the place of the dial.
 
     Examples
     --------
@@ -133,14 +143,17 @@ def reality_gap(
     >>> gap.measure, sorted(gap.scores)
     ('groups', [0.0, 1.0])
     """
-    workers = checked_jobs(jobs)
+    workers, forms, parts = checked_jobs(jobs), checked_forms(tables), checked_series(series)
+    folder = checked_folder(out, series=parts, forms=forms)
     whole = PRESETS[check_choice("preset", preset, PRESETS)]
     places = checked_dial(dial)
     model_class = find_model(model)
-    if "imperfections" in (settings or {}):
+    if IMPERFECTIONS in (settings or {}):
         raise InvalidValueError("imperfections is given as a setting; leave it out, the dial sets it")
     reports = () if measure is None or split_measure(measure) is None else (measure,)
-    plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=_freed(model_class, settings), measures=reports)
+    free = _freed(model_class, settings)
+    plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=free, measures=reports, until=until)
+    plan = with_series(plan, folder, parts)
     built = plan.built(plan.seeds[0], plan.values[0])
     names = list(dict.fromkeys([*(built.results() if hasattr(built, "results") else ()), *counted(reports)]))
 
@@ -151,10 +164,13 @@ def reality_gap(
         if measure is not None:
             check_choice("measure", measure, outcome.numbers)  # now, not when all is done
 
-    runs = {place: _runs(plan, settings or {}, whole.at(place)) for place in places}
+    runs = {place: _runs(plan, settings or {}, whole, place) for place in places}
     every = [run for place in places for run in runs[place]]
-    with nullcontext() if out is None else Ledger(check_writable(out) / LEDGER, fits=fits) as ledger:
+    with nullcontext() if folder is None else Ledger(folder / LEDGER, fits=fits) as ledger:
         found = completed(every, simulate, ledger=ledger, each=check, workers=workers, progress=progress)
+    written: list[Path] = []
+    if folder is not None:
+        written = write_stored(plan, [(run, found[run.key]) for run in every], folder, forms)
     rows = {place: [found[run.key].numbers for run in runs[place]] for place in places}
     wanted = chosen_measure(rows, measure, getattr(model_class, "headline", ())[:1])
     scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
@@ -167,6 +183,7 @@ def reality_gap(
         steps=plan.steps,
         scores=scores,
         left_out=sum_of_left_out(row for row_of in rows.values() for row in row_of) if reports else {},
+        stored=(*written, *(() if plan.series is None else plan.series.folders)),
     )
 
 
@@ -176,18 +193,18 @@ def _freed(model_class: type, settings: dict[str, Any] | None) -> dict[str, Any]
     return {name: value for name, value in (settings or {}).items() if name != varied}
 
 
-def _runs(plan: ComparisonPlan, settings: dict[str, Any], imperfections: Imperfections | None) -> list[Run]:
+def _runs(plan: ComparisonPlan, settings: dict[str, Any], whole: Imperfections, place: float) -> list[Run]:
     """Return a run for each seed of a plan; keys are those of a sweep, with the imperfections of the robots."""
-    keyed = {**checked_settings(plan.model_class, settings), "imperfections of robots": repr(imperfections)}
-    make = partial(imperfect, plan.model_class, imperfections)
-    return [Run(make, settings, rng, plan.steps, plan.key(keyed, rng), plan.reports) for rng in plan.seeds]
+    keyed = {**checked_settings(plan.model_class, settings), "imperfections of robots": repr(whole.at(place))}
+    make, dialled = partial(imperfect, plan.model_class, whole), {**settings, IMPERFECTIONS: place}
+    return [replace(plan.keyed_run(dialled, rng, plan.key(keyed, rng)), make=make) for rng in plan.seeds]
 
 
-def imperfect(model_class: type, imperfections: Imperfections | None, /, **settings: Any) -> SwarmModel:
-    """Return a model whose robots are as imperfect as this, besides what its own settings make of them."""
-    model = model_class(**settings)
-    if imperfections is not None:
-        model.imperfections = together(model.imperfections, imperfections)
+def imperfect(model_class: type, whole: Imperfections, /, imperfections: float, **settings: Any) -> SwarmModel:
+    """Return a model whose robots have these at a place of the dial, besides what its own settings make of them."""
+    model, more = model_class(**settings), whole.at(imperfections)
+    if more is not None:
+        model.imperfections = together(model.imperfections, more)
     return model
 
 

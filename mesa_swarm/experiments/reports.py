@@ -28,7 +28,7 @@ def split_measure(measure: str) -> tuple[str, str] | None:
 
     Examples
     --------
-    >>> split_measure("mean of alignment"), parts_of("items")
+    >>> split_measure("mean of alignment"), split_measure("items")
     (('mean', 'alignment'), None)
     """
     reduction, of, reporter = measure.partition(OF)
@@ -110,11 +110,29 @@ def check_report(measure: str, model: SwarmModel) -> None:
     reduction, reporter = split_measure(measure) or ("", measure)
     _check_known(model, reporter)
     _check_sum(model, reduction, reporter)
+    check_reporter(model, reporter)
+
+
+def check_reporter(model: SwarmModel, reporter: str) -> None:
+    """Refuse a reporter of a model that returns anything but a number; one that needs a step first may be right."""
     try:
         value = _now(model, reporter)
     except Exception:  # of a user's reporter it may be any
         return
     _number(model, reporter, value)
+
+
+def latest_number(model: SwarmModel, reporter: str) -> float:
+    """Return the number that a reporter has after the last step, NaN if it is missing: as collected, else as of now.
+
+    Examples
+    --------
+    >>> latest_number(SwarmModel(rng=1, model_reporters={"now": "completed"}, collect_every=2).run(3), "now")
+    3.0
+    """
+    rows, every = model.datacollector.model_vars[reporter], model.collect_every
+    is_collected = rows and every and model.completed % every == 0
+    return _number(model, reporter, rows[-1] if is_collected else _now(model, reporter))
 
 
 def reduced(model: SwarmModel, measures: Iterable[str]) -> dict[str, float | None]:

@@ -1,22 +1,25 @@
 """One run and its outcome; outstanding runs, done on many processes and stored in a ledger."""
 
 import math
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.base.files import shown_path
 from mesa_swarm.base.progress import progress_bar
-from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
+from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
+from mesa_swarm.experiments.ledger import LONGEST_ERROR, Outcome
 from mesa_swarm.experiments.pool import is_remote, on_all
 from mesa_swarm.experiments.reports import counted, reduced, split_measure
+from mesa_swarm.experiments.series import OF_AGENTS, RNG, RUN, RunSeries, Watch
+from mesa_swarm.experiments.until import EndCondition
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
 from mesa_swarm.geometry.masks import unmasked
 from mesa_swarm.kernels.compiling import compilation
@@ -26,6 +29,23 @@ from mesa_swarm.swarm_model import SwarmModel
 LARGEST_WHOLE = 2**63 - 1
 # Steps after which most of what a model needs is compiled.
 COMPILING_STEPS = 2
+
+
+SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
+
+
+class Store(Protocol):
+    """Where outcomes of runs are looked up and stored by the keys of runs: a `Ledger`, or files of another kind."""
+
+    @property
+    def path(self) -> Path:
+        """The file or folder, for errors."""
+
+    def outcome(self, key: str) -> Outcome | None:
+        """Return the outcome of a run, None if it is not done."""
+
+    def append(self, key: str, outcome: Outcome) -> None:
+        """Store the outcome of a run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +64,35 @@ class Run:
     reports: tuple[str, ...] = ()
     # Which point of its experiment it belongs to, from 0.
     point: int = 0
+    # What ends it before its number of steps, and where its series is stored.
+    until: EndCondition | None = None
+    series: RunSeries | None = None
 
     def made(self) -> Any:
         """Return the model before its first step, or the numbers of the function."""
         return self.make(**self.settings, rng=self.rng)
 
+    def watched(self, model: SwarmModel, progress: bool = False) -> Watch | None:
+        """Let its model take the steps, and return what watched it where there is a condition or a series."""
+        watch = None
+        if self.until is not None or self.series is not None:
+            watch = Watch(model, self.until, poses=self.series is not None and OF_AGENTS in self.series.parts)
+        model.run(self.steps, progress, until=watch)
+        return watch
 
-SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
+    def stored(self, model: SwarmModel, watch: Watch | None, outcome: SomeOutcome) -> SomeOutcome:
+        """Write the series of its model, if that is wanted, and return the outcome with what ended the run."""
+        if watch is None:
+            return outcome
+        if self.series is not None:
+            settings = {name: shown_value(value) for name, value in self.settings.items()}
+            self.series.write({RUN: self.key, **settings, RNG: self.rng}, model, watch)
+        return replace(outcome, ended_by=watch.ended_by(model))
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether its series is on the disk, if that is wanted."""
+        return self.series is None or self.series.has(self.key)
 
 
 def do_runs(
@@ -59,7 +101,7 @@ def do_runs(
     *,
     count: int,
     done: int = 0,
-    ledger: Ledger | None = None,
+    ledger: Store | None = None,
     workers: int = 1,
     tries: int = 1,
     progress: bool = False,
@@ -86,7 +128,7 @@ def do_runs(
 
 
 @contextmanager
-def _stored_runs_named(ledger: Ledger | None) -> Iterator[None]:
+def _stored_runs_named(ledger: Store | None) -> Iterator[None]:
     """Add to the error about a lost scheduler where finished runs are."""
     try:
         yield
@@ -108,15 +150,16 @@ def completed(
     runs: Sequence[Run],
     work: Callable[[Run], Outcome] = call,
     *,
-    ledger: Ledger | None,
-    each: Callable[[Outcome], object] = lambda outcome: None,
+    ledger: Store | None,
+    known: Mapping[str, Outcome] | None = None,
+    each: Callable[[Any], object] = lambda outcome: None,
     **how: Any,
 ) -> dict[str, Outcome]:
-    """Return the outcomes of all runs by key, after doing those that a ledger does not have as `do_runs` does.
+    """Return the outcomes of all runs by key, after doing those that are not known as `do_runs` does.
 
-    `each` is called with each new outcome.
+    Those are known that a ledger has, unless `known` is given. `each` is called with each new outcome.
     """
-    found = stored_in(ledger, runs)
+    found = dict(stored_in(ledger, runs) if known is None else known)
     left = [run for run in runs if run.key not in found]
     for run, outcome in do_runs(left, work, count=len(runs), done=len(runs) - len(left), ledger=ledger, **how):
         found[run.key] = outcome
@@ -124,13 +167,13 @@ def completed(
     return found
 
 
-def stored_in(ledger: Ledger | None, runs: Iterable[Run]) -> dict[str, Outcome]:
-    """Return the outcomes that a ledger has of runs, by key."""
-    outcomes = {} if ledger is None else {run.key: ledger.outcome(run.key) for run in runs}
+def stored_in(ledger: Store | None, runs: Iterable[Run]) -> dict[str, Outcome]:
+    """Return the outcomes that a ledger has of runs whose series are stored, if they are to be, by key."""
+    outcomes = {} if ledger is None else {run.key: ledger.outcome(run.key) for run in runs if run.is_kept}
     return {key: outcome for key, outcome in outcomes.items() if outcome is not None}
 
 
-def _is_stored(ledger: Ledger, run: Run, outcome: Outcome) -> bool:
+def _is_stored(ledger: Store, run: Run, outcome: Outcome) -> bool:
     """Return whether a ledger has results of the same names in the same order for a run, whatever their values."""
     before = ledger.outcome(run.key)
     return before is not None and list(before.numbers) == list(outcome.numbers)
@@ -138,7 +181,9 @@ def _is_stored(ledger: Ledger, run: Run, outcome: Outcome) -> bool:
 
 def simulate(run: Run) -> Outcome:
     """Do the run of a model; its errors are raised."""
-    return outcome_of(run.made().run(run.steps), reports=run.reports)
+    model = run.made()
+    watch = run.watched(model)
+    return run.stored(model, watch, outcome_of(model, reports=run.reports))
 
 
 def outcome_of(model: SwarmModel, measures: Sequence[str] = (), reports: Sequence[str] = ()) -> Outcome:
@@ -169,14 +214,14 @@ def attempt(
     try:
         model = run.made()
         with observed(model):
-            model.run(run.steps, progress=progress)
+            watch = run.watched(model, progress)
         outcome = outcome_of(model, reports=run.reports)
         results = {name: None if value is None else float(value) for name, value in outcome.numbers.items()}
-        return replace(outcome, results=results)
     except beyond:
         raise
     except (Exception, SystemExit) as error:
         return Outcome(error=(words or error_in_words)(error))
+    return run.stored(model, watch, replace(outcome, results=results))
 
 
 def error_in_words(error: BaseException) -> str:
@@ -184,11 +229,6 @@ def error_in_words(error: BaseException) -> str:
     words = " ".join(without_addresses(str(error)).split())
     # Names of files may hold what cannot be written as text.
     return f"{type(error).__name__}: {words}".encode("utf-8", "backslashreplace").decode()[:LONGEST_ERROR]
-
-
-def without_addresses(text: str) -> str:
-    """Return a text without the addresses of objects in memory, which differ between processes."""
-    return re.sub(r" at 0x[0-9a-fA-F]+", "", text)
 
 
 def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:

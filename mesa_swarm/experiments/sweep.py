@@ -16,20 +16,28 @@ from pyarrow import parquet
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.base.files import check_writable, draft_of, shown_path
 from mesa_swarm.experiments.experiment import (
-    FIXED,
     POINT,
     Experiment,
     check_result_names,
     checked_experiment,
     first_built,
-    shown_value,
 )
-from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.ledger import ENDED_BY, Ledger, Outcome
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, sum_of_left_out
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
+from mesa_swarm.experiments.run_tables import (
+    CSV,
+    FILES,
+    checked_forms,
+    row_of,
+    with_series,
+    write_behaviorspace,
+    write_csv,
+)
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
+from mesa_swarm.experiments.series import RUN, RunSeries, check_reporters, checked_series
 from mesa_swarm.model.parameters import parameters_of
 
 LEDGER = "ledger.jsonl"
@@ -103,6 +111,10 @@ class Sweep:
     left_out : mapping of str to int
         By reporter, how many rows in all runs were missing (None, NaN or masked) and are left out of its reports; only
         where any were. The table then has the number of each run as "rows left out of NAME".
+    tables : tuple of Path
+        The tables as text that were written beside it.
+    series : RunSeries, optional
+        Where series are stored.
     """
 
     path: Path
@@ -111,6 +123,13 @@ class Sweep:
     done_before: int
     errors: tuple[str, ...] = ()
     left_out: Mapping[str, int] = field(default_factory=dict, hash=False)
+    tables: tuple[Path, ...] = ()
+    series: RunSeries | None = None
+
+    @property
+    def written(self) -> list[Path]:
+        """What was written besides the table: other tables, and folders of series."""
+        return [*self.tables, *(() if self.series is None else self.series.folders)]
 
     def frame(self) -> pd.DataFrame:
         """Return the table."""
@@ -135,6 +154,9 @@ def sweep(
     progress: bool = False,
     retry_failed: bool = False,
     shard: tuple[int, int] | None = None,
+    until: Callable[[Any], object] | str | None = None,
+    series: bool | str = False,
+    tables: Sequence[str] = (),
 ) -> Sweep:
     """Run a model at every point of a grid or sample with every seed, and write a table of the results.
 
@@ -177,6 +199,19 @@ def sweep(
         ``(3, 10)`` does the third of ten parts only, into a ledger of its own in the same folder; ten processes on
         machines that share that folder do all of them. The same call without it collects what all shards have
         done, does the runs that are missing, and writes the table.
+    until : callable or str, optional
+        Ends a run before its number of steps: a function of the model, called after each step, or an expression over
+        its `model_reporters` such as ``"fires_burning == 0"`` (`until.checked_condition`). The column `ended_by` is
+        then "condition", "steps", or "model" where the model stopped by itself.
+    series : bool or str
+        Whether the rows that models collect are stored, "model", "agents", or both: of each run in a Parquet file
+        in ``series/model``, and in ``series/agents`` what `agent_reporters` report, of robots `x`, `y` and `heading` if
+        there are none. Columns are `run`, the parameters (``parameter NAME`` where a reporter has that name), `rng`,
+        `step` and, of agents, `unique_id`; ``pandas.read_parquet`` reads either folder as one table, and the table of
+        runs gets the column `run`.
+    tables : sequence of str
+        "csv" for the table as ``runs.csv``, "behaviorspace" for ``behaviorspace.csv``, in the form of NetLogo's tables:
+        a row a step with `series`, else a row a run.
 
     Raises
     ------
@@ -209,13 +244,18 @@ def sweep(
     (4, 0, [2, 2, 3, 3])
     """
     workers = checked_jobs(jobs)
-    experiment = checked_experiment(model, varied, seeds=seeds, steps=steps, settings=settings, measure=measure)
-    options = chosen_options(record)
+    forms, options, parts = checked_forms(tables), chosen_options(record), checked_series(series)
+    experiment = checked_experiment(
+        model, varied, seeds=seeds, steps=steps, settings=settings, measure=measure, until=until
+    )
     if options is not None:
         check_options(options, experiment)
-        check_recorded(experiment)
-    part = WHOLE if shard is None else checked_shard(shard)
-    return run_experiment(experiment, check_writable(out), workers, progress, options, retry_failed, shard=part)
+    check_columns_of(experiment, recorded=options is not None, series=parts)
+    chosen = WHOLE if shard is None else checked_shard(shard)
+    folder = check_writable(out)
+    return run_experiment(
+        experiment, folder, workers, progress, options, retry_failed, shard=chosen, series=parts, tables=forms
+    )
 
 
 def checked_shard(shard: object) -> Shard:
@@ -235,6 +275,8 @@ def run_experiment(
     heard: Callable[[Run, Outcome], object] = lambda run, outcome: None,
     shard: Shard = WHOLE,
     words: Callable[[BaseException], str] = error_in_words,
+    series: Sequence[str] = (),
+    tables: Sequence[str] = (),
 ) -> Sweep:
     """Do the outstanding runs of an experiment, and write its table.
 
@@ -250,20 +292,24 @@ def run_experiment(
     heard : function
         Called with each new run and its outcome, after it was stored.
     shard : Shard
-        The runs to do; there is a table only of all.
+        The runs to do; there are tables only of all.
     words : function
         Returns one line about the error of a run; called in the process of the run.
+    series, tables : sequence of str
+        Data sets and forms of tables, from `checked_series` and `checked_forms`.
     """
-    _check_parameters(experiment, record is not None)
+    if tables and shard.shards > 1:
+        raise InvalidValueError("tables are of all shards; leave them out here (--table), and collect all with them")
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    fits = _fitting(experiment, archive)
+    experiment = with_series(experiment, folder, series)
+    taken = _taken(experiment, archive)
     runs = partial(experiment.part, shard.number, shard.shards)
-    with Ledger(_ledger_of(shard, folder), retry_failed=retry_failed, fits=fits) as ledger:
+    with Ledger(_ledger_of(shard, folder), retry_failed=retry_failed, fits=_fitting(experiment, taken)) as ledger:
         _collect(ledger, folder, runs if shard.shards > 1 else None)
-        before = sum(_is_done(run.key, ledger, archive) for run in runs())
+        before = sum(_is_done(run, ledger, archive) for run in runs())
         for run, outcome in do_runs(
-            (run for run in runs() if not _is_done(run.key, ledger, archive)),
-            partial(_done, _taken(experiment, archive), archive, words),
+            (run for run in runs() if not _is_done(run, ledger, archive)),
+            partial(_done, taken, archive, words),
             count=shard.count(experiment),
             done=before,
             ledger=ledger,
@@ -274,12 +320,13 @@ def run_experiment(
             if archive is not None and outcome.error is not None:
                 archive.clear(run.key)
             heard(run, outcome)
-        path = ledger.path
+        paths = [ledger.path]
         if shard.shards == 1:
-            path = write_table(experiment, ledger, folder / TABLE, archive)
+            paths = write_tables(experiment, ledger, folder, archive, tables)
         failed, errors = _failures(runs(), ledger)
         left_out = _left_out(experiment, runs(), ledger)
-    return Sweep(path, shard.count(experiment), failed, before, errors, left_out)
+    path, *others = paths
+    return Sweep(path, shard.count(experiment), failed, before, errors, left_out, tuple(others), experiment.series)
 
 
 def _ledger_of(shard: Shard, folder: Path) -> Path:
@@ -297,13 +344,6 @@ def _collect(ledger: Ledger, folder: Path, runs: Callable[[], Iterator[Run]] | N
     keys = {run.key for run in runs()} if runs is not None and others else None
     for path in others:
         ledger.absorb(path, keys)
-
-
-def _check_parameters(experiment: Experiment, recorded: bool) -> None:
-    """Refuse parameters that are named as another column of the table."""
-    for name in experiment.columns:
-        if name in FIXED or (recorded and name == RECORDING):
-            raise InvalidValueError(f"parameter {name} is named as a column of the table; rename it in the model")
 
 
 def _failures(runs: Iterable[Run], ledger: Ledger) -> tuple[int, tuple[str, ...]]:
@@ -325,11 +365,16 @@ def _left_out(experiment: Experiment, runs: Iterable[Run], ledger: Ledger) -> di
 
 
 def done_before(
-    experiment: Experiment, folder: Path, record: Mapping[str, Any] | None = None, shard: Shard = WHOLE
+    experiment: Experiment,
+    folder: Path,
+    record: Mapping[str, Any] | None = None,
+    shard: Shard = WHOLE,
+    *,
+    series: Sequence[str] = (),
 ) -> int:
     """Return how many runs of an experiment, or a shard, are done in a folder, without changing anything there.
 
-    If options of recordings are given, runs that were not recorded do not count.
+    If options of recordings are given, runs that were not recorded do not count, and with `series` those without.
 
     Examples
     --------
@@ -337,11 +382,13 @@ def done_before(
     0
     """
     archive = None if record is None else Archive(folder / RECORDINGS, record)
+    experiment = with_series(experiment, folder, series)
+    runs = partial(experiment.part, shard.number, shard.shards)
     done: set[str] = set()
     for path in _ledgers(folder):
-        with Ledger(path, read_only=True, fits=_fitting(experiment, archive)) as ledger:
-            done.update(key for key in ledger if _is_done(key, ledger, archive))
-    return sum(run.key in done for run in experiment.part(shard.number, shard.shards)) if done else 0
+        with Ledger(path, read_only=True, fits=_fitting(experiment, _taken(experiment, archive))) as ledger:
+            done.update(run.key for run in runs() if _is_done(run, ledger, archive))
+    return sum(run.key in done for run in runs()) if done else 0
 
 
 def stored_runs(experiment: Experiment, folder: Path) -> Iterator[tuple[Run, Outcome]]:
@@ -353,24 +400,33 @@ def stored_runs(experiment: Experiment, folder: Path) -> Iterator[tuple[Run, Out
     []
     """
     if (folder / LEDGER).exists():
-        with Ledger(folder / LEDGER, read_only=True, fits=_fitting(experiment, None)) as ledger:
+        fits = _fitting(experiment, _taken(experiment, None))
+        with Ledger(folder / LEDGER, read_only=True, fits=fits) as ledger:
             yield from _stored(experiment.runs(), ledger)
 
 
-def check_recorded(experiment: Experiment) -> None:
-    """Refuse an experiment whose runs cannot be recorded because a result is named as the column of recordings."""
-    built = first_built(experiment)
-    check_result_names(built.results() if hasattr(built, "results") else {}, {RECORDING})
+def check_columns_of(experiment: Experiment, *, recorded: bool, series: Sequence[str] = ()) -> None:
+    """Refuse an experiment that is to be stored so, but has a result or a reporter named as a column that this adds."""
+    if recorded or series:
+        built = first_built(experiment)
+        added = {*((RECORDING,) if recorded else ()), *((RUN,) if series else ())}
+        check_result_names(built.results() if hasattr(built, "results") else {}, added)
+        if series:
+            check_reporters(built)
 
 
 def _taken(experiment: Experiment, archive: Archive | None) -> set[str]:
-    """Return the names of the columns that are not results."""
-    return {*FIXED, *experiment.columns, *(() if archive is None else (RECORDING,))}
+    """Return the names of the columns that are not results; refuse a parameter that is named as another of them."""
+    fixed = {*experiment.fixed, *(() if archive is None else (RECORDING,))}
+    for name in experiment.columns:
+        if name in fixed:
+            raise InvalidValueError(f"parameter {name} is named as a column of the table; rename it in the model")
+    return {*fixed, *experiment.columns}
 
 
-def _fitting(experiment: Experiment, archive: Archive | None) -> Callable[[Outcome], bool]:
+def _fitting(experiment: Experiment, taken: set[str]) -> Callable[[Outcome], bool]:
     """Return whether an outcome can be a row of this experiment's table, as a function of outcomes."""
-    return partial(_has_row, _taken(experiment, archive), set(counted(experiment.reports)))
+    return partial(_has_row, taken, set(counted(experiment.reports)))
 
 
 def _has_row(taken: set[str], reports: set[str], outcome: Outcome) -> bool:
@@ -384,11 +440,11 @@ def _has_row(taken: set[str], reports: set[str], outcome: Outcome) -> bool:
     return results.keys().isdisjoint(taken) and not any(isinstance(value, list) for value in results.values())
 
 
-def _is_done(key: str, ledger: Ledger, archive: Archive | None) -> bool:
-    """Return whether a run need not be done; one that failed may have no recording."""
-    if archive is None or archive.file(key).exists():
-        return key in ledger
-    outcome = ledger.outcome(key)
+def _is_done(run: Run, ledger: Ledger, archive: Archive | None) -> bool:
+    """Return whether a run need not be done; one that failed may have no recording and no series."""
+    if run.is_kept and (archive is None or archive.file(run.key).exists()):
+        return run.key in ledger
+    outcome = ledger.outcome(run.key)
     return outcome is not None and outcome.error is not None
 
 
@@ -402,35 +458,51 @@ def _done(taken: set[str], archive: Archive | None, words: Callable[[BaseExcepti
     return outcome
 
 
-def write_table(experiment: Experiment, ledger: Ledger, path: Path, archive: Archive | None = None) -> Path:
-    """Write one row a run, in the experiment's order, whole or not at all; never more than 10,000 are in memory.
+def write_tables(
+    experiment: Experiment, ledger: Ledger, folder: Path, archive: Archive | None, forms: Sequence[str]
+) -> list[Path]:
+    """Write one row a run, in the experiment's order, as Parquet and in other forms; return the paths.
+
+    Each is written whole or not at all; never more than 10,000 rows are in memory.
 
     Parameters
     ----------
     experiment : Experiment
         All of whose runs are done.
     ledger : Ledger
-    path : Path
-        Of the Parquet file. Columns: `point`, from 0, the parameters that are set, `rng`, `steps`, `state_hash`, the
-        results, `error`.
-    archive : Archive, optional
+    folder : Path
+    archive : Archive or None
         If there is one, `recording` names each run's file in it.
+    forms : sequence of str
+        See `run_tables.FILES`.
 
     Raises
     ------
     InvalidValueError
-        If it cannot be written. The runs are in the ledger, and are not done again.
+        If one cannot be written. The runs are in the ledger, and are not done again.
     """
-    schema = _schema(experiment, ledger)
-    if archive is not None:
-        schema = schema.append(pa.field(RECORDING, pa.string()))
-    with draft_of(path) as draft, parquet.ParquetWriter(draft, schema) as writer:
-        for rows in _batches(_row(*pair, archive) for pair in _stored(experiment.runs(), ledger)):
-            writer.write_table(pa.Table.from_pylist(rows, schema=schema))
-    return path
+    schema = _schema(experiment, ledger, archive)
+    if experiment.series is not None:
+        experiment.series.agree({run.key for run in experiment.runs()})
+
+    def pairs() -> Iterator[tuple[Run, Outcome]]:
+        return _stored(experiment.runs(), ledger)
+
+    def rows() -> Iterator[dict[str, Any]]:
+        return (_row(run, outcome, archive) for run, outcome in pairs())
+
+    with draft_of(folder / TABLE) as draft, parquet.ParquetWriter(draft, schema) as writer:
+        for some in _batches(rows()):
+            writer.write_table(pa.Table.from_pylist(some, schema=schema))
+    paths = [folder / TABLE]
+    for form in forms:
+        path = folder / FILES[form]
+        is_csv = form == CSV
+        paths.append(write_csv(path, schema.names, rows()) if is_csv else write_behaviorspace(path, experiment, pairs))
+    return paths
 
 
-def _schema(experiment: Experiment, ledger: Ledger) -> pa.Schema:
+def _schema(experiment: Experiment, ledger: Ledger, archive: Archive | None) -> pa.Schema:
     """Return the columns; a result that only some runs have is placed by the first run that has it."""
     known = parameters_of(experiment.model_class)
     fields = [(POINT, pa.int64())]
@@ -441,7 +513,9 @@ def _schema(experiment: Experiment, ledger: Ledger) -> pa.Schema:
         for _, outcome in _stored(experiment.runs(), ledger):
             names.update(dict.fromkeys(outcome.numbers))
     names.update(dict.fromkeys(f"{LEFT_OUT}{OF}{name}" for name in _left_out(experiment, experiment.runs(), ledger)))
-    return pa.schema([*fields, *((name, pa.float64()) for name in names), ("error", pa.string())])
+    texts = ["error", *(name for name in experiment.fixed if name in (ENDED_BY, RUN))]
+    texts += [] if archive is None else [RECORDING]
+    return pa.schema([*fields, *((name, pa.float64()) for name in names), *((name, pa.string()) for name in texts)])
 
 
 def _stored(runs: Iterable[Run], ledger: Ledger) -> Iterator[tuple[Run, Outcome]]:
@@ -452,17 +526,9 @@ def _stored(runs: Iterable[Run], ledger: Ledger) -> Iterator[tuple[Run, Outcome]
 
 
 def _row(run: Run, outcome: Outcome, archive: Archive | None) -> dict[str, Any]:
-    settings = {name: shown_value(value) for name, value in run.settings.items()}
-    fixed = {
-        POINT: run.point,
-        "rng": run.rng,
-        "steps": outcome.steps if outcome.error is None else None,
-        "state_hash": outcome.state_hash,
-        "error": outcome.error,
-    }
     file = None if archive is None else archive.file(run.key)
     recording = {RECORDING: file.name} if file is not None and file.exists() else {}
-    return {**settings, **fixed, **outcome.numbers, **recording}
+    return {POINT: run.point, **row_of(run, outcome), **recording}
 
 
 def _batches(rows: Iterable[dict]) -> Iterator[list[dict]]:

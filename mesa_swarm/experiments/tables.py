@@ -269,15 +269,21 @@ def markdown_fitting(text: str, width: int | None) -> list[str]:
 def runs_csv(comparison: PairedRuns) -> str:
     """Return one line per run: value, seed, steps, state hash and every measure, empty where it did not occur.
 
-    If rows of a report are missing in any run, their number is a further column.
+    If rows of a report are missing in any run, their number is a further column; so are, where the plan has them, what
+    ended a run and the key of its series.
     """
+    plan, runs = comparison.plan, comparison.runs
     names = dict.fromkeys([*comparison.measures, *(f"{LEFT_OUT}{OF}{name}" for name in comparison.left_out)])
-    header = [comparison.plan.parameter, "rng", "steps", "state_hash", *names]
-    runs = (
-        [run.value, run.rng, run.steps, run.state_hash, *(run.numbers[name] for name in names)]
-        for run in comparison.runs
-    )
-    return csv_text([header, *runs])
+    columns: dict[str, Iterable] = {
+        plan.parameter: [run.value for run in runs],
+        **{name: [getattr(run, name) for run in runs] for name in ("rng", "steps", "state_hash")},
+        **{name: [run.numbers[name] for run in runs] for name in names},
+    }
+    if plan.until is not None:
+        columns["ended_by"] = [run.ended_by for run in runs]
+    if plan.series is not None:
+        columns["run"] = [run.key for run in plan.runs(keyed=True)]
+    return csv_text([columns, *zip(*columns.values(), strict=True)])
 
 
 def summary_csv(rows: list[Row]) -> str:
@@ -299,7 +305,7 @@ def _triple(interval: Interval | None) -> tuple:
     return (None,) * 3 if interval is None else tuple(map(known, (interval.estimate, interval.low, interval.high)))
 
 
-def csv_text(lines: Iterable[Sequence]) -> str:
+def csv_text(lines: Iterable[Iterable]) -> str:
     """Return rows as CSV; None is an empty field."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(lines)

@@ -600,7 +600,7 @@ class EngineModel(MesaModel):
 
     sense = delegate("robots", RobotsPart.sense)
 
-    def run(self, steps: int, progress: bool = False) -> Self:
+    def run(self, steps: int, progress: bool = False, *, until: Callable[[Self], object] | None = None) -> Self:
         """Take this many steps, fewer if the model stops running, and return the model.
 
         Parameters
@@ -608,12 +608,16 @@ class EngineModel(MesaModel):
         steps : int
         progress : bool
             Whether to show a bar with the time left and the time of day at which the run ends.
+        until : callable, optional
+            Called with the model after each step; the run ends when it returns True.
 
         Examples
         --------
         >>> from mesa_swarm import SwarmModel
         >>> SwarmModel(rng=1).run(3).steps
         3
+        >>> SwarmModel(rng=1).run(30, until=lambda model: model.steps > 4).steps
+        5
         """
         with progress_bar(check_count("steps", steps), "steps", progress) as bar, self._observed_run():
             for _ in range(bar.total):
@@ -621,6 +625,8 @@ class EngineModel(MesaModel):
                     break
                 self.step()
                 bar.update()
+                if until is not None and until(self):
+                    break
         return self
 
     def _collect(self) -> None:

@@ -1,7 +1,7 @@
 """Adaptive designs: points proposed batch by batch, each in view of the results so far, through a sweep's ledger."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from mesa_swarm.experiments.experiment import (
 )
 from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.sweep import TABLE, run_experiment
+from mesa_swarm.experiments.until import checked_condition
 
 
 class AdaptiveDesign:
@@ -36,7 +37,7 @@ class AdaptiveDesign:
     ----------
     model : type or str
         A SwarmModel with a method ``results``, or its name or address.
-    seeds, steps, settings, measure, out, jobs, progress, retry_failed
+    seeds, steps, settings, measure, out, jobs, progress, retry_failed, until
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
 
     Raises
@@ -70,6 +71,7 @@ class AdaptiveDesign:
         jobs: int = -1,
         progress: bool = False,
         retry_failed: bool = False,
+        until: Callable[[Any], object] | str | None = None,
     ) -> None:
         self._model = checked_class(model)
         self._fixed: dict[str, Any] = {
@@ -77,6 +79,7 @@ class AdaptiveDesign:
             "steps": checked_steps(self._model, steps),
             "settings": checked_settings(self._model, settings or {}),
             "measure": checked_measures(measure),
+            "until": checked_condition(until),
         }
         self._workers = checked_jobs(jobs)
         self._folder = check_writable(out)

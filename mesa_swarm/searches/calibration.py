@@ -15,7 +15,6 @@ from mesa_swarm.base.extras import need
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import (
-    FIXED,
     LARGEST_SEED,
     MOST_SEEDS,
     POINT,
@@ -229,6 +228,7 @@ def calibrate(
     jobs: int = -1,
     progress: bool = False,
     retry_failed: bool = False,
+    until: Callable[[Any], object] | str | None = None,
 ) -> Calibration:
     """Search the parameters at which measures of a model are nearest to their targets, on all cores.
 
@@ -268,7 +268,7 @@ def calibrate(
         The number that counts where a measure did not happen (None), such as `steps` for a time.
     sampler : optuna.samplers.BaseSampler, optional
         A new one, with a seed; by default Optuna's TPE ([1]_) with the seed `rng`.
-    steps, settings, jobs, progress, retry_failed
+    steps, settings, jobs, progress, retry_failed, until
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
         Seed of the search.
@@ -298,7 +298,9 @@ def calibrate(
     need_optuna()
     model_class, workers = checked_class(model), checked_jobs(jobs)
     checked, losses = checked_ranges(model_class, ranges), _checked_losses(target, measure, missing)
-    budget = _checked_budget(points, batch, fresh)
+    for name, count in (("points", points), ("batch", batch)):
+        check_count(name, count, minimum=1, maximum=MOST_POINTS)
+    check_count("fresh", fresh, minimum=1, maximum=MOST_SEEDS)
     design = AdaptiveDesign(
         model_class,
         seeds=seeds,
@@ -309,17 +311,31 @@ def calibrate(
         jobs=workers,
         progress=progress,
         retry_failed=retry_failed,
+        until=until,
     )
-    history = _searched(design, checked, losses, budget, _checked_sampler(sampler, rng))
-    point = int(history[LOSS].argmin())
-    experiment = design.experiment
-    again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, budget.fresh))
-    made = run_experiment(again, check_writable(out) / FRESH, workers, progress, retry_failed=retry_failed)
+    history = _searched(design, checked, losses, _checked_sampler(sampler, rng), points, batch)
+    how: dict[str, Any] = {"workers": workers, "progress": progress, "retry_failed": retry_failed}
+    return _judged(design, history, checked, losses, fresh, check_writable(out) / FRESH, how)
+
+
+def _judged(
+    design: AdaptiveDesign,
+    history: pd.DataFrame,
+    ranges: Mapping[str, Range],
+    losses: "_Losses",
+    fresh: int,
+    folder: Path,
+    how: dict[str, Any],
+) -> Calibration:
+    """Run the best point of a search again with fresh seeds, and return what is known of it then."""
+    point, experiment = int(history[LOSS].argmin()), design.experiment
+    again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, fresh))
+    made = run_experiment(again, folder, **how)
     frame = made.frame()
     rows = losses.numbers(frame, again)
     return Calibration(
         experiment=experiment,
-        ranges=checked,
+        ranges=ranges,
         targets=losses.targets,
         history=history,
         point=point,
@@ -359,7 +375,7 @@ class _Losses:
 
     def numbers(self, table: pd.DataFrame, experiment: Experiment) -> pd.DataFrame:
         """Return the measures of the runs that ended in no error, with numbers for those that did not happen."""
-        taken = {*FIXED, *experiment.columns}
+        taken = {*experiment.fixed, *experiment.columns}
         names = list(self.measure) or [str(name) for name in table if name not in taken]
         check_result_names(names, {LOSS, FAILED})
         for name in self.missing.keys() - set(names):
@@ -415,23 +431,6 @@ def _mean(column: pd.Series) -> float:
     return mean if math.isfinite(mean) else mean_interval(column.tolist()).estimate  # of huge numbers it may be finite
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Budget:
-    """Points of a search, how many are proposed at a time, and fresh seeds for the best."""
-
-    points: int
-    batch: int
-    fresh: int
-
-
-def _checked_budget(points: int, batch: int, fresh: int) -> _Budget:
-    return _Budget(
-        points=check_count("points", points, minimum=1, maximum=MOST_POINTS),
-        batch=check_count("batch", batch, minimum=1, maximum=MOST_POINTS),
-        fresh=check_count("fresh", fresh, minimum=1, maximum=MOST_SEEDS),
-    )
-
-
 def _checked_losses(target: object, measure: Sequence[str], missing: Mapping[str, float] | None) -> _Losses:
     numbers = {name: check_number(f"missing {name}", number) for name, number in (missing or {}).items()}
     if callable(target):
@@ -474,7 +473,7 @@ def _checked_sampler(sampler: Any, rng: int) -> Any:
 
 
 def _searched(
-    design: AdaptiveDesign, ranges: Mapping[str, Range], losses: _Losses, budget: _Budget, sampler: Any
+    design: AdaptiveDesign, ranges: Mapping[str, Range], losses: _Losses, sampler: Any, points: int, batch: int
 ) -> pd.DataFrame:
     """Return the history of a search: one row a point."""
     from optuna import create_study  # noqa: PLC0415 - optional, and slow to load
@@ -485,8 +484,8 @@ def _searched(
     error = ""
     with _without_log():
         study = create_study(sampler=sampler)
-        while len(rows) < budget.points:
-            trials = [study.ask(space) for _ in range(min(budget.batch, budget.points - len(rows)))]
+        while len(rows) < points:
+            trials = [study.ask(space) for _ in range(min(batch, points - len(rows)))]
             design.propose([_settings(ranges, trial.params) for trial in trials])
             numbers_of = range(len(rows), len(rows) + len(trials))
             for trial, point, (_, table) in zip(trials, numbers_of, design.results().groupby(POINT), strict=True):

@@ -9,7 +9,6 @@ import numpy as np
 
 from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control import (
     Approach,
@@ -29,8 +28,8 @@ from mesa_swarm.control import (
     Unseen,
 )
 from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.experiments.experiment import shown_value
-from mesa_swarm.experiments.pool import checked_jobs, in_order
+from mesa_swarm.experiments.fingerprints import shown_value
+from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.learning.evolution import Candidate, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.policy import PolicyLayer
@@ -38,7 +37,16 @@ from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import AGENT9, RobotDesign
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.searches.driving import driven_world, tallied
-from mesa_swarm.searches.evolution import Diary, Evolved, Maps, Trial, checked_maps, evolve
+from mesa_swarm.searches.evolution import (
+    Diary,
+    Evolved,
+    Maps,
+    Trial,
+    best_in_worlds,
+    breed,
+    checked_maps,
+    evolve,
+)
 
 # Distance between the centres of robots of one group: two robot diameters and a margin.
 LINK = 25.0
@@ -314,18 +322,11 @@ def design_machine(
     diary.replay(search, count)
     seeds = streams["worlds"].integers(2**63, size=count).tolist()
     work = partial(_score_of, task, within)
-    with progress_bar(count, "generations", progress) as bar:
-        bar.update(search.generations)
-        for g in range(search.generations, count):
-            search.tell(in_order(workers, work, [(one, worlds[g % len(worlds)], seeds[g]) for one in search.ask()]))
-            diary.write(search)
-            bar.update()
+    breed(search, work, worlds, seeds, workers=workers, diary=diary, progress=progress)
     seeds = streams["final"].integers(2**63, size=trials).tolist()
     last = search.best[-best:]
-    tried = [(one, worlds[k % len(worlds)], world) for one in last for k, world in enumerate(seeds)]
-    worth = np.reshape(in_order(workers, work, tried), (len(last), trials)).mean(axis=1)
-    won = int(np.argmax(worth))
-    return Designed(within.machine(*last[won]), float(worth[won]), np.array(search.history))
+    won, worth = best_in_worlds(last, work, worlds, seeds, workers)
+    return Designed(within.machine(*last[won]), worth, np.array(search.history))
 
 
 def _score_of(mission: Mission, space: MachineSpace, candidate: Candidate, world: Map, rng: int) -> float:

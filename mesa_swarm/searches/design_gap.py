@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -15,12 +15,13 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import LearningError, check_choice, check_count
 from mesa_swarm.base.files import check_writable, shown_path, write_whole
-from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.figures import COLOURS
-from mesa_swarm.experiments.pool import checked_jobs, is_remote, on_all
+from mesa_swarm.experiments.ledger import Outcome
+from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reality_gap import DIAL, checked_dial
+from mesa_swarm.experiments.runs import Run, completed
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
 from mesa_swarm.learning.policy import PolicyLayer
@@ -219,20 +220,23 @@ def design_gap(
     )
     first = check_count("rng", rng)
     count = check_count("designs", designs, minimum=2, maximum=10_000)
-    tasks = [(kind, first + k) for k in range(count) for kind in KINDS]
     folder = None if out is None else check_writable(Path(out))
     settings = json.loads(json.dumps(work.settings))
-    done = {one: stored for one in tasks if (stored := _stored(folder, one, settings)) is not None}
-    todo = [one for one in tasks if one not in done]
-    with progress_bar(len(tasks), "designs", progress) as bar:
-        bar.update(len(done))
-        for one, result in _finished(checked_jobs(jobs), work.result, todo):
-            done[one] = {"format": FORMAT, "settings": settings, **result}
-            if folder is not None:
-                write_whole(folder / _file_of(one), json.dumps(done[one]), LearningError)
-            bar.update()
-    scores = {kind: [done[kind, seed]["scores"] for seed in range(first, first + count)] for kind in KINDS}
-    texts = [done[MACHINE, seed]["controller"] for seed in range(first, first + count)]
+    runs = [
+        Run(work.result, {"kind": kind}, seed, key=f"{kind.replace(' ', '_')}_{seed}")
+        for seed in range(first, first + count)
+        for kind in KINDS
+    ]
+    done = completed(
+        runs,
+        ledger=None if folder is None else ControllerFiles(folder, settings),
+        workers=checked_jobs(jobs),
+        progress=progress,
+        unit="designs",
+    )
+    results = {kind: [done[run.key].numbers for run in runs if run.settings["kind"] == kind] for kind in KINDS}
+    scores = {kind: [result["scores"] for result in of_kind] for kind, of_kind in results.items()}
+    texts = [result["controller"] for result in results[MACHINE]]
     return DesignGap(
         mission=task.name, preset=preset, dial=places, seeds=seeds, scores=scores, texts=texts, settings=settings
     )
@@ -256,18 +260,17 @@ class _Work:
         rest = {"space": asdict(self.space), "budget": asdict(self.budget), "seeds": self.seeds, "dial": self.dial}
         return {**settings_of_mission(self.mission, maps), **rest, "preset": repr(PRESETS[self.preset])}
 
-    def result(self, kind: str, seed: int) -> tuple[tuple[str, int], dict]:
-        """Design one controller and evaluate it; return what was done and its result."""
+    def result(self, *, kind: str, rng: int) -> dict[str, Any]:
+        """Design one controller and evaluate it; return the controller and its score at each place of the dial."""
         maps, search = search_maps(), asdict(self.budget)
         control: Arbiter
         if kind == MACHINE:
-            control = design_machine(self.mission, space=self.space, maps=maps, rng=seed, **search).machine
+            control = design_machine(self.mission, space=self.space, maps=maps, rng=rng, **search).machine
             described: Any = control.text()  # type: ignore[attr-defined]
         else:
-            policy = evolve_network(self.mission, maps=maps, rng=seed, **search).policy
+            policy = evolve_network(self.mission, maps=maps, rng=rng, **search).policy
             control, described = Subsumption(PolicyLayer(policy=policy)), policy.wheel.tolist()
-        scores = [self._score(control, place) for place in self.dial]
-        return (kind, seed), {"controller": described, "scores": scores}
+        return {"controller": described, "scores": [self._score(control, place) for place in self.dial]}
 
     def _score(self, control: Arbiter, place: float) -> float:
         imperfections = PRESETS[self.preset].at(place)
@@ -284,33 +287,38 @@ def _map(number: int) -> Map:
     return random_map(number, obstacles=OBSTACLES, size=SIZE)
 
 
-def _finished(workers: int, work: Callable, tasks: list[tuple]) -> Iterator[tuple]:
-    """Yield results as they are done."""
-    if workers == 1 and not is_remote():
-        yield from (work(*task) for task in tasks)
-    elif tasks:
-        yield from on_all(workers, work, tasks)
+@dataclass(frozen=True, slots=True)
+class ControllerFiles:
+    """Designed controllers with their scores, a file each: a store of outcomes, as a ledger is.
 
+    A file of a controller that was designed with other settings is refused, and never replaced.
+    """
 
-def _file_of(task: tuple[str, int]) -> str:
-    return f"{task[0].replace(' ', '_')}_{task[1]}.json"
+    path: Path
+    settings: dict[str, Any]
 
+    def outcome(self, key: str) -> Outcome | None:
+        """Return the stored result of a design, None if there is none."""
+        file, stored = self.path / f"{key}.json", None
+        with suppress(OSError, ValueError, RecursionError):
+            stored = json.loads(file.read_text(encoding="utf-8"))
+        if not isinstance(stored, dict) or stored.get("format") != FORMAT:
+            return None
+        before = stored.get("settings")
+        if not isinstance(before, dict):
+            return None
+        changed = sorted(name for name, now in self.settings.items() if before.get(name) != now)
+        if changed:
+            raise LearningError(
+                f"{shown_path(file)} is of controllers with other {', '.join(changed)}; "
+                "use its settings or another folder"
+            )
+        return Outcome(results={name: stored[name] for name in ("controller", "scores")})
 
-def _stored(folder: Path | None, task: tuple[str, int], settings: dict) -> dict | None:
-    """Return the stored result of a task, None if there is none; one with other settings is never replaced."""
-    if folder is None:
-        return None
-    file, stored = folder / _file_of(task), None
-    with suppress(OSError, ValueError, RecursionError):
-        stored = json.loads(file.read_text(encoding="utf-8"))
-    if not isinstance(stored, dict) or stored.get("format") != FORMAT or not isinstance(stored.get("settings"), dict):
-        return None
-    changed = sorted(name for name, now in settings.items() if stored["settings"].get(name) != now)
-    if changed:
-        raise LearningError(
-            f"{shown_path(file)} is of controllers with other {', '.join(changed)}; use its settings or another folder"
-        )
-    return stored
+    def append(self, key: str, outcome: Outcome) -> None:
+        """Write the file of a design, whole or not at all."""
+        content = {"format": FORMAT, "settings": self.settings, **outcome.numbers}
+        write_whole(self.path / f"{key}.json", json.dumps(content), LearningError)
 
 
 def design_gap_figure(gap: DesignGap) -> Figure:

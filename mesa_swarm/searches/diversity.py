@@ -3,8 +3,10 @@
 import json
 import os
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +17,21 @@ from matplotlib.figure import Figure
 from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number
 from mesa_swarm.base.extras import need
-from mesa_swarm.base.files import write_whole
+from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control import Subsumption
-from mesa_swarm.experiments.pool import checked_jobs, in_order
+from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
+from mesa_swarm.experiments.ledger import Ledger
+from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.runs import Run, completed
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.maps.map import Map
 from mesa_swarm.searches.design import LINK
 from mesa_swarm.searches.driving import driven_world, tallied
-from mesa_swarm.searches.evolution import Trial, checked_maps, checked_trial
+from mesa_swarm.searches.evolution import Trial, checked_maps, checked_trial, settings_of
 from mesa_swarm.viewing.palette import LIGHT
 
 # Measures of behaviour with their ranges.
@@ -34,6 +39,9 @@ MEASURES = {"coverage": (0.0, 1.0), "speed": (0.0, 1.0), "largest group": (0.0, 
 # Every how many steps groups are counted.
 COUNTED_EVERY = 25
 FORMAT = "mesa_swarm archive 1"
+LEDGER = "runs.jsonl"
+# Trials depend on these files and on the engine; after a change they are repeated.
+SOURCES = tuple(f"searches/{name}.py" for name in ("diversity", "driving", "evolution"))
 
 
 def need_ribs() -> None:
@@ -119,6 +127,7 @@ def diversify(
     rng: int = 1,
     jobs: int = 1,
     progress: bool = False,
+    out: str | os.PathLike[str] | None = None,
 ) -> BehaviourMap:
     """Search for reflexes that behave differently, by CMA-ME of pyribs [1]_: the best of each cell of two measures.
 
@@ -141,6 +150,9 @@ def diversify(
     world : map, name or path
     rng, jobs : int
     progress : bool
+    out : path, optional
+        Folder in which each trial is stored as soon as it is done: a search that was interrupted, or killed,
+        continues when it is called again with the same arguments.
 
     Returns
     -------
@@ -182,10 +194,18 @@ def diversify(
     of_emitter: dict[str, Any] = {"x0": np.zeros(task.genes), "sigma0": float(sigma), "batch_size": size}
     search = Scheduler(archive, [EvolutionStrategyEmitter(archive, **of_emitter, seed=int(seed)) for seed in seeds[1:]])
     seed = int(streams["world"].integers(2**63))
-    work = partial(behaviour_of, task, names, place, seed)
-    with progress_bar(count, "generations", progress) as bar:
+    work, source = partial(_numbers_of, task, names, place), engine_hash(*SOURCES)
+    decisive = source, version("mesa-swarm"), settings_of(task, [place]), names
+    folder = None if out is None else check_writable(out)
+    with (
+        progress_bar(count, "generations", progress) as bar,
+        nullcontext() if folder is None else Ledger(folder / LEDGER) as ledger,
+    ):
         for _ in range(count):
-            found = np.array(in_order(workers, work, [(genome,) for genome in search.ask()]))
+            settings = [{"genome": genome.tolist()} for genome in search.ask()]
+            runs = [Run(work, one, seed, key=fingerprint(*decisive, one, seed)) for one in settings]
+            outcomes = completed(runs, ledger=ledger, workers=workers)
+            found = np.array([list(outcomes[run.key].numbers.values()) for run in runs])
             search.tell(found[:, 0], found[:, 1:])
             bar.update()
     fitness, genomes = best_of_cells(archive.data(), cells, task.genes)
@@ -224,6 +244,13 @@ def behaviour_of(
     means = tallied(model, trial.steps, measure, square=trial.fitness.square).means()
     found = {"coverage": means["covered"], "speed": float(np.mean(speeds)), "largest group": float(np.mean(groups))}
     return trial.fitness.of(**means), found[measures[0]], found[measures[1]]
+
+
+def _numbers_of(
+    trial: Trial, measures: tuple[str, str], world: Map, *, genome: list[float], rng: int
+) -> dict[str, float]:
+    """Return the same by name, as a run does."""
+    return dict(zip(("fitness", *measures), behaviour_of(trial, measures, world, rng, np.array(genome)), strict=True))
 
 
 def behaviour_figure(found: BehaviourMap) -> Figure:

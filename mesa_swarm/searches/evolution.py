@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,8 @@ from mesa_swarm.base.files import write_whole
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control import Subsumption
-from mesa_swarm.experiments.experiment import shown_value
+from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
 from mesa_swarm.experiments.pool import checked_jobs, in_order
-from mesa_swarm.experiments.runs import without_addresses
 from mesa_swarm.learning.evolution import Evolution, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.policy import PolicyLayer, SensorLayout
@@ -245,43 +244,57 @@ def evolve(
     diary = Diary(file, {**settings_of(trial, worlds), **begins})
     diary.replay(search, count)
     seeds = streams["worlds"].integers(2**63, size=count).tolist()
-    with progress_bar(count, "generations", progress) as bar:
-        bar.update(search.generations)
-        for g in range(search.generations, count):
-            tried = [(x, worlds[g % len(worlds)], seeds[g]) for x in search.ask()]
-            search.tell(in_order(workers, trial.fitness_of, tried))
-            diary.write(search)
-            bar.update()
+    breed(search, trial.fitness_of, worlds, seeds, workers=workers, diary=diary, progress=progress)
     seeds = streams["final"].integers(2**63, size=final_trials).tolist()
-    policy = _best(search, last, last_worlds, seeds, finalists, workers, trial.robots * trial.steps)
-    return Evolved(policy, np.array(search.history))
-
-
-def _best(
-    search: Evolution,
-    last: Trial,
-    worlds: Sequence[Map],
-    seeds: Sequence[int],
-    finalists: int,
-    workers: int,
-    robot_steps: int,
-) -> ReflexPolicy:
-    """Return the policy of the best of the last generations' means, tried with each seed in worlds that take turns.
-
-    `robot_steps` are those of a trial of the search.
-    """
     means = search.means[-finalists:]
-    tried = [(x, worlds[k % len(worlds)], seed) for x in means for k, seed in enumerate(seeds)]
-    worth = np.reshape(in_order(workers, last.fitness_of, tried), (len(means), len(seeds))).mean(axis=1)
-    best = int(np.argmax(worth))
-    return last.policy(
+    best, worth = best_in_worlds(means, last.fitness_of, last_worlds, seeds, workers)
+    searched = search.generations * search.population * trial.robots * trial.steps
+    policy = last.policy(
         means[best],
-        steps=search.generations * search.population * robot_steps + len(tried) * last.robots * last.steps,
+        steps=searched + len(means) * final_trials * last.robots * last.steps,
         learner="evolution",
         fitness=last.fitness.kind,
         generations=search.generations,
-        worth=float(worth[best]),
+        worth=worth,
     )
+    return Evolved(policy, np.array(search.history))
+
+
+def breed(
+    search: Evolution | MixedEvolution,
+    worth: Callable[[Any, Map, int], float],
+    worlds: Sequence[Map],
+    seeds: Sequence[int],
+    *,
+    workers: int,
+    diary: Diary,
+    progress: bool,
+) -> None:
+    """Let a search propose generations of candidates, as many as there are seeds, and pass it what they are worth.
+
+    All candidates of a generation are tried in one world, with one seed; the maps take turns.
+    """
+    with progress_bar(len(seeds), "generations", progress) as bar:
+        bar.update(search.generations)
+        for g in range(search.generations, len(seeds)):
+            tried = [(candidate, worlds[g % len(worlds)], seeds[g]) for candidate in search.ask()]
+            search.tell(in_order(workers, worth, tried))
+            diary.write(search)
+            bar.update()
+
+
+def best_in_worlds(
+    candidates: Sequence[Any],
+    worth: Callable[[Any, Map, int], float],
+    worlds: Sequence[Map],
+    seeds: Sequence[int],
+    workers: int,
+) -> tuple[int, float]:
+    """Return the number and the mean worth of the best candidate, tried with each seed in worlds that take turns."""
+    tried = [(candidate, worlds[k % len(worlds)], seed) for candidate in candidates for k, seed in enumerate(seeds)]
+    means = np.reshape(in_order(workers, worth, tried), (len(candidates), len(seeds))).mean(axis=1)
+    best = int(np.argmax(means))
+    return best, float(means[best])
 
 
 def checked_trial(name: str, trial: object) -> Trial:

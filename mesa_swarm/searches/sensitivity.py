@@ -270,6 +270,7 @@ def sensitivity(
     jobs: int = -1,
     progress: bool = False,
     retry_failed: bool = False,
+    until: Callable[[Any], object] | str | None = None,
 ) -> Sensitivity:
     """Measure how much a measure of a model depends on each of its parameters, on all cores.
 
@@ -307,7 +308,7 @@ def sensitivity(
     missing : float, optional
         The number that counts where the measure did not happen (None), such as `steps` for a time. Without it a
         missing measure is an error, and so is an infinite one.
-    steps, settings, jobs, progress, retry_failed
+    steps, settings, jobs, progress, retry_failed, until
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
         Seed of the design.
@@ -344,9 +345,8 @@ def sensitivity(
     model_class, workers = checked_class(model), checked_jobs(jobs)
     plan = _checked_plan(model_class, ranges, measure, method, points, difference, missing, rng)
     shares = plan.shares()
-    experiment = checked_experiment(
-        model_class, _varied(plan, shares), seeds=seeds, steps=steps, settings=settings, measure=[measure]
-    )
+    how: dict[str, Any] = {"seeds": seeds, "steps": steps, "settings": settings, "until": until}
+    experiment = checked_experiment(model_class, _varied(plan, shares), measure=[measure], **how)
     made = run_experiment(experiment, check_writable(out), workers, progress, retry_failed=retry_failed)
     numbers = _numbers(plan, experiment, made)
     estimated = partial(_sobol if plan.method == "sobol" else _morris, shares)

@@ -1,6 +1,7 @@
 """compare and sweep: many runs, resumed where an earlier call stopped."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from mesa_swarm.recording import Recording
@@ -73,6 +75,57 @@ def test_sweep_writes_a_table_for_each_run_of_the_queue_and_does_nothing_twice(t
     assert first == (0, "".join(f"{path}: 2 runs\n" for path in paths), "")
     assert again == (0, "".join(f"{path}: 2 runs, 2 of them before\n" for path in paths), "")
     assert all(path.exists() for path in paths)
+
+
+def test_sweep_ends_runs_at_a_condition_and_writes_series_and_tables_on_request(typed):
+    Path("job.toml").write_text(f"{MODEL}steps = 20\nseeds = 2")
+    words = "sweep job.toml --jobs 1 --quiet --until 'steps == 4' --series both --table csv --table behaviorspace"
+    home = Path("results/job")
+    names = ("runs.csv", "behaviorspace.csv", "series/model", "series/agents")
+    printed = [f"{home / 'runs.parquet'}: 2 runs", *(str(home / name) for name in names)]
+    assert typed(shlex.split(words)) == (0, "\n".join([*printed, ""]), "")
+    assert pd.read_parquet(home / "runs.parquet")["ended_by"].tolist() == ["condition"] * 2
+    assert pd.read_parquet(home / "series/model")["step"].tolist() == [1, 2, 3, 4] * 2
+    assert typed(shlex.split(f"{words} --dry-run"))[1].endswith(
+        "2 runs (1 point x 2 seeds, 20 steps each), 2 done, 0 to do\n"
+    )
+
+
+def test_compare_ends_runs_at_a_condition_and_writes_series_and_tables_on_request(typed):
+    words = "compare fire_fighting --seeds 2 --steps 9 --jobs 1 --quiet --until 'steps == 4' --series model"
+    status, out, _ = typed(shlex.split(f"{words} --table behaviorspace"))
+    assert status == 0
+    home = Path("results/compare_fire_fighting")
+    assert {str(home / "behaviorspace.csv"), str(home / "series/model")} <= set(out.splitlines())
+    assert len(pd.read_parquet(home / "series/model")) == 4 * 4
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("sweep job.toml --until 'fires_burnin == 0'", "did you mean 'fires_burning'?"),
+        ("compare fire_fighting --until 'open(1)'", "expected a comparison of reporters with numbers"),
+        ("sweep job.toml --series all", "unknown series 'all'; known: both, model, agents"),
+        ("sweep job.toml --table xls", "unknown form of a table 'xls'; known: csv, behaviorspace"),
+        ("sweep job.toml --table csv --shard 1/2", "tables are of all shards"),
+        ("reality-gap --until 'a == 1'", "--until is given without a model"),
+    ],
+)
+def test_wrong_conditions_series_and_tables_are_one_line_before_any_run(typed, words, message):
+    Path("job.toml").write_text(f"{MODEL}steps = 20\nseeds = 2")
+    status, out, err = typed(shlex.split(words))
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert message in err
+    assert [path for path in Path().rglob("*") if path.is_file()] == [Path("job.toml")]
+
+
+def test_a_condition_in_a_job_and_on_the_command_line_is_refused(typed):
+    Path("job.toml").write_text(f"{MODEL}steps = 20\nuntil = 'steps == 4'")
+    assert "ended by" in typed("run job.toml --quiet")[1]
+    assert (
+        "until is set here and on the command line (--until)"
+        in typed(shlex.split("run job.toml --until 'steps == 4'"))[2]
+    )
 
 
 def test_a_dry_run_counts_the_runs_and_writes_nothing(typed, tmp_path):

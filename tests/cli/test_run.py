@@ -95,6 +95,13 @@ def test_an_existing_recording_is_replaced_only_with_force(typed):
     )
 
 
+def test_a_run_ends_at_a_condition_and_prints_what_ended_it(typed):
+    lines = typed(["run", "fire_fighting", "--steps", "9", "--until", "steps >= 4", "--quiet"])[1].splitlines()
+    assert [line.split()[-1] for line in lines[:2]] == ["4", "condition"]
+    assert "ended by" not in typed("run fire_fighting --steps 2 --quiet")[1]
+    assert "did you mean 'fires_burning'" in typed("run fire_fighting --until fires_burnin==0 --quiet")[2]
+
+
 RECORDED = MODEL + 'robots = 2\nsteps = 20\nseeds = 2\nrecord = { file = "runs/{seed}.arrow", every = 5 }'
 
 

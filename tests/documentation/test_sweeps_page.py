@@ -1,10 +1,12 @@
 """The examples of docs/sweeps.md run as described."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from mesa_swarm.recording import Recording
@@ -35,17 +37,26 @@ def run(folder, *words):
 @pytest.mark.slow
 def test_the_commands_on_the_page_run(tmp_path):
     written_jobs(tmp_path)
-    lines = [line.split() for block in blocks("sh") for line in block.splitlines()]
-    assert len(lines) == 4
+    lines = [shlex.split(line) for block in blocks("sh") for line in block.splitlines()]
+    assert len(lines) == 8
     printed = [run(tmp_path, "-m", "mesa_swarm", *words) for _, *words in lines]
     assert len(Recording(tmp_path / "runs" / "2.arrow")) == 400
     assert "0 done, 12 to do" in printed[1]
     assert (tmp_path / "results" / "grid" / "runs.parquet").exists()
     assert len(list((tmp_path / "results" / "sample" / "recordings").iterdir())) == 8
+    assert "ended by" in printed[5]
+    rows = pd.read_parquet(tmp_path / "results" / "grid" / "series" / "model")
+    assert len(rows) == 12 * 200
+    table = (tmp_path / "results" / "grid" / "behaviorspace.csv").read_text().splitlines()
+    assert len(table) == 7 + len(rows)
+    assert (tmp_path / "results" / "compare_fire_fighting" / "series" / "model").is_dir()
 
 
 @pytest.mark.slow
-def test_the_program_on_the_page_runs(tmp_path):
-    (program,) = blocks("python")
-    (tmp_path / "program.py").write_text(program)
-    assert run(tmp_path, "program.py").startswith("6 0")
+def test_the_programs_on_the_page_run(tmp_path):
+    first, second = blocks("python")
+    for name, program in (("first.py", first), ("second.py", second)):
+        (tmp_path / name).write_text(program)
+    assert run(tmp_path, "first.py").startswith("6 0")
+    lines = run(tmp_path, "second.py").splitlines()
+    assert lines[1] == f"[{', '.join(['0.0'] * 6)}]"

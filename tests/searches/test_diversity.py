@@ -30,6 +30,28 @@ def test_an_archive_is_the_same_for_the_same_seed_and_any_number_of_processes():
     assert 1 / 64 < one.filled < 48 / 64
 
 
+def test_a_search_that_was_interrupted_does_only_the_trials_that_are_missing(tmp_path, monkeypatch):
+    pytest.importorskip("ribs")
+    small = {"cells": 4, "generations": 2, "emitters": 1, "batch": 4, "rng": 3}
+    whole = diversify(BRIEF, **small)
+    tried = []
+
+    def interrupted(*arguments, most=6):
+        tried.append(arguments)
+        if len(tried) > most:
+            raise KeyboardInterrupt
+        return behaviour_of(*arguments)
+
+    monkeypatch.setattr(diversity, "behaviour_of", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        diversify(BRIEF, out=tmp_path, **small)
+    tried.clear()
+    again = diversify(BRIEF, out=tmp_path, **small)
+    assert len(tried) == 2
+    assert np.array_equal(again.fitness, whole.fitness, equal_nan=True)
+    assert np.array_equal(again.genomes, whole.genomes, equal_nan=True)
+
+
 @pytest.mark.long
 def test_a_controller_of_a_cell_behaves_as_its_cell_states(tmp_path):
     pytest.importorskip("ribs")

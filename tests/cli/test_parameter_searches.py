@@ -6,7 +6,7 @@ import pytest
 
 from mesa_swarm.base import extras
 from mesa_swarm.base.extras import install_command
-from mesa_swarm.cli.studies import parsed_ranges
+from mesa_swarm.cli.parameter_searches import parsed_ranges
 from mesa_swarm.experiments.sampling import Range
 from mesa_swarm.model.gallery import find_model
 
@@ -16,7 +16,7 @@ RANGES = ["--range", "k1=0.0002:0.0008:log", "--range", "n_robots=2:4"]
 
 
 def test_sensitivity_prints_indices_paths_and_a_finding_and_continues(typed):
-    words = [*STUDY, *RANGES, "--method", "morris", "--points", "2", "--seeds", "2", "--quiet"]
+    words = [*STUDY, *RANGES, "--method", "morris", "--points", "2", "--seeds", "2", "--quiet", "--until", "steps == 9"]
     status, out, err = typed([*words, "--difference", "strategy=A,B"])
     folder = Path("results", "sensitivity_fire_fighting_morris")
     assert (status, err) == (0, "")

@@ -9,7 +9,7 @@ import typer
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import Jobs, Model, Quiet, Settings, StepsOfRuns, prepare, resumable
+from mesa_swarm.cli.options import Jobs, Model, Quiet, Settings, StepsOfRuns, Until, prepare, resumable
 from mesa_swarm.model.gallery import find_model, short_name
 
 if TYPE_CHECKING:
@@ -24,6 +24,17 @@ Ranges = Annotated[
         metavar="NAME=LOW:HIGH",
         help="Range of a parameter, NAME=LOW:HIGH:log for a logarithmic one, NAME=A,B,... for values; repeat it.",
     ),
+]
+Targets = Annotated[
+    list[str] | None,
+    typer.Option(metavar="MEASURE=VALUE", help="Target of a measure, MEASURE=VALUE:SCALE with a scale; repeat it."),
+]
+Missing = Annotated[
+    list[str] | None,
+    typer.Option(metavar="MEASURE=VALUE", help="What counts where a measure did not happen; repeat it."),
+]
+FreshRuns = Annotated[
+    int, typer.Option(min=1, max=100_000, help="Runs of the best with seeds of their own; intervals need 6.")
 ]
 DesignSeed = Annotated[int, typer.Option("--rng", min=0, max=2**31 - 1, help="Seed of the design or search.")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="Repeat runs that ended in an error.")]
@@ -53,6 +64,7 @@ def sensitivity(
     jobs: Jobs = -1,
     out: Results = None,
     retry_failed: Retry = False,
+    until: Until = None,
     quiet: Quiet = False,
 ) -> None:
     """Measure how much a measure depends on each parameter (SALib); continue an interrupted call."""
@@ -80,6 +92,7 @@ def sensitivity(
             jobs=jobs,
             progress=not quiet,
             retry_failed=retry_failed,
+            until=until,
         )
     _print(found, found.sweep.path, folder)
 
@@ -89,26 +102,19 @@ def calibrate(
     model: Model,
     *,
     ranges: Ranges = None,
-    target: Annotated[
-        list[str] | None,
-        typer.Option(metavar="MEASURE=VALUE", help="Target of a measure, MEASURE=VALUE:SCALE with a scale; repeat it."),
-    ] = None,
+    target: Targets = None,
     points: Annotated[int, typer.Option(min=1, max=100_000, help="Points of the search.")] = 80,
     batch: Annotated[int, typer.Option(min=1, max=100_000, help="Points that are proposed at a time.")] = 8,
     seeds: Annotated[int, typer.Option(min=1, max=100_000, help="Runs at each point of the search.")] = 5,
-    fresh: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Runs of the best with seeds of their own; intervals need 6.")
-    ] = 20,
-    missing: Annotated[
-        list[str] | None,
-        typer.Option(metavar="MEASURE=VALUE", help="What counts where a measure did not happen; repeat it."),
-    ] = None,
+    fresh: FreshRuns = 20,
+    missing: Missing = None,
     steps: StepsOfRuns = None,
     setting: Settings = None,
     rng: DesignSeed = 1,
     jobs: Jobs = -1,
     out: Results = None,
     retry_failed: Retry = False,
+    until: Until = None,
     quiet: Quiet = False,
 ) -> None:
     """Search parameters at which measures are near their targets (Optuna); continue an interrupted call."""
@@ -139,6 +145,7 @@ def calibrate(
             jobs=jobs,
             progress=not quiet,
             retry_failed=retry_failed,
+            until=until,
         )
     _print(found, folder / TABLE, folder)
 

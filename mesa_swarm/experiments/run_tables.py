@@ -1,0 +1,188 @@
+"""Tables of runs as text: CSV, a row a run, and the table of NetLogo's BehaviorSpace, a row a step of series."""
+
+import csv
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pyarrow import parquet
+
+from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
+from mesa_swarm.base.files import check_writable, draft_of, write_whole
+from mesa_swarm.experiments.experiment import Experiment, first_built
+from mesa_swarm.experiments.fingerprints import shown_value
+from mesa_swarm.experiments.ledger import ENDED_BY, Outcome
+from mesa_swarm.experiments.runs import Run
+from mesa_swarm.experiments.series import FOLDER, OF_MODEL, RNG, RUN, STEP, RunSeries, check_reporters, column_of
+from mesa_swarm.model.gallery import model_address
+
+CSV, BEHAVIORSPACE = "csv", "behaviorspace"
+# By form the file's name.
+FILES = {CSV: "runs.csv", BEHAVIORSPACE: "behaviorspace.csv"}
+# Columns after the results.
+LAST = ("error", ENDED_BY, RUN)
+# Whole numbers up to here are written without a point, as NetLogo does.
+LARGEST_EXACT = 2**53
+SomeExperiment = TypeVar("SomeExperiment", bound=Experiment)
+# Called anew for each pass over the runs: they are not held in memory.
+Pairs = Callable[[], Iterable[tuple[Run, Outcome]]]
+
+
+def checked_forms(tables: object) -> tuple[str, ...]:
+    """Return the forms of tables that are wanted, each once: "csv", "behaviorspace".
+
+    Examples
+    --------
+    >>> checked_forms(["csv", "csv"]), checked_forms("behaviorspace")
+    (('csv',), ('behaviorspace',))
+    """
+    listed = [tables] if isinstance(tables, str) else tables
+    if not isinstance(listed, Iterable):
+        raise InvalidValueError(f"tables is {shortened(tables)}; expected names, such as ['csv', 'behaviorspace']")
+    return tuple(dict.fromkeys(check_choice("form of a table", form, FILES) for form in listed))
+
+
+def checked_folder(
+    out: str | os.PathLike[str] | None, *, series: Sequence[str] = (), forms: Sequence[str] = ()
+) -> Path | None:
+    """Return the folder of results, or None; refuse series and tables without one."""
+    if out is None and (series or forms):
+        raise InvalidValueError(f"{'series' if series else 'tables'} are wanted and no folder is named; add out=...")
+    return None if out is None else check_writable(out)
+
+
+def with_series(experiment: SomeExperiment, folder: Path | None, parts: Sequence[str]) -> SomeExperiment:
+    """Return an experiment of whose series these data sets are stored in a folder; an experiment as it is for none.
+
+    A reporter that is named as a column that all series have is refused.
+    """
+    if folder is None or not parts:
+        return experiment
+    check_reporters(first_built(experiment))
+    return replace(experiment, series=RunSeries(folder / FOLDER, tuple(parts)))
+
+
+def write_stored(
+    experiment: Experiment, done: list[tuple[Run, Outcome]], folder: Path, forms: Sequence[str], rows: str | None = None
+) -> list[Path]:
+    """Let the series of runs that are all done agree, write their tables in these forms, and return the paths.
+
+    `rows` is the content of the CSV, by default a row a run with all that is known of it.
+    """
+    if experiment.series is not None:
+        experiment.series.agree({run.key for run, _ in done})
+    if BEHAVIORSPACE in forms:
+        write_behaviorspace(folder / FILES[BEHAVIORSPACE], experiment, lambda: done)
+    if CSV in forms and rows is not None:
+        write_whole(folder / FILES[CSV], rows)
+    elif CSV in forms:
+        listed = [row_of(*pair) for pair in done]
+        names = dict.fromkeys(name for row in listed for name in row)
+        write_csv(folder / FILES[CSV], sorted(names, key=LAST.__contains__), listed)
+    return [folder / FILES[form] for form in forms]
+
+
+def row_of(run: Run, outcome: Outcome) -> dict[str, Any]:
+    """Return the row of a run: its parameters, seed, steps and fingerprint, results, what ended it, its error."""
+    settings = {name: shown_value(value) for name, value in run.settings.items()}
+    steps = outcome.steps if outcome.error is None else None
+    fixed = {RNG: run.rng, "steps": steps, "state_hash": outcome.state_hash, "error": outcome.error}
+    ended = {} if run.until is None else {ENDED_BY: outcome.ended_by}
+    series = {} if run.series is None or outcome.error is not None else {RUN: run.key}
+    return {**settings, **fixed, **outcome.numbers, **ended, **series}
+
+
+def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> Path:
+    """Write rows as CSV under a line of names, whole or not at all; what is missing is an empty field."""
+    lines = ([row.get(name) for name in names] for row in rows)
+    return _write(path, [names], lines, quoting=csv.QUOTE_MINIMAL)
+
+
+def write_behaviorspace(path: Path, experiment: Experiment, pairs: Pairs) -> Path:
+    """Write the table of NetLogo's BehaviorSpace, as NetLogo 6.4 does: six lines about the experiment, then the rows.
+
+    Where series are stored there is a row for each row that was collected, with the reporters; else one for each run,
+    with its results after the last step. Runs that ended in an error have none, but keep their numbers.
+
+    Parameters
+    ----------
+    path : Path
+    experiment : Experiment
+    pairs : callable
+        Returns runs with their outcomes, in the order in which they are numbered, from 1.
+    """
+    low_x, low_y, high_x, high_y = first_built(experiment).map.bounds
+    about: list[list[Any]] = [
+        [f"BehaviorSpace results (mesa-swarm {version('mesa-swarm')})", "Table version 2.0"],
+        [model_address(experiment.model_class)],
+        [experiment.name],
+        [datetime.now().astimezone().strftime("%m/%d/%Y %H:%M:%S:000 %z")],
+        ["min-pxcor", "max-pxcor", "min-pycor", "max-pycor"],
+        [low_x, high_x, low_y, high_y],
+    ]
+    settings = list(dict.fromkeys(name for run, _ in pairs() for name in run.settings))
+    reporters = list(dict.fromkeys(name for pair in pairs() for name in _reporters(*pair)))
+    head = ["[run number]", *(column_of(name, reporters) for name in settings), RNG, "[step]", *reporters]
+    rows = (
+        [number, *(shown_value(run.settings.get(name)) for name in settings), run.rng, step, *map(row.get, reporters)]
+        for number, (run, outcome) in enumerate(pairs(), start=1)
+        for step, row in _steps(run, outcome)
+    )
+    return _write(path, [*about, head], rows, quoting=csv.QUOTE_ALL, shown=in_netlogo)
+
+
+def _file_of_steps(run: Run) -> Path | None:
+    """Return the file of the rows of the model after each step, None if they are not stored."""
+    if run.series is None or OF_MODEL not in run.series.parts:
+        return None
+    return run.series.file(OF_MODEL, run.key)
+
+
+def _reporters(run: Run, outcome: Outcome) -> list[str]:
+    """Return the names of what is known of a run."""
+    file = _file_of_steps(run)
+    if file is None or outcome.error is not None:
+        return list(outcome.numbers)
+    names = parquet.read_schema(file).names
+    return names[names.index(STEP) + 1 :]
+
+
+def _steps(run: Run, outcome: Outcome) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Yield the steps of a run that are known, with what was reported after each."""
+    if outcome.error is not None:
+        return
+    file = _file_of_steps(run)
+    if file is None:
+        yield outcome.steps, outcome.numbers
+    else:
+        yield from ((row[STEP], row) for row in parquet.ParquetFile(file).read().to_pylist())
+
+
+def in_netlogo(value: Any) -> str:
+    """Return a value as NetLogo writes it; one that is missing, which NetLogo does not know, is empty.
+
+    Examples
+    --------
+    >>> in_netlogo(5.0), in_netlogo(0.25), in_netlogo(True), in_netlogo([1, "A"]), in_netlogo(None)
+    ('5', '0.25', 'true', '[1 A]', '')
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float) and value.is_integer() and abs(value) <= LARGEST_EXACT:
+        return str(int(value))
+    return f"[{' '.join(map(in_netlogo, value))}]" if isinstance(value, list) else str(value)
+
+
+def _write(
+    path: Path, above: Iterable[Sequence], rows: Iterable[Sequence], *, quoting: Any, shown: Any = lambda value: value
+) -> Path:
+    with draft_of(path) as draft, open(draft, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, quoting=quoting, lineterminator="\n")
+        writer.writerows(map(shown, row) for rows_of in (above, rows) for row in rows_of)
+    return path
