@@ -30,9 +30,9 @@ def check_array(name: str, value: object, *axes: Axes, finite: bool = True, miss
         raise InvalidValueError(f"{name} is an array of {array.dtype}; expected real numbers")
     array = array.astype(float)  # None, as a collector has it, is NaN
     if finite and (wrong := np.isinf(array) if missing else ~np.isfinite(array)).any():
-        where = tuple(np.argwhere(wrong)[0].tolist())
+        place = tuple(np.argwhere(wrong)[0].tolist())
         expected = "finite numbers, or NaN for missing ones" if missing else "finite numbers"
-        raise InvalidValueError(f"{name} is {array[where]:g} at {list(where)}; expected {expected}")
+        raise InvalidValueError(f"{name} is {array[place]:g} at {list(place)}; expected {expected}")
     return array
 
 
@@ -77,8 +77,8 @@ def check_flags(name: str, value: object, axes: Axes) -> np.ndarray:
     """Return `value` as an array of booleans, given as such or as 0 and 1."""
     flags, missing = check_flags_or_missing(name, value, axes)
     if missing.any():
-        where = np.argwhere(missing)[0].tolist()
-        raise InvalidValueError(f"{name} is NaN or masked at {where}; expected booleans, or 0 and 1 only")
+        place = np.argwhere(missing)[0].tolist()
+        raise InvalidValueError(f"{name} is NaN or masked at {place}; expected booleans, or 0 and 1 only")
     return flags
 
 

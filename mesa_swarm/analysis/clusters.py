@@ -215,9 +215,9 @@ def kept_together(before: np.ndarray, after: np.ndarray) -> Value:
     >>> kept_together([0, 0, 1, 1, -1], [5, 5, 5, -1, -1])
     0.5
     """
-    old, lost = check_whole_or_missing("before", before, ("n",), ("k", "n"))
-    new, gone = check_whole_or_missing("after", after, old.shape)
-    return by_row(_kept_together, old, new, lost | gone, missing=lost | gone)
+    old, missing_before = check_whole_or_missing("before", before, ("n",), ("k", "n"))
+    new, missing_after = check_whole_or_missing("after", after, old.shape)
+    return by_row(_kept_together, old, new, missing_before | missing_after, missing=missing_before | missing_after)
 
 
 def _kept_together(old: np.ndarray, new: np.ndarray, missing: np.ndarray) -> float:

@@ -160,9 +160,9 @@ def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int])
     >>> visited_cells([[10, 10], [90, 10]], (0, 0, 100, 50), (1, 4))
     array([[ True, False, False,  True]])
     """
-    limits, checked = check_bounds(bounds), _check_shape("shape", shape)
+    limits, cells = check_bounds(bounds), _check_shape("shape", shape)
     points, missing = _flat(positions)
-    return Measures.of(_cells_of(_check_inside(points, limits), limits, checked), missing)
+    return Measures.of(_cells_of(_check_inside(points, limits), limits, cells), missing)
 
 
 def _cells_of(points: np.ndarray, limits: Bounds, shape: tuple[int, int]) -> np.ndarray:
@@ -171,9 +171,9 @@ def _cells_of(points: np.ndarray, limits: Bounds, shape: tuple[int, int]) -> np.
     lower, upper = np.array(limits[:2]), np.array(limits[2:])
     cell = ((points - lower) / (upper - lower) * (columns, rows)).astype(int)
     column, row = np.clip(cell, 0, (columns - 1, rows - 1)).T
-    visited = np.zeros((rows, columns), bool)
-    visited[row, column] = True
-    return visited
+    is_visited = np.zeros((rows, columns), bool)
+    is_visited[row, column] = True
+    return is_visited
 
 
 def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> Measure:
@@ -213,8 +213,8 @@ def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> Measur
     limits, shape = check_bounds(bounds), _check_shape("shape", reachable.shape)
     points, missing = _flat(positions)
     is_beyond = _is_beyond(points, limits)
-    visited = _cells_of(points[~is_beyond] if is_beyond.any() else points, limits, shape)
-    share = int((visited & reachable).sum()) / int(reachable.sum())
+    is_visited = _cells_of(points[~is_beyond] if is_beyond.any() else points, limits, shape)
+    share = int((is_visited & reachable).sum()) / int(reachable.sum())
     return Measure(share, missing, int(is_beyond.sum()))
 
 
@@ -222,8 +222,8 @@ def _check_shape(name: str, shape: object) -> tuple[int, int]:
     if not isinstance(shape, Sequence) or isinstance(shape, str) or len(shape) != 2:
         raise InvalidValueError(f"{name} is {shortened(shape)}; expected two whole numbers (rows, columns)")
     rows, columns = (
-        check_count(f"{name}' {what}", number, minimum=1, maximum=MOST_CELLS_A_SIDE)
-        for what, number in zip(("rows", "columns"), shape, strict=True)
+        check_count(f"{name}' {word}", number, minimum=1, maximum=MOST_CELLS_A_SIDE)
+        for word, number in zip(("rows", "columns"), shape, strict=True)
     )
     return rows, columns
 
@@ -232,12 +232,12 @@ def _check_solids(solids: object) -> list[tuple]:
     """Return pairs of a geometry, which `room_for_disc` checks, and a radius."""
     if not isinstance(solids, Iterable):
         raise InvalidValueError(f"solids is {shortened(solids)}; expected a list of (geometry, radius)")
-    checked = []
+    discs = []
     for solid in solids:
         if not isinstance(solid, Sequence) or len(solid) != 2:
             raise InvalidValueError(f"solids holds {shortened(solid)}; expected pairs of (geometry, radius)")
-        checked.append((solid[0], check_number("a solid's radius", solid[1], minimum=0.0)))
-    return checked
+        discs.append((solid[0], check_number("a solid's radius", solid[1], minimum=0.0)))
+    return discs
 
 
 def _flat(positions: Any) -> tuple[np.ndarray, int]:

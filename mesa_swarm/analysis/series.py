@@ -148,8 +148,8 @@ def time_to(
     reached = series >= level if at_least else series <= level
     if for_good:
         reached = np.logical_and.accumulate(reached[::-1])[::-1]
-    where = np.flatnonzero(reached)
-    return int(numbers[where[0]]) if len(where) else None
+    places = np.flatnonzero(reached)
+    return int(numbers[places[0]]) if len(places) else None
 
 
 def _step_numbers(steps: np.ndarray | None, k: int) -> np.ndarray:

@@ -132,25 +132,25 @@ class Behaviour:
             unused = np.full(len(self._swarm), np.nan)
             columns = (*columns_of(senses, self._swarm.designs), unused)
             self._known = senses, columns, self._fields(senses)
-        _, known, fields = self._known
-        return (known if self._rng is None else (*known[:-1], self._rng.random(len(self._swarm)))), fields
+        _, arrays, fields = self._known
+        return (arrays if self._rng is None else (*arrays[:-1], self._rng.random(len(self._swarm)))), fields
 
     def _fields(self, senses: Senses) -> RuleFields:
         """Return what the model adds to `me`; only records that the rule uses, for they are copied in each step."""
         memory = {name: self._swarm.columns[f"{self._prefix}.{name}"] for name in self.memory}
-        written = {"act": senses.act, "memory": memory, "send": senses.send}
-        used = {name: columns for name, columns in written.items() if uses_attribute(self.rule.function, name)}
-        return RuleFields(senses.own, used, senses.heard)
+        writable = {"act": senses.act, "memory": memory, "send": senses.send}
+        outputs = {name: columns for name, columns in writable.items() if uses_attribute(self.rule.function, name)}
+        return RuleFields(senses.own, outputs, senses.heard)
 
     def _numbers(self, row: int) -> int:
         """Return how many numbers the drive of the robot in this row takes."""
         return self._swarm.agents[row].design.numbers
 
-    def _refusal(self, row: int, what: str) -> BehaviourError:
+    def _refusal(self, row: int, problem: str) -> BehaviourError:
         robot = self._swarm.agents[row]
-        whose = f" for robot {robot.unique_id}" if row >= 0 else ""
+        subject = f" for robot {robot.unique_id}" if row >= 0 else ""
         return BehaviourError(
-            f"rule {self.name} failed{whose} in step {robot.model.steps}: it {' '.join(what.split())}"
+            f"rule {self.name} failed{subject} in step {robot.model.steps}: it {' '.join(problem.split())}"
         )
 
 

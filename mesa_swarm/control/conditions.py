@@ -84,9 +84,9 @@ class Condition:
         """Return the probability that it is fulfilled in this step, for each robot, shape (n,)."""
         if self.code == OWN:
             raise NotImplementedError(f"{type(self).__name__} needs a method chances(senses)")
-        found = np.empty(len(senses.design))
-        write_chances(senses.distance, senses.kind, senses.line, senses.radiation, np.array(self.row), found)
-        return found
+        chances = np.empty(len(senses.design))
+        write_chances(senses.distance, senses.kind, senses.line, senses.radiation, np.array(self.row), chances)
+        return chances
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -303,16 +303,16 @@ def own_chances(condition: Condition, senses: Senses) -> np.ndarray:
     """
     returned: Any = condition.chances(senses)
     try:
-        found = np.asarray(unmasked(returned), float)
+        chances = np.asarray(unmasked(returned), float)
     except (TypeError, ValueError):
-        found = np.empty(0)
+        chances = np.empty(0)
     n = len(senses.design)
-    if found.shape != (n,) or not bool(((found >= 0.0) & (found <= 1.0)).all()):
+    if chances.shape != (n,) or not bool(((chances >= 0.0) & (chances <= 1.0)).all()):
         raise InvalidValueError(
-            f"chances of {type(condition).__name__} returned an array of shape {found.shape}; "
+            f"chances of {type(condition).__name__} returned an array of shape {chances.shape}; "
             f"expected {n} numbers from 0 to 1, one a robot"
         )
-    return found
+    return chances
 
 
 @compiled
@@ -344,10 +344,10 @@ def chance_of(distance, kind, line, radiation, i, row):
 
 
 @compiled
-def is_near(distance, kind, i, sought, within):
+def is_near(distance, kind, i, target, within):
     """Return whether a sensor of robot i sees something of a kind, -1 for any, at most this far away."""
     for s in range(kind.shape[1]):
-        if kind[i, s] >= 0 and (sought < 0 or kind[i, s] == sought) and distance[i, s] <= within:
+        if kind[i, s] >= 0 and (target < 0 or kind[i, s] == target) and distance[i, s] <= within:
             return True
     return False
 

@@ -68,10 +68,10 @@ class RuleFields:
         readings, written, heard = readings or {}, written or {}, heard or {}
         records = {name: Records(columns) for name, columns in written.items() if columns}
         self._records = tuple(records.values())
-        kinds = tuple((name, one.array.dtype) for name, one in records.items())
+        kinds = tuple((name, record.array.dtype) for name, record in records.items())
         self.form = FieldForm(tuple(readings), kinds, tuple(heard))
-        seen = tuple(map(_read_only, readings.values())), tuple(map(_read_only, heard.values()))
-        self.arrays = (*seen[0], *(one.array for one in self._records), *seen[1])
+        inputs = tuple(map(_read_only, readings.values())), tuple(map(_read_only, heard.values()))
+        self.arrays = (*inputs[0], *(record.array for record in self._records), *inputs[1])
 
     def load(self) -> None:
         """Read what rules and layers before have written."""
@@ -128,15 +128,15 @@ class _KeptArray(np.ndarray):
 
 def _check_kept(name: str, kind: np.dtype, value: Any) -> None:
     """Refuse fractions and NaN where whole numbers are stored, and other numbers than 0 and 1 for True and False."""
-    given = np.asarray(value)
-    if kind.kind == "i" and given.dtype.kind == "f":
-        fits = (given == np.floor(given)) & (np.abs(given) < LARGEST_WHOLE)
-    elif kind.kind == "b" and given.dtype.kind in "iuf":
-        fits = (given == 0) | (given == 1)
+    numbers = np.asarray(value)
+    if kind.kind == "i" and numbers.dtype.kind == "f":
+        fits = (numbers == np.floor(numbers)) & (np.abs(numbers) < LARGEST_WHOLE)
+    elif kind.kind == "b" and numbers.dtype.kind in "iuf":
+        fits = (numbers == 0) | (numbers == 1)
     else:
         return
     if not fits.all():
-        raise MemoryKindError(name, float(given[~fits].flat[0]) if given.ndim else float(given))
+        raise MemoryKindError(name, float(numbers[~fits].flat[0]) if numbers.ndim else float(numbers))
 
 
 class RecordEntries:
@@ -156,7 +156,7 @@ def plain_arrays(form: FieldForm, arrays: Sequence[np.ndarray]) -> tuple:
     return tuple(RecordEntries(array, words[k]) if k in words else array for k, array in enumerate(arrays))
 
 
-def fields_used(function: FunctionType, known: tuple[str, ...]) -> tuple[str, ...]:
+def fields_used(function: FunctionType, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return which fields of its first parameter, `me`, a function's code uses: all where more than a field is used.
 
     Examples
@@ -169,22 +169,22 @@ def fields_used(function: FunctionType, known: tuple[str, ...]) -> tuple[str, ..
     code = function.__code__
     me = code.co_varnames[0] if code.co_argcount else ""
     if not me or me in code.co_cellvars:
-        return known
-    used = set()
+        return names
+    used_names = set()
     for step, after in pairwise(dis.get_instructions(code)):
         loaded = step.argval if isinstance(step.argval, tuple) else (step.argval,)
         if me in loaded:
             is_field = step.opname.startswith("LOAD_FAST") and after.opname in ("LOAD_ATTR", "LOAD_METHOD")
             if not is_field or loaded.index(me) < len(loaded) - 1:
-                return known
-            used.add(after.argval)
-    return tuple(name for name in known if name in used)
+                return names
+            used_names.add(after.argval)
+    return tuple(name for name in names if name in used_names)
 
 
 def record_of(function: FunctionType, field: str) -> str:
     """Return which of the records a function's code uses a field of, `me` if that is not seen in it."""
-    used = (step.argval for step in dis.get_instructions(function) if step.opname.endswith(("_ATTR", "_METHOD")))
-    return next((f"me.{before}" for before, after in pairwise(used) if after == field and before in WRITTEN), "me")
+    words = (step.argval for step in dis.get_instructions(function) if step.opname.endswith(("_ATTR", "_METHOD")))
+    return next((f"me.{before}" for before, after in pairwise(words) if after == field and before in WRITTEN), "me")
 
 
 def checked_memory(rule: str, memory: object) -> dict[str, np.ndarray]:

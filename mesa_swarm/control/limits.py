@@ -87,9 +87,9 @@ def count_loop(context: Any) -> tuple[Any, Callable]:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         cell, none, one = _cell(context, builder), *(context.get_constant(types.int64, number) for number in (0, 1))
-        left = builder.sub(builder.load(cell), one)
-        builder.store(left, cell)
-        return builder.icmp_signed("<", left, none)
+        remaining = builder.sub(builder.load(cell), one)
+        builder.store(remaining, cell)
+        return builder.icmp_signed("<", remaining, none)
 
     return types.boolean(), generate
 
@@ -218,7 +218,7 @@ def places_of_loops(function: FunctionType) -> list[tuple[str, int]]:
     return [(part.__name__, part.__code__.co_firstlineno) for part in loops]
 
 
-def _count_in(code: Any, loop: Any, where: tuple[int, str]) -> None:
+def _count_in(code: Any, loop: Any, at: tuple[int, str]) -> None:
     """Lead all ways back to the beginning of a loop over a block that counts: either on, or to an error."""
     begin = code.blocks[loop.header]
     scope, place = begin.scope, begin.loc
@@ -228,7 +228,7 @@ def _count_in(code: Any, loop: Any, where: tuple[int, str]) -> None:
         body = code.blocks[label].body
         body[-1] = _redirected(body[-1], loop.header, again)
     code.blocks[again], code.blocks[stop] = ir.Block(scope, place), ir.Block(scope, place)
-    code.blocks[stop].body = [ir.StaticRaise(LoopsError, where, place)]
+    code.blocks[stop].body = [ir.StaticRaise(LoopsError, at, place)]
     code.blocks[again].body = [
         ir.Assign(ir.Global("count_loop", count_loop, place), counter, place),
         ir.Assign(ir.Expr.call(counter, [], (), place), is_over, place),
@@ -264,10 +264,10 @@ def _limited(code: Any, scope: Any, old: Any) -> Iterator[Any]:
         yield old
 
 
-def _call(scope: Any, function: Callable, given: list, result: Any, place: Any) -> Iterator[Any]:
+def _call(scope: Any, function: Callable, arguments: list, result: Any, place: Any) -> Iterator[Any]:
     variable = scope.redefine("$limit_function", place)
     yield ir.Assign(ir.Global(function.__name__, function, place), variable, place)
-    yield ir.Assign(ir.Expr.call(variable, given, (), place), result, place)
+    yield ir.Assign(ir.Expr.call(variable, arguments, (), place), result, place)
 
 
 def _constant(code: Any, assignment: Any) -> Any:
@@ -289,8 +289,8 @@ def _within_limits(value: Any) -> Any:
         raise UnsupportedError(f"the loops of {value.__name__}, a compiled ufunc, cannot be counted")
     if isinstance(value, tuple):
         parts = [_within_limits(part) for part in value]
-        found = any(part is not None for part in parts)
-        return tuple(old if new is None else new for old, new in zip(value, parts, strict=True)) if found else None
+        has_new = any(part is not None for part in parts)
+        return tuple(old if new is None else new for old, new in zip(value, parts, strict=True)) if has_new else None
     return limited(value) if _is_users(value) else None
 
 
@@ -318,7 +318,7 @@ def calls_itself(function: FunctionType) -> str | None:
         if part in finished:
             return None
         finished.add(part)
-        return next((name for called in called_by(part) if (name := visit(called, (*trail, part)))), None)
+        return next((name for callee in called_by(part) if (name := visit(callee, (*trail, part)))), None)
 
     return visit(function, ())
 
@@ -331,8 +331,8 @@ def called_by(function: FunctionType) -> list[FunctionType]:
         value for value in values if isinstance(value, ModuleType) and value.__name__.partition(".")[0] != "numpy"
     ]
     values += [getattr(module, name, None) for module in modules for name in attributes]
-    called = (getattr(value, "py_func", value) for value in values)
-    return [value for value in called if isinstance(value, FunctionType) and not _is_foreign(value)]
+    functions = (getattr(value, "py_func", value) for value in values)
+    return [value for value in functions if isinstance(value, FunctionType) and not _is_foreign(value)]
 
 
 def _is_foreign(function: FunctionType) -> bool:
@@ -365,11 +365,11 @@ class _Tracer:
         def trace(frame: FrameType, event: str, argument: Any) -> Callable:
             nonlocal last
             if event in ("line", "opcode"):
-                here = frame.f_lasti if BY_OPERATION else frame.f_lineno
-                if here <= last:
+                place = frame.f_lasti if BY_OPERATION else frame.f_lineno
+                if place <= last:
                     self.loops -= 1
                     self._check(frame)
-                last = here
+                last = place
             return trace
 
         return trace
@@ -403,18 +403,18 @@ def plain_parts(function: FunctionType) -> FunctionType:
     return _plain_part(function, {})
 
 
-def _plain_part(function: FunctionType, made: dict[FunctionType, FunctionType]) -> FunctionType:
-    if function in made:
-        return made[function]
+def _plain_part(function: FunctionType, copies: dict[FunctionType, FunctionType]) -> FunctionType:
+    if function in copies:
+        return copies[function]
     compiled = {name: value for name, value in function.__globals__.items() if _is_users(value)}
-    used = {name: compiled[name] for name, _ in values_used(function) if name in compiled}
-    if not used:
+    plain_values = {name: compiled[name] for name, _ in values_used(function) if name in compiled}
+    if not plain_values:
         return function
     around = {**function.__globals__}
     code, closure = function.__code__, function.__closure__
-    copy = made[function] = FunctionType(code, around, function.__name__, function.__defaults__, closure)
+    copy = copies[function] = FunctionType(code, around, function.__name__, function.__defaults__, closure)
     copy.__kwdefaults__ = function.__kwdefaults__
-    around.update({name: _plain_part(value.py_func, made) for name, value in used.items()})
+    around.update({name: _plain_part(value.py_func, copies) for name, value in plain_values.items()})
     return copy
 
 

@@ -246,10 +246,10 @@ class Rule:
         function = self.function
         name = function.__qualname__.removesuffix(PLACE)
         home = sys.modules.get(function.__module__)
-        found = reduce(lambda part, word: getattr(part, word, None), name.split("."), home)
-        if getattr(getattr(found, "rule", None), "function", None) is function:
+        value = reduce(lambda part, word: getattr(part, word, None), name.split("."), home)
+        if getattr(getattr(value, "rule", None), "function", None) is function:
             function.__qualname__ = name + PLACE
-        elif found is not function:
+        elif value is not function:
             raise BehaviourError(
                 f"rule {name} of {function.__module__} cannot be pickled, since it is not found by that name; "
                 "define it at the top level of a module"
@@ -257,34 +257,34 @@ class Rule:
         return rule_of, (function,)
 
     def run(
-        self, version: int, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *written: Any
+        self, version: int, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *outputs: Any
     ) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
         Where it returns more or fewer numbers than a robot's drive takes, that robot's row r is returned as -2 - r.
         `version` is that of `version_of`.
-        `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `written` are
+        `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `outputs` are
         the columns `command` and `layer`, and the index of the layer. `at` (1,) is set to the robot that the rule is
         about, to name it if the rule raises an error.
         """
         form = fields.form
         kinds = version, form, *map(type, values)
-        known = *columns, *fields.arrays
+        arrays = *columns, *fields.arrays
         if kinds in self._loops:
             places, loop = self._loops[kinds]
-            return loop(tuple([known[place] for place in places]), values, at, *written)
+            return loop(tuple([arrays[place] for place in places]), values, at, *outputs)
         numbers = _numbers_in(columns)
-        (places, loop), problem = _compiled(self.function, self._with_names[version], form, known, values, numbers)
-        taken = tuple([known[place] for place in places])
+        (places, loop), problem = _compiled(self.function, self._with_names[version], form, arrays, values, numbers)
+        inputs = tuple([arrays[place] for place in places])
         if not problem:
             self._compiled.add(version)
             self._loops[kinds] = places, loop
-            return loop(taken, values, at, *written)
+            return loop(inputs, values, at, *outputs)
         names = uncounted(self.function)
         if names:  # what may not end is named before it begins
             self._complain(problem, form, numbers[0], names)
         # What a rule does wrong to a robot is seen in plain Python: Numba only knows types.
-        wrong = loop(taken, values, at, *written)
+        wrong = loop(inputs, values, at, *outputs)
         if wrong < 0:
             at[0] = -1
             if not names:
@@ -332,9 +332,9 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
 def _with_names(function: FunctionType, **names: Any) -> FunctionType:
     """Return a function with names of its own: those around it as they are now, and others."""
     around = {**function.__globals__, **names}
-    made = FunctionType(function.__code__, around, function.__name__, function.__defaults__, function.__closure__)
-    made.__kwdefaults__, made.__qualname__ = function.__kwdefaults__, function.__qualname__
-    return made
+    copy = FunctionType(function.__code__, around, function.__name__, function.__defaults__, function.__closure__)
+    copy.__kwdefaults__, copy.__qualname__ = function.__kwdefaults__, function.__qualname__
+    return copy
 
 
 def _compiled(
@@ -412,8 +412,8 @@ def _expressions(form: FieldForm) -> dict[str, str]:
     """Return how each field of `me` follows from the columns, those that a model adds too."""
     arrays = (f"array_{k}[i]" for k in range(_count_of_arrays(form)))
     readings = {name: f"bearings({next(arrays)})" for name in form.readings}
-    written = {name: next(arrays) for name, _ in form.written}
-    return FIELDS | readings | written | ({"heard": f"Heard({', '.join(arrays)})"} if form.heard else {})
+    outputs = {name: next(arrays) for name, _ in form.written}
+    return FIELDS | readings | outputs | ({"heard": f"Heard({', '.join(arrays)})"} if form.heard else {})
 
 
 def _count_of_arrays(form: FieldForm) -> int:
@@ -475,15 +475,15 @@ PLAIN, COMPILED = (
 
 
 def _loop(
-    form: FieldForm, fields: Iterable[str], rule: Callable, used: Mapping[str, Any]
+    form: FieldForm, fields: Iterable[str], rule: Callable, names_of_parts: Mapping[str, Any]
 ) -> tuple[tuple[int, ...], FunctionType]:
     """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet.
 
     It fills only these fields of `me`, and takes only the columns and arrays that these need, whose places come first:
     each column in its arguments costs time while it is compiled, and each field in every step.
     """
-    known = _expressions(form)
-    parts = {name: known[name] for name in known if name in fields} or {"radius": known["radius"]}
+    expressions = _expressions(form)
+    parts = {name: expressions[name] for name in expressions if name in fields} or {"radius": expressions["radius"]}
     text = LOOP.replace("PARTS", ", ".join(parts.values()))
     names = (*COLUMNS, *(f"array_{k}" for k in range(_count_of_arrays(form))))
     places = tuple(k for k, name in enumerate(names) if re.search(rf"\b{name}\b", text))
@@ -492,7 +492,7 @@ def _loop(
         "Me": namedtuple("Me", list(parts)),
         "Heard": namedtuple("Heard", form.heard),
         "rule": rule,
-        **used,
+        **names_of_parts,
     }
     exec(text.replace("USED", "".join(f"{names[k]}, " for k in places)), space)
     return places, space["run"]
@@ -500,11 +500,11 @@ def _loop(
 
 def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
-    written = plain_parts(function)
+    rule = plain_parts(function)
 
     def checked(me: Any, *values: float) -> tuple:
         with counted_loops():
-            wheels = written(me, *values)
+            wheels = rule(me, *values)
         if not isinstance(wheels, tuple) or not wheels or not all(map(_is_number, wheels)):
             raise WheelsError(wheels)
         return wheels
@@ -528,11 +528,11 @@ def wanted(numbers: int) -> str:
     return f"expected {speeds_in_words(numbers)}{' (left, right)' if numbers == 2 else ''}, or PASS"
 
 
-def unknown_field(name: str, known: Iterable[str]) -> str:
+def unknown_field(name: str, known_fields: Iterable[str]) -> str:
     """Return what is wrong with a field of `me` that there is not: of a part that is missing, what has it."""
     if name in MISSING_PARTS:
         return f"uses me.{name}, {MISSING_PARTS[name]}"
-    return f"uses an {unknown_name('field of me', name, known)}"
+    return f"uses an {unknown_name('field of me', name, known_fields)}"
 
 
 def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
@@ -557,9 +557,9 @@ def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: in
 
 def _unkept(name: str, value: float) -> str:
     """Return what is wrong with a value that a rule's memory does not take."""
-    what = f"me.memory.{name}" if name else "a number in a list of me.memory"
+    subject = f"me.memory.{name}" if name else "a number in a list of me.memory"
     return (
-        f"set {what} to {value:g}, which does not fit the type of its first value; begin a number with 0.0 to store "
+        f"set {subject} to {value:g}, which does not fit the type of its first value; begin a number with 0.0 to store "
         "fractions"
     )
 
@@ -580,11 +580,11 @@ def failure(error: Exception, numbers: int) -> str:
         return f"returned {shortened(error.args[0])}{hint}; {wanted(numbers)}"
     if isinstance(error, LoopsError | MemoryKindError):
         return _beyond(error)
-    if isinstance(error, AttributeError) and error.name not in (known := _fields_of(error.obj)[1]):
+    if isinstance(error, AttributeError) and error.name not in (known_fields := _fields_of(error.obj)[1]):
         owner, name = _fields_of(error.obj)[0], str(error.name)
         if owner == "me":
-            return unknown_field(name, known)
-        return f"uses an {unknown_name(f'field of {owner}', name, known)}"
+            return unknown_field(name, known_fields)
+        return f"uses an {unknown_name(f'field of {owner}', name, known_fields)}"
     return f"raised {type(error).__name__}: {error}"
 
 

@@ -117,17 +117,17 @@ def _is_random(value: Any) -> bool:
     if isinstance(value, ModuleType):
         return value.__name__ in ("random", "numpy.random")
     home = str(getattr(value, "__module__", ""))
-    made = isinstance(value, GENERATORS) or isinstance(getattr(value, "__self__", None), GENERATORS)
-    return made or home == "random" or home.startswith("numpy.random")
+    is_generator = isinstance(value, GENERATORS) or isinstance(getattr(value, "__self__", None), GENERATORS)
+    return is_generator or home == "random" or home.startswith("numpy.random")
 
 
 def functions_used(function: FunctionType) -> list[FunctionType]:
     """Return a function and the functions in reach by the names that it uses, compiled ones as they were written."""
-    found = [function]
-    for part in found:
-        called = (getattr(value, "py_func", value) for _, value in values_used(part))
-        found += [value for value in called if isinstance(value, FunctionType) and value not in found]
-    return found
+    functions = [function]
+    for part in functions:
+        values = (getattr(value, "py_func", value) for _, value in values_used(part))
+        functions += [value for value in values if isinstance(value, FunctionType) and value not in functions]
+    return functions
 
 
 def values_used(function: FunctionType) -> Iterator[tuple[str, Any]]:
@@ -153,12 +153,12 @@ def attributes_used(function: FunctionType) -> Iterator[tuple[str, Any]]:
     >>> list(attributes_used(FunctionType(turning.__code__, {"gains": gains})))
     [('gains.turn', 0.5), ('gains.turn', 0.5)]
     """
-    known = dict(values_used(function))
+    values = dict(values_used(function))
     for code in _codes(function):
         path, value = "", None
         for step in dis.get_instructions(code):
             if step.opname in ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_DEREF"):
-                path, value = (step.argval, known[step.argval]) if step.argval in known else ("", None)
+                path, value = (step.argval, values[step.argval]) if step.argval in values else ("", None)
             elif path and step.opname in ("LOAD_ATTR", "LOAD_METHOD") and step.argval in (held := _held_by(value)):
                 path, value = f"{path}.{step.argval}", held[step.argval]
                 yield path, value
@@ -208,8 +208,8 @@ def what_is_read(function: FunctionType) -> Read:
         attributes = sorted(dict(attributes_used(part)).items(), key=itemgetter(0))
         for name, value in (*values_used(part), *attributes):
             functions = _functions_in(value)
-            called = [function for function in functions if not is_python_or_numeric(function.__module__ or "")]
-            parts += [function for function in called if function not in parts]
+            others = [function for function in functions if not is_python_or_numeric(function.__module__ or "")]
+            parts += [function for function in others if function not in parts]
             if not functions and (plain := frozen(value)) is not NOTHING:
                 values.append((name, plain))
     return Read(tuple(normal_source(part) or part.__qualname__ for part in parts), tuple(dict.fromkeys(values)))

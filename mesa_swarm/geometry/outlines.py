@@ -369,11 +369,11 @@ def sum_of(a, b):
 @compiled
 def difference(high, low, other_high, other_low):
     """Return the difference of two numbers in two parts, in two parts."""
-    total, lost = sum_of(high, -other_high)
+    total, error = sum_of(high, -other_high)
     low_total, low_lost = sum_of(low, -other_low)
-    lost += low_total
-    big = total + lost
-    rest = low_lost + (lost + (total - big))
+    error += low_total
+    big = total + error
+    rest = low_lost + (error + (total - big))
     result = big + rest
     return result, rest + (big - result)
 
@@ -384,9 +384,9 @@ def product(high, low, other_high, other_low):
     a, b = split(high)
     c, d = split(other_high)
     total = high * other_high
-    lost = ((((a * c - total) + a * d) + b * c) + b * d) + (high * other_low + low * other_high)
-    result = total + lost
-    return result, lost + (total - result)
+    error = ((((a * c - total) + a * d) + b * c) + b * d) + (high * other_low + low * other_high)
+    result = total + error
+    return result, error + (total - result)
 
 
 @compiled

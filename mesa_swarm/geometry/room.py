@@ -166,15 +166,15 @@ class SmallDiscs:
         """Set `free` to False for the points, shape (n, 2), that are in or on a polygon."""
         low = self.reach * (1 - RIM) - _rounding(self.centres, self.reach)
         high = self.reach * circumscribed_ratio(self.quarter_segments) * (1 + RIM) + _rounding(self.centres, self.reach)
-        given = points, self.centres, low, high, self.start, self.items, self.grid.numbers, free
+        arguments = points, self.centres, low, high, self.start, self.items, self.grid.numbers, free
         near = np.empty((USUALLY_NEAR, 2), np.int64)
-        count = exclude_by_circles(*given, near)
+        count = exclude_by_circles(*arguments, near)
         if count > len(near):
             near = np.empty((count, 2), np.int64)
-            exclude_by_circles(*given, near)
+            exclude_by_circles(*arguments, near)
         point, disc = near[:count].T
-        chosen, place = np.unique(disc, return_inverse=True)
-        grown = _grown(shapely.points(self.centres[chosen]), self.reach[chosen], self.quarter_segments)
+        discs, place = np.unique(disc, return_inverse=True)
+        grown = _grown(shapely.points(self.centres[discs]), self.reach[discs], self.quarter_segments)
         free[point[shapely.intersects(grown[place], shapely.points(points[point]))]] = False
 
 
@@ -252,8 +252,8 @@ def room_to_try(
     if not _is_crowded(pieces, reach):
         return inner.difference(shapely.union_all(_grown(pieces, reach, quarter_segments)))
     alike = {(content, far): i for i, (content, far) in enumerate(zip(shapely.to_wkb(pieces), reach, strict=True))}
-    chosen = list(alike.values())
-    pieces, reach = pieces[chosen], reach[chosen]
+    rows = list(alike.values())
+    pieces, reach = pieces[rows], reach[rows]
     grid = Grid.over(inner.bounds, 0.0, CELLS_PER_DISC * len(pieces))
     small = (shapely.get_type_id(pieces) == POINT) & (reach > 0) & (2 * reach <= WIDEST_DISC * grid.cell)
     grown = _grown(pieces[~small], reach[~small], quarter_segments)
@@ -332,7 +332,7 @@ def _is_crowded(pieces: np.ndarray, reach: np.ndarray) -> bool:
 def _check_valid(solids: Sequence[tuple[object, float]]) -> None:
     geometries = [geometry for geometry, _ in solids]
     good = shapely.is_geometry(geometries)
-    good &= shapely.is_valid([geometry if one else None for geometry, one in zip(geometries, good, strict=True)])
+    good &= shapely.is_valid([geometry if fits else None for geometry, fits in zip(geometries, good, strict=True)])
     if not good.all():
         wrong = geometries[int(np.argmin(good))]
         raise InvalidValueError(f"solids holds {shortened(wrong)}; expected valid Shapely geometries")

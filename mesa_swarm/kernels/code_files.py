@@ -102,8 +102,8 @@ def unstored() -> str:
     reasons = {str(folder): why_unwritable(folder) for folder in places()}
     if not all(reasons.values()):
         return ""
-    named = "; ".join(f"{folder}: {reason}" for folder, reason in reasons.items())
-    return f"machine code cannot be stored ({named}); {CURE}"
+    folders = "; ".join(f"{folder}: {reason}" for folder, reason in reasons.items())
+    return f"machine code cannot be stored ({folders}); {CURE}"
 
 
 def read(name: str) -> Iterator[bytes]:

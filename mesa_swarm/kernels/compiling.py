@@ -79,10 +79,10 @@ class Compilation(event.Listener):
         """Return how far it is in words, "" if nothing more is expected."""
         total = len(self.compiled | self.expected)
         missing = self.expected.keys() - self.compiled.keys()
-        done = total - len(missing - stored_functions(missing))
-        if done == total and self._exact:
+        count = total - len(missing - stored_functions(missing))
+        if count == total and self._exact:
             return ""
-        return compiling_progress(done, total, self._exact)
+        return compiling_progress(count, total, self._exact)
 
     def _resolve(self) -> None:
         """Find out what the models that were made since the last time need and is not there."""
@@ -91,8 +91,8 @@ class Compilation(event.Listener):
             return
         for modules in models:
             names, exact = needed_by(modules)
-            there = stored_functions(names)
-            self.expected |= dict.fromkeys(name for name in names if name not in there)
+            stored_names = stored_functions(names)
+            self.expected |= dict.fromkeys(name for name in names if name not in stored_names)
             self._exact = self._exact and exact
         if not self.alone and not unstored():
             self.alone = True

@@ -57,10 +57,10 @@ def digest_function(function: FunctionType, *more: Any) -> str | None:
     None
     """
     try:
-        known = repr((VERSIONS, _function(function), _value(more)))
+        description = repr((VERSIONS, _function(function), _value(more)))
     except Exception:  # an object of a user's may raise anything
         return None
-    return blake2b(known.encode("utf-8", "backslashreplace"), digest_size=16).hexdigest()
+    return blake2b(description.encode("utf-8", "backslashreplace"), digest_size=16).hexdigest()
 
 
 def _function(function: FunctionType) -> Any:

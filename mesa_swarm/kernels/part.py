@@ -99,13 +99,13 @@ class Kernel(NamedTuple):
             self.attend(code)  # type: ignore[misc]
 
 
-def kernel_of(thing: Any, method: str, *arguments: Any) -> Kernel | None:
+def kernel_of(instance: Any, method: str, *arguments: Any) -> Kernel | None:
     """Return what ``kernel_for(*arguments)`` of an object does, which does the same as a method of it, else None.
 
     None as well where a derived class has another such method.
     """
-    owner = next((kind for kind in type(thing).__mro__ if {method, "kernel_for"} & vars(kind).keys()), object)
-    return thing.kernel_for(*arguments) if "kernel_for" in vars(owner) else None
+    owner = next((kind for kind in type(instance).__mro__ if {method, "kernel_for"} & vars(kind).keys()), object)
+    return instance.kernel_for(*arguments) if "kernel_for" in vars(owner) else None
 
 
 class Prepared:
@@ -260,8 +260,8 @@ class Part(Protocol):
 
         By default the attribute that held the former one has it.
         """
-        former = self.columns()[name].array
-        holder = next((attribute for attribute, value in vars(self).items() if value is former), None)
+        old_array = self.columns()[name].array
+        holder = next((attribute for attribute, value in vars(self).items() if value is old_array), None)
         if holder is None:
             raise InvalidValueError(
                 f"part {self.name} has no attribute that is its column {name}; define replace(name, array)"
@@ -312,6 +312,6 @@ def bound_names(kind: type) -> frozenset[str]:
 
 def assigned_in(kind: type, method: str) -> frozenset[str]:
     """Return the names of attributes that a method of a class, and of its bases, assigns."""
-    functions = [found for base in kind.__mro__ if isinstance(found := vars(base).get(method), FunctionType)]
+    functions = [attribute for base in kind.__mro__ if isinstance(attribute := vars(base).get(method), FunctionType)]
     steps = (step for function in functions for step in dis.get_instructions(function))
     return frozenset(step.argval for step in steps if step.opname == "STORE_ATTR")

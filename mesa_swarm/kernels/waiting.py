@@ -28,9 +28,9 @@ def wait_while(word, value, looks):
     """Look at a word until it differs from a value, at most so often, and return what it is."""
     busy = 1
     for _ in range(looks):
-        found = look_at(word)
-        if found != value:
-            return found
+        content = look_at(word)
+        if content != value:
+            return content
         for _ in range(PAUSE):
             busy = busy * 3 + value
     # Of use only so that no compiler leaves the pause out.

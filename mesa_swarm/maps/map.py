@@ -118,13 +118,13 @@ class Map:
     def __post_init__(self) -> None:
         """Check everything and store the sequences as tuples."""
         bounds = checked_bounds(self.bounds)
-        checked = {
+        values = {
             "name": checked_map_name(self.name),
             "bounds": bounds,
             "obstacles": _parts_within(bounds, "obstacle", self.obstacles, Shape),
             "fires": _parts_within(bounds, "fire", self.fires, FireSpot),
         }
-        for name, value in checked.items():
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -257,17 +257,17 @@ def builtin_name(text: object) -> str | None:
     return name if name in BUILTIN else None
 
 
-def _parts_within(bounds: Bounds, word: str, parts: Iterable[Part], wanted: type[Part]) -> tuple[Part, ...]:
+def _parts_within(bounds: Bounds, word: str, parts: Iterable[Part], part_class: type[Part]) -> tuple[Part, ...]:
     """Return the parts as a tuple if each is of the wanted type and partly within the bounds."""
     if not isinstance(parts, Iterable):
-        raise InvalidValueError(f"{word}s is {shortened(parts)}; expected a list of {wanted.__name__}")
-    checked = tuple(parts)
-    for number, part in enumerate(checked, start=1):
-        if not isinstance(part, wanted):
-            raise InvalidValueError(f"{word} {number} is {shortened(part)}; expected a {wanted.__name__}")
-    for index in np.flatnonzero(~first_points_within(checked, bounds)):
-        check_inside(f"{word} {index + 1}", checked[index], bounds)
-    return checked
+        raise InvalidValueError(f"{word}s is {shortened(parts)}; expected a list of {part_class.__name__}")
+    all_parts = tuple(parts)
+    for number, part in enumerate(all_parts, start=1):
+        if not isinstance(part, part_class):
+            raise InvalidValueError(f"{word} {number} is {shortened(part)}; expected a {part_class.__name__}")
+    for index in np.flatnonzero(~first_points_within(all_parts, bounds)):
+        check_inside(f"{word} {index + 1}", all_parts[index], bounds)
+    return all_parts
 
 
 def _builtin(name: str) -> Map:
@@ -276,27 +276,27 @@ def _builtin(name: str) -> Map:
 
 
 def _from_file(source: str | os.PathLike[str]) -> Map:
-    path, shown = _existing(source)
+    path, shown_name = _existing(source)
     suffix = _known_suffix(path, READABLE)
     content = file_content(path, LARGEST_LEGACY_FILE if suffix == ".map" else LARGEST_FILE)
     if suffix == ".svg":
-        return Map.from_svg(content, shown)
-    text = decode_text(content, shown)
+        return Map.from_svg(content, shown_name)
+    text = decode_text(content, shown_name)
     if suffix == ".toml":
-        return Map.from_toml(text, shown)
-    with naming(shown):
-        return Map(**read_legacy(text, shown, path.stem.strip()))
+        return Map.from_toml(text, shown_name)
+    with naming(shown_name):
+        return Map(**read_legacy(text, shown_name, path.stem.strip()))
 
 
 def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
     """Return the path and how errors show it; a missing file may be a misspelt built-in name."""
-    path, shown = Path(source), shown_path(source)
+    path, shown_name = Path(source), shown_path(source)
     check_present_format(path, MapError)
     if _exists(path):
-        return path, shown
+        return path, shown_name
     if name := builtin_name(path.stem):
-        raise refusal(shown, "no such file", f"a path is a file; the built-in map is the text {name!r}")
-    raise refusal(shown, "no such file", unknown_name("map", path.stem, (*BUILTIN, *ALIASES)))
+        raise refusal(shown_name, "no such file", f"a path is a file; the built-in map is the text {name!r}")
+    raise refusal(shown_name, "no such file", unknown_name("map", path.stem, (*BUILTIN, *ALIASES)))
 
 
 def _exists(path: Path) -> bool:
@@ -306,10 +306,10 @@ def _exists(path: Path) -> bool:
         return False
 
 
-def _known_suffix(path: Path, known: tuple[str, ...]) -> str:
+def _known_suffix(path: Path, suffixes: tuple[str, ...]) -> str:
     suffix = path.suffix.lower()
-    if suffix not in known:
-        raise refusal(str(path), "", f"expected a file that ends in {', '.join(known)}")
+    if suffix not in suffixes:
+        raise refusal(str(path), "", f"expected a file that ends in {', '.join(suffixes)}")
     return suffix
 
 
@@ -406,11 +406,11 @@ def _warn_of_end(source: str, line: int, obstacles: int, fires: int) -> None:
 
 def _refuse_computed_strings(text: str, source: str) -> None:
     """Refuse f"..." and the like, which may take Python's parser the square of their length."""
-    for found in _STRING.finditer(text):
-        if set("fFtT") & set(found[1] or ""):
-            line = text.count("\n", 0, found.start()) + 1
+    for match in _STRING.finditer(text):
+        if set("fFtT") & set(match[1] or ""):
+            line = text.count("\n", 0, match.start()) + 1
             raise refusal(
-                source, f"line {line}", f'has a string that begins with {found[1]}; expected a plain one such as "rec"'
+                source, f"line {line}", f'has a string that begins with {match[1]}; expected a plain one such as "rec"'
             )
 
 
@@ -434,9 +434,9 @@ def _entry(call: ast.expr) -> Entry:
         case _:
             raise InvalidValueError('expected Obstacle("rec", [[x, y], [x, y]]) or ("cir", [[x, y], radius])')
     numbers = list(_numbers(what, DEEPEST_NESTING))
-    wanted = NUMBERS_OF_KIND[kind]
-    if len(numbers) != wanted:
-        raise InvalidValueError(f"{kind} has {len(numbers)} numbers; expected {wanted}")
+    expected = NUMBERS_OF_KIND[kind]
+    if len(numbers) != expected:
+        raise InvalidValueError(f"{kind} has {len(numbers)} numbers; expected {expected}")
     if kind != "rec":
         check_number("radius", numbers[2], above=0)
     return Entry(kind, numbers, call.lineno)
@@ -490,19 +490,19 @@ def svg_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Itera
     from xml.sax.saxutils import escape  # noqa: PLC0415 - slow to load
 
     width, height = number_text(bounds[2] - bounds[0]), number_text(bounds[3] - bounds[1])
-    moved = bounds[:2] != (0.0, 0.0)
-    where = f' data-bounds="{" ".join(map(number_text, bounds))}"' if moved else ""
+    is_shifted = bounds[:2] != (0.0, 0.0)
+    attribute = f' data-bounds="{" ".join(map(number_text, bounds))}"' if is_shifted else ""
     size = f'width="{width}" height="{height}"'
     # A separate group for the move: in one transform the reader would round height + y_min.
-    shift = f'<g transform="translate({number_text(-bounds[0])} {number_text(-bounds[1])})">' if moved else ""
+    shift = f'<g transform="translate({number_text(-bounds[0])} {number_text(-bounds[1])})">' if is_shifted else ""
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}"{where}>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}"{attribute}>',
         f"  <title>{escape(name)}</title>",
         f'  <rect class="background" {size} fill="{GROUND}"/>',
         f'  <g transform="translate(0 {height}) scale(1 -1)" fill="{SOLID}" fill-rule="evenodd">{shift}',
         *(f"    {_shape_text(shape)}" for shape in obstacles),
         *(f"    {_fire_text(fire)}" for fire in fires),
-        "  </g></g>" if moved else "  </g>",
+        "  </g></g>" if is_shifted else "  </g>",
         "</svg>",
     ]
     return "\n".join(lines) + "\n"

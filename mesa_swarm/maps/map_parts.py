@@ -66,12 +66,12 @@ class FireSpot:
     def __post_init__(self) -> None:
         """Check the numbers and store them as floats."""
         x, y = checked_items("position of a fire", self.position, 2)
-        checked = {
+        values = {
             "position": (coordinate("x of a fire", x), coordinate("y of a fire", y)),
             "radius": check_number("radius of a fire", self.radius, above=0, maximum=LARGEST_COORDINATE),
             "temperature": check_number("temperature of a fire", self.temperature, above=0, maximum=1),
         }
-        for name, value in checked.items():
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -88,8 +88,8 @@ def coordinate(name: str, value: object) -> float:
 def checked_bounds(bounds: object) -> Bounds:
     """Return `(x_min, y_min, x_max, y_max)` as floats if they span an area."""
     names = ("x_min", "y_min", "x_max", "y_max")
-    given = zip(names, checked_items("bounds", bounds, 4), strict=True)
-    x_min, y_min, x_max, y_max = (coordinate(f"{name} of the bounds", value) for name, value in given)
+    pairs = zip(names, checked_items("bounds", bounds, 4), strict=True)
+    x_min, y_min, x_max, y_max = (coordinate(f"{name} of the bounds", value) for name, value in pairs)
     check_number("width of the map", x_max - x_min, above=0, maximum=LARGEST_COORDINATE)
     check_number("height of the map", y_max - y_min, above=0, maximum=LARGEST_COORDINATE)
     return x_min, y_min, x_max, y_max
@@ -105,7 +105,7 @@ def checked_map_name(name: object) -> str:
     return name
 
 
-def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
+def check_inside(subject: str, part: Shape | FireSpot, bounds: Bounds) -> None:
     """Raise InvalidValueError for an obstacle or fire of which no part is within the bounds."""
     if first_points_within([part], bounds).all():
         return  # a tenth of the work
@@ -115,7 +115,7 @@ def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
     if distance > part.radius:
         x, y = geometry.centroid.coords[0]
         area = "({:g}, {:g}) to ({:g}, {:g})".format(*bounds)
-        raise InvalidValueError(f"{what} at ({x:g}, {y:g}) lies outside the map, which spans {area}")
+        raise InvalidValueError(f"{subject} at ({x:g}, {y:g}) lies outside the map, which spans {area}")
 
 
 def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np.ndarray:
@@ -131,10 +131,10 @@ def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np
     return (bounds[0] <= x) & (x <= bounds[2]) & (bounds[1] <= y) & (y <= bounds[3])
 
 
-def refusal(source: str, place: str, why: object) -> MapError:
+def refusal(source: str, place: str, reason: object) -> MapError:
     """Return the error that names, on one line, the file, the place in it, and the reason."""
-    shown = source if len(source) <= LONGEST_SHOWN + 3 else f"...{source[-LONGEST_SHOWN:]}"
-    text = " ".join(": ".join(str(part) for part in (shown, place, why) if part).split())
+    shown_source = source if len(source) <= LONGEST_SHOWN + 3 else f"...{source[-LONGEST_SHOWN:]}"
+    text = " ".join(": ".join(str(part) for part in (shown_source, place, reason) if part).split())
     return MapError(without_middle(text))
 
 
@@ -240,12 +240,12 @@ _given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambd
 
 
 @contextmanager
-def stopping_when(given_up: Callable[[], bool]) -> Iterator[None]:
-    """Stop reading maps within the block, in this thread, at the next shape once `given_up` returns True.
+def stopping_when(is_given_up: Callable[[], bool]) -> Iterator[None]:
+    """Stop reading maps within the block, in this thread, at the next shape once `is_given_up` returns True.
 
     The reader then raises `concurrent.futures.CancelledError`.
     """
-    token = _given_up.set(given_up)
+    token = _given_up.set(is_given_up)
     try:
         yield
     finally:
@@ -288,9 +288,9 @@ class Work:
         low, high = (np.array([end(ring, axis=0) for ring in rings]) for end in (np.min, np.max))
         sizes = np.array([len(ring) for ring in rings])
         most = int(self._affordable / RELATION) + len(rings)
-        for one, other in self._touching(np.hstack([low, high]), most, TOO_MUCH):
-            apart = one != other
-            corners = sizes[one[apart]] + sizes[other[apart]]
+        for first, second in self._touching(np.hstack([low, high]), most, TOO_MUCH):
+            apart = first != second
+            corners = sizes[first[apart]] + sizes[second[apart]]
             self.spend(RELATION * apart.sum() + RELATED_CORNER * corners.sum())
         self._spend_on_pairs(rings, RELATED_PAIR)
 
@@ -306,9 +306,9 @@ class Work:
         sides, rank = sides[long], rank[long]
         least = self.left - self._affordable
         crossing = WIDE_CROSSING if width > WIDE * np.ptp(at, axis=0).max() else CROSSING
-        for one, other in self._touching(_boxes(sides), int(self._affordable / BAND_PAIR), LINE_TOO_CLOSE):
-            apart = np.abs(rank[one] - rank[other]) > 2  # a corner's own edges meet, or cross where it is flat
-            cost = BAND_PAIR * len(one) + crossing / 2 * _crossings(sides[one[apart]], sides[other[apart]])
+        for first, second in self._touching(_boxes(sides), int(self._affordable / BAND_PAIR), LINE_TOO_CLOSE):
+            apart = np.abs(rank[first] - rank[second]) > 2  # a corner's own edges meet, or cross where it is flat
+            cost = BAND_PAIR * len(first) + crossing / 2 * _crossings(sides[first[apart]], sides[second[apart]])
             if self.left - cost < least:
                 raise InvalidValueError(LINE_TOO_CLOSE)
             self.left -= cost
@@ -333,21 +333,21 @@ class Work:
         affordable = int(self._affordable / price)
         too_close = f"has an outline of {count} edges that come near each other too often; simplify it"
         pairs = 0
-        for one, other in self._touching(boxes, 2 * affordable + 3 * count, too_close):
-            pairs += int((one < other).sum())
+        for first, second in self._touching(boxes, 2 * affordable + 3 * count, too_close):
+            pairs += int((first < second).sum())
         if pairs > affordable:
             raise InvalidValueError(too_close)
         self.left -= price * pairs
 
     def _touching(self, boxes: np.ndarray, most: int, refusal: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield the pairs of boxes that touch, each both ways and each box with itself; refuse more than most."""
-        found = 0
-        for one, other in _touching(boxes):
-            found += len(one)
-            if found > most:
+        count = 0
+        for first, second in _touching(boxes):
+            count += len(first)
+            if count > most:
                 raise InvalidValueError(refusal)
             self.spend(0.0)  # stops if reading is cancelled
-            yield one, other
+            yield first, second
 
 
 def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -366,9 +366,9 @@ def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         parts.append(pairs)
         count += pairs.shape[1]
         if count >= ENOUGH_PAIRS or first + batch >= len(boxes):
-            one, other = np.concatenate(parts, axis=1)
+            pairs = np.concatenate(parts, axis=1)
             for begin in range(0, count, ENOUGH_PAIRS):
-                yield one[begin : begin + ENOUGH_PAIRS], other[begin : begin + ENOUGH_PAIRS]
+                yield tuple(pairs[:, begin : begin + ENOUGH_PAIRS])
             parts, count = [], 0
 
 
@@ -376,9 +376,9 @@ def _most_pairs(boxes: np.ndarray) -> int:
     """Return the number of pairs of boxes that overlap in x, or in y if fewer: sorting is quicker than searching."""
     fewest = len(boxes) ** 2
     for low, high in (boxes[:, [0, 2]].T, boxes[:, [1, 3]].T):
-        begun = np.searchsorted(np.sort(low), high, side="right")
-        ended = np.searchsorted(np.sort(high), low, side="left")
-        fewest = min(fewest, int((begun - ended).sum() - len(boxes)) // 2)
+        begins = np.searchsorted(np.sort(low), high, side="right")
+        ends = np.searchsorted(np.sort(high), low, side="left")
+        fewest = min(fewest, int((begins - ends).sum() - len(boxes)) // 2)
     return fewest
 
 
@@ -404,10 +404,10 @@ def _sides(at: np.ndarray, half: float) -> np.ndarray:
     return np.concatenate(sides)
 
 
-def _crossings(one: np.ndarray, other: np.ndarray) -> int:
+def _crossings(sides: np.ndarray, other_sides: np.ndarray) -> int:
     """Return the number of pairs of edges that cross or touch."""
-    apart = (_side_of(one, other[:, :2]) * _side_of(one, other[:, 2:]) > 0) | (
-        _side_of(other, one[:, :2]) * _side_of(other, one[:, 2:]) > 0
+    apart = (_side_of(sides, other_sides[:, :2]) * _side_of(sides, other_sides[:, 2:]) > 0) | (
+        _side_of(other_sides, sides[:, :2]) * _side_of(other_sides, sides[:, 2:]) > 0
     )
     return int((~apart).sum())
 

@@ -61,14 +61,14 @@ def random_map(
     [40, 18, 17]
     """
     number = check_count("number", number)
-    wanted = check_count("obstacles", obstacles, maximum=30)
+    count = check_count("obstacles", obstacles, maximum=30)
     extent = _checked_size(size)
     width = check_number("passage", passage, above=0, maximum=200)
     burning = check_count("fires", fires, maximum=30)
     streams = Streams(np.random.SeedSequence(number))
     rng = streams["random map"]
     shapes = _outer_walls(*extent)
-    for _ in range(wanted):
+    for _ in range(count):
         shapes += _one_more(shapes, extent, width, rng)
     spots: list[FireSpot] = []
     for _ in range(burning):

@@ -83,10 +83,10 @@ _PATH_WORD = re.compile(r"[a-zA-Z]|[\d.]+")
 
 def length(name: str, text: str) -> float:
     """Return a length in CSS pixels (96 to the inch); units without a fixed size, such as % and em, are refused."""
-    found = _LENGTH.fullmatch(text[:LONGEST_LENGTH])
-    if not found or found[2].lower() not in PIXELS:
+    match = _LENGTH.fullmatch(text[:LONGEST_LENGTH])
+    if not match or match[2].lower() not in PIXELS:
         raise InvalidValueError(f"{name} is {shortened(text)}; expected a length such as 5, 5px, 5mm or 5in")
-    return float(found[1]) * PIXELS[found[2].lower()]
+    return float(match[1]) * PIXELS[match[2].lower()]
 
 
 def numbers(name: str, text: str) -> list[float]:
@@ -116,10 +116,10 @@ def transform(text: str) -> np.ndarray:
     if len(text) > LONGEST_TRANSFORM or _TRANSFORM.sub("", text).strip(" \t\r\n,"):
         raise refused
     for kind, arguments in _TRANSFORM.findall(text):
-        given = numbers("transform", arguments)
-        if len(given) not in _TRANSFORM_ARGUMENTS[kind]:
+        values = numbers("transform", arguments)
+        if len(values) not in _TRANSFORM_ARGUMENTS[kind]:
             raise refused
-        if not np.abs(given).max() <= LARGEST_ENTRY:  # of an angle too: svgelements fails on sines of infinity
+        if not np.abs(values).max() <= LARGEST_ENTRY:  # of an angle too: svgelements fails on sines of infinity
             raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")
     own = Matrix(text)
     matrix = np.array([[own.a, own.c, own.e], [own.b, own.d, own.f], [0.0, 0.0, 1.0]], dtype=float)
@@ -166,12 +166,12 @@ def viewbox_numbers(text: str) -> list[float]:
 
 def properties(attributes: Mapping[str, str]) -> dict[str, str]:
     """Return the attributes, overridden by the declarations of the style attribute as in CSS."""
-    merged = {name: value for name, value in attributes.items() if name != "style"}
+    styled = {name: value for name, value in attributes.items() if name != "style"}
     for declaration in attributes.get("style", "").split(";"):
         name, colon, value = declaration.partition(":")
         if colon:
-            merged[name.strip()] = value.replace("!important", "").strip()
-    return merged
+            styled[name.strip()] = value.replace("!important", "").strip()
+    return styled
 
 
 def scale_of(matrix: np.ndarray) -> float:
@@ -255,11 +255,11 @@ def elliptic_arc(
     return np.column_stack([centre[0] + radii[0] * np.cos(azimuths), centre[1] + radii[1] * np.sin(azimuths)])
 
 
-def chord_count(required: float) -> int:
+def chord_count(chords: float) -> int:
     """Return a whole number of chords, at least 1; refuse a number that would fill the memory."""
-    if not required <= MOST_CHORDS:
+    if not chords <= MOST_CHORDS:
         raise InvalidValueError("has a curve far larger than the map")
-    return max(1, math.ceil(required))
+    return max(1, math.ceil(chords))
 
 
 def _curved_subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
@@ -448,9 +448,9 @@ def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
 
 def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, float]:
     """Return the radii of rounded corners: a single one holds for both, and half the side is the limit."""
-    given = [drawn.attributes.get(name, "auto") for name in ("rx", "ry")]
-    known = [None if text == "auto" else check_number("rx", length("rx", text), minimum=0) for text in given]
-    rx, ry = (own if own is not None else other or 0.0 for own, other in (known, known[::-1]))
+    texts = [drawn.attributes.get(name, "auto") for name in ("rx", "ry")]
+    radii = [None if text == "auto" else check_number("rx", length("rx", text), minimum=0) for text in texts]
+    rx, ry = (own if own is not None else other or 0.0 for own, other in (radii, radii[::-1]))
     return min(rx, width / 2), min(ry, height / 2)
 
 
@@ -590,8 +590,8 @@ class _Walk(ContentHandler):
         """Refuse a long name of a namespace: it is repeated for each element in it. `xmlns=""` is None."""
         self.begun = True
         if uri is not None and len(uri) > LONGEST_NAMESPACE:
-            where = f"line {self._locator.getLineNumber()}"
-            raise refusal(self.source, where, f"a namespace has more than {LONGEST_NAMESPACE} characters")
+            place = f"line {self._locator.getLineNumber()}"
+            raise refusal(self.source, place, f"a namespace has more than {LONGEST_NAMESPACE} characters")
 
     def startElementNS(self, name: tuple[str | None, str], qname: str | None, attrs: Any) -> None:  # noqa: N802 (SAX's name)
         """Enter an element."""
@@ -602,8 +602,8 @@ class _Walk(ContentHandler):
         self._count += 1
         with naming(self.source, place):
             _check_size(self._count, len(self._open))
-            known = space in (None, SVG)
-            self._open.append((tag, self._entered(tag, attributes, place) if known else None))
+            is_svg = space in (None, SVG)
+            self._open.append((tag, self._entered(tag, attributes, place) if is_svg else None))
 
     def endElementNS(self, name: tuple[str | None, str], qname: str | None) -> None:  # noqa: N802 (SAX's name)
         """Leave an element."""
@@ -646,10 +646,10 @@ class _Walk(ContentHandler):
             raise InvalidValueError("is not a drawing; expected <svg>")
         width, height = _size(attributes)
         self.bounds = _bounds(attributes, width, height)
-        turned = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
+        upright = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
         box = attributes.get("viewBox")
         aspect = attributes.get("preserveAspectRatio", "")
-        matrix = turned if box is None else checked_matrix(turned @ viewbox(box, aspect, width, height))
+        matrix = upright if box is None else checked_matrix(upright @ viewbox(box, aspect, width, height))
         return _inherited(Drawn(tag, {}, place, matrix), tag, attributes, place, self.work)
 
 

@@ -98,15 +98,15 @@ def _refuse_long_keys(text: str, source: str) -> None:
     """
     dots = on_line = 0
     next_line = 0
-    for found in _DOTTED.finditer(text):
-        if not found[1]:
+    for match in _DOTTED.finditer(text):
+        if not match[1]:
             continue
-        if found.start() >= next_line:
-            next_line = text.find("\n", found.start()) + 1 or len(text)
+        if match.start() >= next_line:
+            next_line = text.find("\n", match.start()) + 1 or len(text)
             on_line = 0
         dots, on_line = dots + 1, on_line + 1
         if dots > MOST_DOTTED or on_line > MOST_DOTTED_ON_LINE:
-            line = text.count("\n", 0, found.start()) + 1
+            line = text.count("\n", 0, match.start()) + 1
             most = f"more than {MOST_DOTTED_ON_LINE} dots, or {MOST_DOTTED} in the file"
             raise refusal(source, f"line {line}", f"has dotted names of {most}; write tables instead")
 
@@ -168,10 +168,10 @@ def _needed(table: dict[str, Any], key: str) -> Any:
     return table[key]
 
 
-def _refuse_unknown_keys(table: dict[str, Any], known: Iterable[str]) -> None:
+def _refuse_unknown_keys(table: dict[str, Any], known_keys: Iterable[str]) -> None:
     for key in table:
-        if key not in known:
-            raise InvalidValueError(unknown_name("key", key, known))
+        if key not in known_keys:
+            raise InvalidValueError(unknown_name("key", key, known_keys))
 
 
 def _size_lines(bounds: Bounds) -> list[str]:

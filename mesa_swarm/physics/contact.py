@@ -76,22 +76,22 @@ def solids_in(statics, movers):
 def deepest_static(x, y, radius, statics):
     """Return depth, normal, flatness and item of the deepest overlap of a disc with static bodies."""
     edges, discs = statics.edges, statics.discs
-    found = deepest_listed(x, y, radius, edges, discs, statics.touched, _deepest_border(x, y, radius, statics.bounds))
-    return deepest_moving(x, y, radius, edges, discs, statics.movers, found)
+    deepest = deepest_listed(x, y, radius, edges, discs, statics.touched, _deepest_border(x, y, radius, statics.bounds))
+    return deepest_moving(x, y, radius, edges, discs, statics.movers, deepest)
 
 
 @compiled
-def deepest_moving(x, y, radius, edges, discs, movers, found):
+def deepest_moving(x, y, radius, edges, discs, movers, deepest):
     """Return the deepest overlap with driven bodies if it is deeper than what was found."""
     if movers is None:
-        return found
-    return deepest_listed(x, y, radius, edges, discs, movers.touched, found)
+        return deepest
+    return deepest_listed(x, y, radius, edges, discs, movers.touched, deepest)
 
 
 @compiled
 def deepest_listed(x, y, radius, edges, discs, lists, deepest_found):
     """Return the deepest overlap with the items that are listed if it is deeper than what was found."""
-    deepest, normal_x, normal_y, flat, found = deepest_found
+    deepest, normal_x, normal_y, flat, deepest_item = deepest_found
     start, items, cell = lists.start, lists.items, cell_at(x, y, lists.grid)
     for k in range(start[cell], start[cell + 1]):
         item = items[k]
@@ -101,8 +101,8 @@ def deepest_listed(x, y, radius, edges, discs, lists, deepest_found):
             depth, nx, ny = disc_overlap(x, y, radius, discs, item - edges.shape[0])
             face = False
         if depth > deepest:
-            deepest, normal_x, normal_y, flat, found = depth, nx, ny, face, item
-    return deepest, normal_x, normal_y, flat, found
+            deepest, normal_x, normal_y, flat, deepest_item = depth, nx, ny, face, item
+    return deepest, normal_x, normal_y, flat, deepest_item
 
 
 @compiled
@@ -173,10 +173,10 @@ class Contacts:
         """Collect the contacts of the last step; `others` are the agents of kinds that are not listed in `bodies`."""
         rows = np.flatnonzero(swarm.collided)
         kind, index = swarm.contact_kind[rows], swarm.contact_index[rows]
-        other, known = np.full(len(rows), -1), index != BORDER
-        of_robots = known & (kind == ROBOT)
+        other, is_body = np.full(len(rows), -1), index != BORDER
+        of_robots = is_body & (kind == ROBOT)
         other[of_robots] = swarm.unique_ids[index[of_robots]]
-        for place in np.flatnonzero(known & ~of_robots).tolist():
+        for place in np.flatnonzero(is_body & ~of_robots).tolist():
             other[place] = others.get(kind[place], bodies)[index[place]].unique_id
         return cls(
             robot=swarm.unique_ids[rows],

@@ -114,7 +114,7 @@ class Crowd:
         self.pairs = near_pairs(self.arrays.listed, self.arrays.radii, margin, self.arrays.grid)
         self.near.state[LISTED] = True
 
-    def pairs_from(self, first: int, last: int, find: Callable[..., int], *given: Any) -> np.ndarray:
+    def pairs_from(self, first: int, last: int, find: Callable[..., int], *arguments: Any) -> np.ndarray:
         """Return the pairs of rows [first, last): ``find(*given, first, last, room)`` writes them.
 
         It returns how many there are, also where there is not room for all.
@@ -122,7 +122,7 @@ class Crowd:
         room = self._rooms.get(first)
         if room is None:
             room = _room_for(last - first)
-        while (count := find(*given, first, last, room)) >= len(room):
+        while (count := find(*arguments, first, last, room)) >= len(room):
             room = _room_for(count)
         self._rooms[first] = room
         return room[:count]

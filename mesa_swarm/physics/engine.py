@@ -267,10 +267,10 @@ class CompiledEngine(Engine):
 
     def _sense_together(self, swarm: Swarm, n: int) -> None:
         """Do what the kernel does, the rows of robots in ranges."""
-        crowd, given = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
+        crowd, arguments = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
         crowd.sort()
-        found = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *given))
-        crowd.pairs = np.concatenate(found)
+        pairs = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *arguments))
+        crowd.pairs = np.concatenate(pairs)
         crowd.near.state[LISTED] = True
         if swarm.table.exposed or swarm.disturbed:
             sense_inside(*self._inside)
@@ -308,10 +308,10 @@ class CompiledEngine(Engine):
                 kind=columns["kind"],
             )
         )
-        written = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
+        outputs = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
         self._heat = Block(surroundings.radiating)
         self._extra_turn = np.zeros(n)
-        robots = RobotArrays(motion=self._motion, radius=columns["radius"], extra_turn=self._extra_turn, **written)
+        robots = RobotArrays(motion=self._motion, radius=columns["radius"], extra_turn=self._extra_turn, **outputs)
         self._robots, self._statics = Block(robots), Block(surroundings.still)
         movers = None if surroundings.moving is None else surroundings.moving.block
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
@@ -328,8 +328,8 @@ class CompiledEngine(Engine):
         walls = statics.edges, statics.kind, statics.rings, statics.bounds
         self._inside = *robots, *walls, columns["distance"], columns["kind"]
         blocks = self._eyes.numbers, self._crowd.block, NO_NUMBERS if movers is None else movers
-        where = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
-        arrays = SenseArrays(*blocks, *where, *self._inside)
+        places = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
+        arrays = SenseArrays(*blocks, *places, *self._inside)
         block, function = Block(arrays), sense_robots if movers is None else sense_robots_and_movers
         radiation, line, marks = columns["radiation"], columns["line"], surroundings.marks
         widths = columns["distance"].shape[1], radiation.shape[1] + line.shape[1]
@@ -432,10 +432,10 @@ def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndar
     mixed = swarm.table.mixed
     motion.fill(0.0)
     for drive, rows in drives:
-        made = motion[rows]
+        own_motion = motion[rows]
         own = (rows, slice(getattr(drive, "numbers", 2))) if mixed else rows
-        drive.motion(wheels[own], swarm.columns["radius"][rows], made)
-        motion[rows] = made
+        drive.motion(wheels[own], swarm.columns["radius"][rows], own_motion)
+        motion[rows] = own_motion
 
 
 def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
@@ -443,7 +443,7 @@ def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
     wheels, mixed = np.zeros((len(motion), swarm.table.wheels)), swarm.table.mixed
     for drive, rows in drives:
         own = (rows, slice(getattr(drive, "numbers", 2))) if mixed else rows
-        made = wheels[own]
-        drive.wheels(motion[rows], swarm.columns["radius"][rows], made)
-        wheels[own] = made
+        own_wheels = wheels[own]
+        drive.wheels(motion[rows], swarm.columns["radius"][rows], own_wheels)
+        wheels[own] = own_wheels
     return wheels

@@ -68,8 +68,8 @@ class Imperfect:
         columns, table, limits = swarm.columns, swarm.table, self.imperfections.sensing.limits
         by_chance = columns["design"], columns["number"], step, np.uint64(self.key)
         last = {name: imperfection_column(swarm, name) for name in ("distance", "kind", "radiation", "line")}
-        seen = columns["distance"], columns["kind"], last["distance"], last["kind"]
-        spoil(*seen, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
+        readings = columns["distance"], columns["kind"], last["distance"], last["kind"]
+        spoil(*readings, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
         # The kinds that only proximity sensors read are neither looked at nor stored for the others.
         radiation, line = columns["radiation"], columns["line"]
         if radiation.shape[1]:
@@ -105,20 +105,20 @@ class Imperfect:
 
         Where robots' wheels are perfect, that is the column command itself.
         """
-        columns, table, given = swarm.columns, swarm.table, self.imperfections
+        columns, table, imperfections = swarm.columns, swarm.table, self.imperfections
         fails = FAILED_WHEELS in columns
         if not (self._drives or fails or table.battery.any()):
             return columns["command"]
         driven = columns["command"].copy()
         worn = [imperfection_column(swarm, name) for name in ("told", "wheels", "used", "broken")]
         bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
-        slips = float(given.slip_probability), float(given.slip_magnitude)
-        charge = np.where(table.battery > 0.0, table.battery, given.battery)
-        limits = given.driving.limits, (float(given.failure), *slips)
+        slips = float(imperfections.slip_probability), float(imperfections.slip_magnitude)
+        charge = np.where(table.battery > 0.0, table.battery, imperfections.battery)
+        limits = imperfections.driving.limits, (float(imperfections.failure), *slips)
         spoil_wheels(driven, *worn, *bodies, charge, *limits, step, np.uint64(self.key))
         if fails:
             wheels = table.sideways, table.numbers, columns["design"], columns["number"]
-            rate = float(given.wheel_failure)
+            rate = float(imperfections.wheel_failure)
             fail_wheels(driven, columns[FAILED_WHEELS], *wheels, rate, step, np.uint64(self.key))
         return driven
 
@@ -127,13 +127,13 @@ def blind(swarm: Swarm, failed: np.ndarray) -> None:
     """Let the built-in sensors that failed (n, s) read nothing."""
     columns = swarm.columns
     nothing = {"distance": NOTHING, "kind": -1, "radiation": 0.0, "line": False}
-    named = {ProximitySensor: ("distance", "kind"), RadiationSensor: ("radiation",), LineSensor: ("line",)}
+    columns_of_kind = {ProximitySensor: ("distance", "kind"), RadiationSensor: ("radiation",), LineSensor: ("line",)}
     for d, design in enumerate(swarm.designs):
         rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
-        counts = dict.fromkeys(named, 0)
+        counts = dict.fromkeys(columns_of_kind, 0)
         for s, sensor in enumerate(design.sensors if len(rows) else ()):
-            for kind in (kind for kind in named if isinstance(sensor, kind)):
-                for name in named[kind]:
+            for kind in (kind for kind in columns_of_kind if isinstance(sensor, kind)):
+                for name in columns_of_kind[kind]:
                     columns[name][rows[failed[rows, s]], counts[kind]] = nothing[name]
                 counts[kind] += 1
 
@@ -166,12 +166,12 @@ def imperfection_column(swarm: Swarm, name: str) -> np.ndarray:
 
 
 @compiled
-def chance(key, number, channel, moment, what):
+def chance(key, number, channel, moment, draw):
     """Return a number in [0, 1) that the key, robot, channel, moment and question decide."""
     bits = mixed(key + GOLDEN * np.uint64(number))
     bits = mixed(bits + GOLDEN * np.uint64(channel))
     bits = mixed(bits + GOLDEN * np.uint64(moment))
-    bits = mixed(bits + GOLDEN * np.uint64(what))
+    bits = mixed(bits + GOLDEN * np.uint64(draw))
     return (bits >> np.uint64(11)) * 2.0**-53
 
 
@@ -233,7 +233,7 @@ def spoil_any(reading, last, least, largest, first_channel, limits, design, numb
 
 @compiled
 def spoil_wheels(
-    command, held, wheels, used, broken, max_speed, design, sideways, numbers, number, charge, limits, wear, step, key
+    command, held, wheels, worn, broken, max_speed, design, sideways, numbers, number, charge, limits, wear, step, key
 ):
     """Replace commands by disturbed wheel speeds; add up the charge used, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
@@ -243,20 +243,20 @@ def spoil_wheels(
         if chance(key, number[i], BODY, step, FATE) < failure:
             broken[i] = True
         battery = charge[design[i]]
-        stands = broken[i] or (battery > 0.0 and used[i] >= battery)
+        stands = broken[i] or (battery > 0.0 and worn[i] >= battery)
         count = numbers[design[i]]
         for w in range(count):
             if step % period == 0:
                 held[i, w] = command[i, w]
-            wanted, channel = held[i, w], WHEEL + w
+            command_now, channel = held[i, w], WHEEL + w
             fate = chance(key, number[i], channel, moment, FATE)
             if stands or fate < dropout:
-                wanted = 0.0
+                command_now = 0.0
             elif fate < dropout + outliers:
-                wanted = max_speed[i] * (2.0 * chance(key, number[i], channel, moment, PLACE) - 1.0)
+                command_now = max_speed[i] * (2.0 * chance(key, number[i], channel, moment, PLACE) - 1.0)
             else:
-                wanted *= 1.0 + error * normal(key, number[i], channel, moment)
-            wheels[i, w] += share * (wanted - wheels[i, w])
+                command_now *= 1.0 + error * normal(key, number[i], channel, moment)
+            wheels[i, w] += share * (command_now - wheels[i, w])
             wheels[i, w] = 0.0 if stands else min(max(wheels[i, w], -max_speed[i]), max_speed[i])
         if sideways[design[i]]:
             wheels[i, 0], wheels[i, 1] = no_longer(wheels[i, 0], wheels[i, 1], max_speed[i])
@@ -264,7 +264,7 @@ def spoil_wheels(
             slips = slip_probability > 0.0 and chance(key, number[i], WHEEL + w, step, SLIP) < slip_probability
             command[i, w] = wheels[i, w] * (1.0 - slip_magnitude) if slips else wheels[i, w]
             if max_speed[i] > 0.0:
-                used[i] += (1.0 / count) * abs(wheels[i, w]) / max_speed[i]
+                worn[i] += (1.0 / count) * abs(wheels[i, w]) / max_speed[i]
 
 
 @compiled

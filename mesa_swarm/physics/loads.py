@@ -88,7 +88,7 @@ def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.n
 
 
 @compiled
-def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
+def push_loads(robots, poses, resistance, room, pushes, pushers, has_moved):
     """Move all loads, one after the other; write how many robots push each, and which ones moved."""
     place_outlines(poses, room)
     least = math.inf
@@ -101,7 +101,7 @@ def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
         x, y, heading = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
         longest = min(LONGEST_PIECE * least, room.forms.thickness[k])
         move_load(k, count, longest, resistance[row] ** room.two, poses, room, pushes)
-        moved[row] = poses.position[row, 0] != x or poses.position[row, 1] != y or poses.heading[row] != heading
+        has_moved[row] = poses.position[row, 0] != x or poses.position[row, 1] != y or poses.heading[row] != heading
 
 
 @compiled(apart=True)
@@ -183,8 +183,8 @@ def twist_of(wrench, count, resistance_square, longest, k, room, pushes):
     force_x, force_y, torque = wrench
     turn = torque / room.forms.lever_square[k]
     # Python's square is the power of C, which now and then rounds otherwise than a product.
-    needed = force_x**room.two + force_y**room.two + turn * torque
-    if needed <= resistance_square * (1.0 + EQUAL):
+    dissipation = force_x**room.two + force_y**room.two + turn * torque
+    if dissipation <= resistance_square * (1.0 + EQUAL):
         return False, 0.0, 0.0, 0.0
     for p in range(count):
         # Robots that are driven back by the others do not affect its speed.
@@ -239,10 +239,10 @@ def go(k, way_x, way_y, turn, near, poses, room):
     return free
 
 
-def stuck_loads(surroundings: Surroundings, room: Room, moved: Iterable[int], columns: dict) -> list[int]:
+def stuck_loads(surroundings: Surroundings, room: Room, loads: Iterable[int], columns: dict) -> list[int]:
     """Return which of the loads that moved are overlapped by a robot."""
     position, radius = columns["position"], columns["radius"]
-    return [k for k in moved if is_overlapped(k, position, radius, surroundings.poses, room)]
+    return [k for k in loads if is_overlapped(k, position, radius, surroundings.poses, room)]
 
 
 @compiled

@@ -210,7 +210,7 @@ def place_items(position, heading, outlines, edges, discs):
 def list_items(edges, discs, items, reach, lists):
     """List items by the cells from which they are within reach, see `list_boxes_by_cell`; in place."""
     x, y, per_unit, columns, rows = lists.grid
-    start, listed = lists.start, lists.items
+    start, entries = lists.start, lists.items
     start[:] = 0
     for fill in range(2):
         for item in items:
@@ -224,7 +224,7 @@ def list_items(edges, discs, items, reach, lists):
                     c = column + columns * row
                     if fill == 1:
                         start[c] -= 1
-                        listed[start[c]] = item
+                        entries[start[c]] = item
                     else:
                         start[c] += 1
         if fill == 0:
@@ -264,9 +264,9 @@ def count_body_pieces(pieces, radius, movers):
         return pieces
     m, longest = unpack(movers, MoverArrays), LONGEST_STEP * least_radius(radius)
     for b in m.rows:
-        needed = math.ceil(bound_of_way(b, m) / longest - 1e-9)
-        if needed <= MOST_PIECES:
-            pieces = max(pieces, int(needed))
+        least = math.ceil(bound_of_way(b, m) / longest - 1e-9)
+        if least <= MOST_PIECES:
+            pieces = max(pieces, int(least))
     return pieces
 
 
@@ -286,7 +286,7 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
         movers.jumps,
     )
     jumps[:] = False
-    longest, moved = LONGEST_STEP * least_radius(radius), False
+    longest, has_moved = LONGEST_STEP * least_radius(radius), False
     for b in movers.rows:
         movers.before[b, 0], movers.before[b, 1], before_heading[b] = position[b, 0], position[b, 1], heading[b]
         way = bound_of_way(b, movers)
@@ -300,10 +300,10 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
             position[b, 0] = start[b, 0] + share * (aim[b, 0] - start[b, 0])
             position[b, 1] = start[b, 1] + share * (aim[b, 1] - start[b, 1])
             heading[b] = wrapped(start_heading[b] + share * wrapped(aim_heading[b] - start_heading[b]))
-        moved = True
-    if moved:
+        has_moved = True
+    if has_moved:
         follow_bodies(movers, edges, discs)
-    return moved
+    return has_moved
 
 
 @compiled
@@ -319,8 +319,8 @@ def return_bodies(goes, movers, edges, discs):
     position, heading, before, before_heading = movers.position, movers.heading, movers.before, movers.before_heading
     went = False
     for b in movers.rows:
-        here = position[b, 0] == before[b, 0] and position[b, 1] == before[b, 1] and heading[b] == before_heading[b]
-        if goes[b] and not here:
+        is_back = position[b, 0] == before[b, 0] and position[b, 1] == before[b, 1] and heading[b] == before_heading[b]
+        if goes[b] and not is_back:
             position[b, 0], position[b, 1], heading[b] = before[b, 0], before[b, 1], before_heading[b]
             movers.blocked[b] = True
             went = True

@@ -37,7 +37,7 @@ def read_neighbours(
     start, order = sorted_senders(places, grid)
     nearest, squares = np.empty(most, np.int64), np.empty(most)
     for i in range(position.shape[0]):
-        x, y, me, found = position[i, 0], position[i, 1], rows[i], 0
+        x, y, me, count = position[i, 0], position[i, 1], rows[i], 0
         first = cell_index(x - reach, left, per_unit, columns)
         last = cell_index(x + reach, left, per_unit, columns)
         lowest = cell_index(y - reach, below, per_unit, grid_rows)
@@ -48,20 +48,20 @@ def read_neighbours(
                 square = (places[j, 0] - x) ** 2 + (places[j, 1] - y) ** 2
                 if (j == me and bodies[j] < 0) or square > reach * reach:
                     continue
-                if found == most and not is_nearer_robot(
+                if count == most and not is_nearer_robot(
                     square, number[j], squares[most - 1], number[nearest[most - 1]]
                 ):
                     continue
                 if occluded and is_cut_but(places[j, 0], places[j, 1], x, y, obstacles, owners, bodies[j]):
                     continue
-                found = min(found + 1, most)
-                place = found - 1
+                count = min(count + 1, most)
+                place = count - 1
                 while place > 0 and is_nearer_robot(square, number[j], squares[place - 1], number[nearest[place - 1]]):
                     squares[place], nearest[place] = squares[place - 1], nearest[place - 1]
                     place -= 1
                 squares[place], nearest[place] = square, j
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
-        for k in range(found):
+        for k in range(count):
             j = nearest[k]
             ahead, aside = into_frame(places[j, 0] - x, places[j, 1] - y, cosine, sine)
             out[i, step * k], out[i, step * k + 1] = math.sqrt(squares[k]), math.atan2(aside, ahead)

@@ -127,15 +127,15 @@ class Call:
         self._all = len(rows) == len(swarm)
         self._sources: list[Callable] | None = None
 
-    def __call__(self, model: Any, scene: Surroundings, given: dict) -> None:
+    def __call__(self, model: Any, scene: Surroundings, arguments: dict) -> None:
         """Call the function for the present state."""
         if self._asks:
-            given = {**self._arguments(model), **given}
+            arguments = {**self._arguments(model), **arguments}
         if self._sources is None:
-            known = *given, *OF_SCENE, "rows"
-            self._swarm.check_takes(self._device, self.compiled.function, known)
-            self._sources = [self._source(name, given) for name in self.compiled.takes]
-        self.compiled(*[source(given, scene) for source in self._sources])
+            known_names = *arguments, *OF_SCENE, "rows"
+            self._swarm.check_takes(self._device, self.compiled.function, known_names)
+            self._sources = [self._source(name, arguments) for name in self.compiled.takes]
+        self.compiled(*[source(arguments, scene) for source in self._sources])
 
     def _arguments(self, model: Any) -> Mapping[str, Any]:
         more = self._device.arguments(model)
@@ -145,21 +145,21 @@ class Call:
             )
         return more
 
-    def _source(self, name: str, given: Mapping) -> Callable:
+    def _source(self, name: str, arguments: Mapping) -> Callable:
         """Return a function that finds the value of a parameter in what is given at each call and the surroundings."""
-        if name in given:
-            return lambda given, scene: given[name]
+        if name in arguments:
+            return lambda arguments, scene: arguments[name]
         if name == "rows":
-            return lambda given, scene: self._rows
+            return lambda arguments, scene: self._rows
         if name in OF_SCENE:
-            return lambda given, scene: OF_SCENE[name](scene)
+            return lambda arguments, scene: OF_SCENE[name](scene)
         if hasattr(self._device, name):
             value = getattr(self._device, name)
-            return lambda given, scene: value
+            return lambda arguments, scene: value
         column = _read_only(self._swarm.columns[name].view())
         if self._all:
-            return lambda given, scene: column
-        return lambda given, scene: _read_only(column[self._rows])
+            return lambda arguments, scene: column
+        return lambda arguments, scene: _read_only(column[self._rows])
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:
@@ -195,6 +195,6 @@ def _guarded(do: Callable, device: Device, model: Any, scene: Surroundings) -> N
     except (SwarmError, UncompiledBehaviourWarning):
         raise
     except Exception as error:
-        what = " ".join(f"{type(error).__name__}: {error}".split())
+        problem = " ".join(f"{type(error).__name__}: {error}".split())
         kind = "sensor" if isinstance(device, Sensor) else "actuator"
-        raise BehaviourError(f"{kind} {device.name} failed in step {model.steps}: it raised {what}") from error
+        raise BehaviourError(f"{kind} {device.name} failed in step {model.steps}: it raised {problem}") from error

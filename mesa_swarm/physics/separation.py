@@ -72,7 +72,7 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
     c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
     position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
     n, margin, begins = len(radius), MARGIN * least_radius(radius), True
-    push, awake, moved = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
+    push, awake, moved_rows = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
     group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(listed, position)
     for _ in range(most_sweeps):
         anew = 2.0 * far > margin
@@ -81,16 +81,16 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
             copy_places(position, listed)
         if anew or begins:
             start, own = pairs_by_robot(pairs, n)
-            chosen, count, begins = np.arange(len(pairs) + 1), len(pairs), False
-        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
+            selection, count, begins = np.arange(len(pairs) + 1), len(pairs), False
+        overlaps = push_pairs(position, radius, number, pairs, selection[:count], push, contacts)
         if overlaps == 0:
             return free.all(), pairs
-        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
-        push_all_from_statics(moved[:moving], position, radius, solids, contacts, free)
-        far = farthest_from(listed, position, moved[:moving])
-        count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
+        moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
+        push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
+        far = farthest_from(listed, position, moved_rows[:moving])
+        count = pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
-            awake[moved[k]] = False
+            awake[moved_rows[k]] = False
     return False, pairs
 
 
@@ -100,13 +100,15 @@ def separate_near(crowd, statics, movers, pairs, most_sweeps):
 
     `STRAYED` means that one has to go farther: all are where they were.
     """
-    state, met = overlaps_of(crowd, pairs)
+    state, overlaps = overlaps_of(crowd, pairs)
     c = unpack(crowd, CrowdArrays)
-    if len(met) == 0:
+    if len(overlaps) == 0:
         return state if c.free.all() else max(state, STUCK)
     groups = start_groups(crowd, pairs)
-    _, state = separate_groups(crowd, statics, movers, pairs, groups, met, met, most_sweeps, NONE, len(c.radii))
-    return finish_separation(crowd, statics, movers, pairs, groups, met, met[:0], most_sweeps, state)
+    _, state = separate_groups(
+        crowd, statics, movers, pairs, groups, overlaps, overlaps, most_sweeps, NONE, len(c.radii)
+    )
+    return finish_separation(crowd, statics, movers, pairs, groups, overlaps, overlaps[:0], most_sweeps, state)
 
 
 @compiled(nogil=True, apart=True)
@@ -131,8 +133,8 @@ def start_groups(crowd, pairs):
 
 
 @compiled(nogil=True, apart=True)
-def separate_groups(crowd, statics, movers, pairs, groups, begin, met, most_sweeps, first, last):
-    """Separate groups of robots near each other in which pairs `met` overlap; groups do not influence each other.
+def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, most_sweeps, first, last):
+    """Separate groups of robots near each other in which pairs `all_overlaps` overlap; groups are independent.
 
     Only the groups that the pairs `begin` are in, and of these only those that are within rows [first, last). Return
     the first pair of each of the others, which is left for later, and the worst state in which a group ends:
@@ -142,30 +144,30 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, met, most_swee
     c, solids, margin = unpack(crowd, CrowdArrays), solids_in(statics, movers), groups.margin
     position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
     start, own, push, awake, group = groups.start, groups.own, groups.push, groups.awake, groups.group
-    chosen, count, later = collect_groups(first, last, begin, met, pairs, start, own, group)
-    moved, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
+    selection, count, later = collect_groups(first, last, begin, all_overlaps, pairs, start, own, group)
+    moved_rows, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
     for _ in range(most_sweeps):
-        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
+        overlaps = push_pairs(position, radius, number, pairs, selection[:count], push, contacts)
         if overlaps == 0:
             return later, worst
-        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
-        push_all_from_statics(moved[:moving], position, radius, solids, contacts, free)
-        if 2.0 * farthest_from(listed, position, moved[:moving]) > margin:
-            mark_strayed(listed, position, moved[:moving], margin, group, strayed)
+        moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
+        push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
+        if 2.0 * farthest_from(listed, position, moved_rows[:moving]) > margin:
+            mark_strayed(listed, position, moved_rows[:moving], margin, group, strayed)
             worst = STRAYED
-        count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
+        count = pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
-            awake[moved[k]] = False
+            awake[moved_rows[k]] = False
     return later, max(worst, STUCK)
 
 
 @compiled(apart=True)
-def collect_groups(first, last, begin, met, pairs, start, own, group):
+def collect_groups(first, last, begin, overlaps, pairs, start, own, group):
     """Give numbers to the groups that pairs `begin` belong to, where all of a group is within rows [first, last).
 
-    Return their pairs `met` in an array with room for all, how many there are, and the first pair of each other group.
+    Return their pairs `overlaps` in an array with room for all, how many there are, and the first pair of other groups.
     """
-    members, later, left = np.empty(last - first, np.int64), np.empty(len(begin), np.int64), 0
+    members, later, waiting = np.empty(last - first, np.int64), np.empty(len(begin), np.int64), 0
     all_rows = last - first == len(group)
     for number in range(len(begin)):
         i = pairs[begin[number], 0]
@@ -185,35 +187,37 @@ def collect_groups(first, last, begin, met, pairs, start, own, group):
                     members[size] = other
                     size += 1
         if not whole:
-            later[left] = begin[number]
-            left += 1
+            later[waiting] = begin[number]
+            waiting += 1
             for at in range(size):
                 group[members[at]] = LATER
-    chosen, count = np.empty(len(pairs) + 1, np.int64), 0
-    for k in met:
+    selection, count = np.empty(len(pairs) + 1, np.int64), 0
+    for k in overlaps:
         i = pairs[k, 0]
-        chosen[count] = k
+        selection[count] = k
         count += (first <= i < last) and group[i] >= 0
-    return chosen, count, later[:left]
+    return selection, count, later[:waiting]
 
 
 @compiled
-def mark_strayed(listed, position, moved, margin, group, strayed):
+def mark_strayed(listed, position, moved_rows, margin, group, strayed):
     """Mark the groups of which a robot has gone farther than half the margin."""
-    for i in moved:
+    for i in moved_rows:
         dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
         if 2.0 * math.sqrt(dx * dx + dy * dy) > margin:
             strayed[group[i]] = True
 
 
 @compiled(nogil=True, apart=True)
-def finish_separation(crowd, statics, movers, pairs, groups, met, later, most_sweeps, state):
+def finish_separation(crowd, statics, movers, pairs, groups, overlaps, later, most_sweeps, state):
     """Separate the groups that were left for `later`, and return the worst state; put all back if some have strayed."""
     c, group = unpack(crowd, CrowdArrays), groups.group
     if len(later):
         for i in range(len(group)):
             group[i] = min(group[i], LATER)
-        _, worst = separate_groups(crowd, statics, movers, pairs, groups, later, met, most_sweeps, NONE, len(group))
+        _, worst = separate_groups(
+            crowd, statics, movers, pairs, groups, later, overlaps, most_sweeps, NONE, len(group)
+        )
         state = max(state, worst)
     if state == STRAYED:
         copy_places(groups.begins, c.places)
@@ -233,10 +237,10 @@ def farthest_of_all(listed, position):
 
 
 @compiled
-def farthest_from(listed, position, moved):
+def farthest_from(listed, position, moved_rows):
     """Return the largest distance of the robots that were moved from where they were listed."""
     square = 0.0
-    for i in moved:
+    for i in moved_rows:
         dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
         square = max(square, dx * dx + dy * dy)
     return math.sqrt(square)
@@ -262,19 +266,19 @@ def pairs_by_robot(pairs, n):
 
 
 @compiled
-def pairs_of(moved, awake, pairs, start, own, chosen, group, strayed):
-    """Write the pairs of robots that were moved, each once, into `chosen`, and return how many; `awake` marks them.
+def pairs_of(moved_rows, awake, pairs, start, own, selection, group, strayed):
+    """Write the pairs of robots that were moved, each once, into `selection`, and return how many; `awake` marks them.
 
-    Those of groups that have strayed are left out. `chosen` has room for one more than all pairs.
+    Those of groups that have strayed are left out. `selection` has room for one more than all pairs.
     """
     count = 0
-    for i in moved:
+    for i in moved_rows:
         if strayed[group[i]]:
             continue
         for place in range(start[i], start[i + 1]):
             k = own[place]
             other = pairs[k, 0] + pairs[k, 1] - i
-            chosen[count] = k
+            selection[count] = k
             count += not awake[other] or i < other
     return count
 
@@ -282,20 +286,20 @@ def pairs_of(moved, awake, pairs, start, own, chosen, group, strayed):
 @compiled
 def overlapping(position, radius, pairs):
     """Return which pairs overlap by more than rounding."""
-    met, count = np.empty(pairs.shape[0], np.int64), 0
+    overlaps, count = np.empty(pairs.shape[0], np.int64), 0
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-        met[count] = k
+        overlaps[count] = k
         count += radius[i] + radius[j] - math.sqrt(dx * dx + dy * dy) > SLOP * min(radius[i], radius[j])
-    return met[:count]
+    return overlaps[:count]
 
 
 @compiled
-def push_pairs(position, radius, number, pairs, chosen, push, contacts):
-    """Add to `push` half of each overlap of the pairs `chosen` (A.7); return how many overlap: they come first."""
+def push_pairs(position, radius, number, pairs, selection, push, contacts):
+    """Add to `push` half of each overlap of the pairs `selection` (A.7); return how many overlap: they come first."""
     count = 0
-    for k in chosen:
+    for k in selection:
         i, j = pairs[k, 0], pairs[k, 1]
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
         distance = math.sqrt(dx * dx + dy * dy)
@@ -312,19 +316,19 @@ def push_pairs(position, radius, number, pairs, chosen, push, contacts):
         push[j, 1] -= ny * overlap / 2.0
         note_contact(i, A_ROBOT, j, nx, ny, overlap, contacts)
         note_contact(j, A_ROBOT, i, -nx, -ny, overlap, contacts)
-        chosen[count] = k
+        selection[count] = k
         count += 1
     return count
 
 
 @compiled
-def apply_pushes(position, push, radius, pairs, met, awake, moved):
+def apply_pushes(position, push, radius, pairs, overlaps, awake, moved_rows):
     """Push all robots at once, each at most a quarter of its radius; return the count of rows ``moved[:count]``.
 
     They are marked in `awake`.
     """
     count = 0
-    for k in met:
+    for k in overlaps:
         for side in range(2):
             i = pairs[k, side]
             if push[i, 0] == 0.0 and push[i, 1] == 0.0:
@@ -335,7 +339,7 @@ def apply_pushes(position, push, radius, pairs, met, awake, moved):
             position[i, 1] += share * push[i, 1]
             push[i, 0], push[i, 1] = 0.0, 0.0
             awake[i] = True
-            moved[count] = i
+            moved_rows[count] = i
             count += 1
     return count
 

@@ -37,19 +37,19 @@ def settle(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
     blocks = Block(crowd), Block(surroundings.still)
     bodies = *(block.numbers for block in blocks), None if moving is None else moving.block
     state = separate_near(*bodies, pairs, SWEEPS)
-    settled = state == SETTLED
+    is_free_of_overlaps = state == SETTLED
     if state == STRAYED:
-        settled, _ = separate(*bodies, pairs, SWEEPS)
-    if not settled:
-        lost = leave_each_other(position, radius, solids, rings)
-        if lost >= 0:
-            raise no_room(lost, radius)
+        is_free_of_overlaps, _ = separate(*bodies, pairs, SWEEPS)
+    if not is_free_of_overlaps:
+        robot = leave_each_other(position, radius, solids, rings)
+        if robot >= 0:
+            raise no_room(robot, radius)
 
 
 def no_room(i: int, radius: np.ndarray) -> PlacementError:
     """Return the error for robot i, for which there is no room left."""
-    which = f"robot {i + 1} of {len(radius)} (radius {radius[i]:g})"
-    return PlacementError(f"no room is left for {which}; remove robots or obstacles")
+    robot = f"robot {i + 1} of {len(radius)} (radius {radius[i]:g})"
+    return PlacementError(f"no room is left for {robot}; remove robots or obstacles")
 
 
 @compiled

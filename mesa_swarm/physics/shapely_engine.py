@@ -108,8 +108,8 @@ def sense_proximity_by_shapely(
     """Write the readings of all proximity sensors, without error; -1 where no body is seen."""
     centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
     radii = np.concatenate([solids.radii, swarm.radius])
-    seen = surroundings.bodies.seen[surroundings.rows[solids.disc_shape]]
-    kinds = np.concatenate([seen, np.full(len(swarm), ROBOT)])
+    body_kinds = surroundings.bodies.seen[surroundings.rows[solids.disc_shape]]
+    kinds = np.concatenate([body_kinds, np.full(len(swarm), ROBOT)])
     distance[:], kind[:] = -1.0, NOTHING
     for i in range(len(swarm)):
         others = np.arange(len(radii)) != len(solids.radii) + i
@@ -131,9 +131,9 @@ def sense_radiation_by_shapely(swarm: Swarm, surroundings: Surroundings, radiati
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].radiation)):
             view = view_of(swarm, i, swarm.table.radiation[design, s], beyond)
-            seen = [heat for centre, radius, heat in discs if distance_to_disc(view, centre, radius) <= view.range]
-            seen += [heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range]
-            radiation[i, s] = max(seen, default=0.0)
+            heats = [heat for centre, radius, heat in discs if distance_to_disc(view, centre, radius) <= view.range]
+            heats += [heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range]
+            radiation[i, s] = max(heats, default=0.0)
 
 
 def sense_line_by_shapely(swarm: Swarm, surroundings: Surroundings, line: np.ndarray) -> None:
@@ -150,9 +150,9 @@ def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, 
     """Return distance and kind of the nearest body in a view; of equally near bodies the lowest kind."""
     polygons = solids.tree.query(view.apex, predicate="dwithin", distance=view.range)
     near = np.flatnonzero(shapely.distance(view.apex, centres) - radii <= view.range)
-    seen = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in polygons]
-    seen += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
-    return min((body for body in seen if body[0] <= view.range), default=(-1.0, NOTHING))
+    bodies = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in polygons]
+    bodies += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
+    return min((body for body in bodies if body[0] <= view.range), default=(-1.0, NOTHING))
 
 
 def distance_to_polygon(view: View, polygon: Polygon) -> float:
@@ -258,8 +258,8 @@ class Touches:
 class Travelling:
     """The driven bodies on their way through a step, and all solids as they are in each piece of it."""
 
-    def __init__(self, surroundings: Surroundings, renewed: Callable[[], Solids], radius: np.ndarray) -> None:
-        self.solids, self._renewed = renewed(), renewed
+    def __init__(self, surroundings: Surroundings, make_solids: Callable[[], Solids], radius: np.ndarray) -> None:
+        self.solids, self._renewed = make_solids(), make_solids
         self._bodies, self._rows = t, rows = surroundings.bodies, surroundings.driven
         self._begin = self._before = self._poses()
         self._longest = LONGEST_STEP * radius.min(initial=math.inf)
@@ -295,20 +295,20 @@ class Travelling:
 
         The result is whether a body moved, or a robot was marked that was not before.
         """
-        changed = False
-        here = self._poses()
-        for b in range(len(here)):
+        has_changed = False
+        poses = self._poses()
+        for b in range(len(poses)):
             if self._bodies.mode[self._rows[b]] == CARRIED:
                 continue
-            met = self._overlapped(b, position, radius)
-            changed |= bool((met & ~goes).any())
-            goes |= met
-            if met.any() and (here[b] != self._before[b]).any():
+            overlapped = self._overlapped(b, position, radius)
+            has_changed |= bool((overlapped & ~goes).any())
+            goes |= overlapped
+            if overlapped.any() and (poses[b] != self._before[b]).any():
                 self._stop(b)
-                changed = True
-        if changed:
+                has_changed = True
+        if has_changed:
             self.solids = self._renewed()
-        return changed
+        return has_changed
 
     @property
     def _under_way(self) -> np.ndarray:
@@ -484,8 +484,8 @@ def return_overlapping(
         went = (goes != back).any()
         position[goes] = before[goes]
         back = goes.copy()
-        changed = bodies is not None and bodies.return_overlapping(position, radius, goes)
-        if not (went or changed):
+        has_changed = bodies is not None and bodies.return_overlapping(position, radius, goes)
+        if not (went or has_changed):
             return
 
 
@@ -503,8 +503,8 @@ def settle_by_shapely(columns: dict[str, np.ndarray], bounds: tuple[float, ...],
 def separate_placed_robots(position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids) -> None:
     """Move, one after the other, robots that still overlap anything."""
     for i in range(len(radius)):
-        here = position[i : i + 1]
-        if is_free_of_solids(here, radius[i], solids)[0] and is_apart_from_robots(i, here, position, radius)[0]:
+        place = position[i : i + 1]
+        if is_free_of_solids(place, radius[i], solids)[0] and is_apart_from_robots(i, place, position, radius)[0]:
             continue
         if not find_room_among_solids(i, position, radius, bounds, solids, apart=True):
             raise no_room(i, radius)

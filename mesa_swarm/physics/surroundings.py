@@ -125,17 +125,17 @@ class Surroundings:
 
     def _is_in_the_way(self, load: int, b: int) -> bool:
         t = self.bodies
-        here, there = np.append(t.position[b], t.heading[b]), np.append(t.aim[b], t.aim_heading[b])
-        way, pose = there - here, t.pose_of(load)
+        start, aim = np.append(t.position[b], t.heading[b]), np.append(t.aim[b], t.aim_heading[b])
+        way, pose = aim - start, t.pose_of(load)
         way[2] = wrapped(way[2])
         far = t.reach[b] + t.reach[load]
         length = math.hypot(way[0], way[1])
-        if math.hypot(here[0] - pose[0], here[1] - pose[1]) > far + length:
+        if math.hypot(start[0] - pose[0], start[1] - pose[1]) > far + length:
             return False
         form, other = cast(Form, t.forms[b]), cast(Form, t.forms[load])
         count = math.ceil((length + form.reach * abs(way[2])) / (LOOK * min(form.thickness, other.thickness)))
         shares = np.arange(1, min(count, MOST_LOOKS) + 1) / min(count, MOST_LOOKS)
-        return any(other.overlaps(pose, form.shape_at(tuple((here + s * way).tolist()))) for s in shares)
+        return any(other.overlaps(pose, form.shape_at(tuple((start + s * way).tolist()))) for s in shares)
 
     @property
     def is_worn(self) -> bool:
@@ -143,9 +143,9 @@ class Surroundings:
         if self.room is None:
             return False
         t, loads = self.bodies, self.loads
-        moved = t.position[loads] - self.listed[:, :2]
-        turned = 2.0 * np.abs(np.sin((t.heading[loads] - self.listed[:, 2]) / 2.0))
-        return bool((np.hypot(moved[:, 0], moved[:, 1]) + self.room.forms.reach * turned > self.slack).any())
+        shift = t.position[loads] - self.listed[:, :2]
+        chord = 2.0 * np.abs(np.sin((t.heading[loads] - self.listed[:, 2]) / 2.0))
+        return bool((np.hypot(shift[:, 0], shift[:, 1]) + self.room.forms.reach * chord > self.slack).any())
 
     def follow(self) -> None:
         """Update the tables to the present poses of the loads."""
@@ -154,9 +154,9 @@ class Surroundings:
 
 def items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.ndarray) -> MovingItems:
     """Return the items of the bodies with these indices among the shapes, and their edges in their own frames."""
-    chosen = [(int(rows[i]), cast(Form, bodies.forms[rows[i]]), statics.rows_of(i)) for i in indices.tolist()]
-    polygons = [(row, edges_of(Shape(form.outline)), items) for row, form, items in chosen if not form.radius]
-    discs = [(row, items - len(statics.edges)) for row, form, items in chosen if form.radius]
+    listing = [(int(rows[i]), cast(Form, bodies.forms[rows[i]]), statics.rows_of(i)) for i in indices.tolist()]
+    polygons = [(row, edges_of(Shape(form.outline)), items) for row, form, items in listing if not form.radius]
+    discs = [(row, items - len(statics.edges)) for row, form, items in listing if form.radius]
     none = np.empty(0, np.int64)
     return MovingItems(
         np.concatenate([np.empty((0, 4)), *(edges for _, edges, _ in polygons)]),

@@ -40,12 +40,12 @@ def checked_threads(threads: int | None) -> int:
     """
     if threads is not None:
         return check_count("threads", threads, minimum=1, maximum=MOST_THREADS)
-    given = os.environ.get(VARIABLE, "").strip() or "1"
-    if not given.isdecimal() or not 1 <= int(given) <= MOST_THREADS:
+    text = os.environ.get(VARIABLE, "").strip() or "1"
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_THREADS:
         raise InvalidValueError(
-            f"the environment variable {VARIABLE} is {shortened(given)}; expected a whole number, 1 to {MOST_THREADS}"
+            f"the environment variable {VARIABLE} is {shortened(text)}; expected a whole number, 1 to {MOST_THREADS}"
         )
-    return int(given)
+    return int(text)
 
 
 def processors() -> int:

@@ -129,13 +129,13 @@ def travel_together(share: Share, n: int, pairs: np.ndarray, turn_angle: float, 
 def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: Sequence) -> int:
     """Separate robots as `separate_near` does."""
     crowd, *_ = bodies
-    state, met = overlaps_of(crowd, pairs)
+    state, overlaps = overlaps_of(crowd, pairs)
     if state == STRAYED:
         return state
     groups = start_groups(crowd, pairs)
-    ended = share(n, partial(separate_groups, *bodies, pairs, groups, met, met, MOST_SWEEPS))
-    later, state = np.concatenate([late for late, _ in ended]), max(state for _, state in ended)
-    return finish_separation(*bodies, pairs, groups, met, later, MOST_SWEEPS, state)
+    results = share(n, partial(separate_groups, *bodies, pairs, groups, overlaps, overlaps, MOST_SWEEPS))
+    later, state = np.concatenate([late for late, _ in results]), max(state for _, state in results)
+    return finish_separation(*bodies, pairs, groups, overlaps, later, MOST_SWEEPS, state)
 
 
 @compiled(nogil=True, apart=True)

@@ -334,8 +334,8 @@ class DesignTable:
         """Stack these designs."""
         proximity = _stacked([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         # Rows of padding have a range below 0, and no mount.
-        used = proximity[..., RANGE] >= 0.0
-        mounts = np.where(used, np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
+        is_sensor = proximity[..., RANGE] >= 0.0
+        mounts = np.where(is_sensor, np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
         radii = np.array([d.radius for d in designs])[:, None]
         noise = _stacked(
             [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs],

@@ -89,7 +89,7 @@ def check_kind(model: Any, device: Device, kind: str) -> None:
     )
 
 
-def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str:
+def check_identifier(what: str, name: object, taken_names: Container[str] = ()) -> str:
     """Return a name that can be written after a dot, as in ``me.compass``, and is not taken.
 
     Raises
@@ -98,12 +98,12 @@ def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str
     """
     if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
         raise InvalidValueError(f"{what} is {shortened(name)}; expected one word of letters, such as 'compass'")
-    if name in taken:
+    if name in taken_names:
         raise InvalidValueError(f"{what} is {name!r}, which robots have already; choose another name")
     return name
 
 
-def check_device(what: str, device: Any, function: str, taken: Container[str] = ()) -> None:
+def check_device(what: str, device: Any, function: str, taken_names: Container[str] = ()) -> None:
     """Refuse a sensor or actuator whose name, width or function cannot be used; `function` is the name of its own.
 
     Raises
@@ -111,7 +111,7 @@ def check_device(what: str, device: Any, function: str, taken: Container[str] = 
     InvalidValueError
     """
     kind = type(device).__name__
-    check_identifier(f"name of {what} {kind}", asked(device, "name"), taken)
+    check_identifier(f"name of {what} {kind}", asked(device, "name"), taken_names)
     check_count(f"width of {what} {kind}", asked(device, "width"), minimum=1, maximum=MOST_NUMBERS)
     try:
         hash(device)
@@ -126,12 +126,12 @@ def check_device(what: str, device: Any, function: str, taken: Container[str] = 
 
 def own_function(device: Any, name: str) -> Callable | None:
     """Return a device's function of arrays as it was written, None without one."""
-    found = inspect.getattr_static(type(device), name, None)
-    if isinstance(found, staticmethod):
-        return found.__func__
-    if found is None or hasattr(found, "py_func"):
-        return found
-    raise InvalidValueError(f"{type(device).__name__}.{name} is {shortened(found)}; expected a @staticmethod of arrays")
+    value = inspect.getattr_static(type(device), name, None)
+    if isinstance(value, staticmethod):
+        return value.__func__
+    if value is None or hasattr(value, "py_func"):
+        return value
+    raise InvalidValueError(f"{type(device).__name__}.{name} is {shortened(value)}; expected a @staticmethod of arrays")
 
 
 def names_taken(function: Any, what: str = "") -> tuple[str, ...]:

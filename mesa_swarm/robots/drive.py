@@ -58,18 +58,18 @@ class EqualByValues:
         """Compare as equal to drives of the same class that hold the same values."""
         if type(self) is not type(other):
             return False
-        mine, theirs = vars(self), vars(other)
-        return mine.keys() == theirs.keys() and all(np.array_equal(mine[name], theirs[name]) for name in mine)
+        values, others = vars(self), vars(other)
+        return values.keys() == others.keys() and all(np.array_equal(values[name], others[name]) for name in values)
 
     def __hash__(self) -> int:
         """Hash as all drives of the same class do."""
         return hash(type(self))
 
 
-def alike(one: object, other: object) -> bool:
+def alike(drive: object, other: object) -> bool:
     """Return whether two drives are equal; deprecated, compare them by ``==``."""
     warnings.warn("alike(one, other) is one == other now", DeprecationWarning, stacklevel=2)
-    return EqualByValues.__eq__(one, other)  # type: ignore[operator]  # any two objects
+    return EqualByValues.__eq__(drive, other)  # type: ignore[operator]  # any two objects
 
 
 @dataclass(kw_only=True, eq=False)

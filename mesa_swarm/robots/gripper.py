@@ -98,10 +98,10 @@ class Gripper(Actuator):
                 model.release(robot)
         empty = [robot for robot, grips in zip(robots, closed, strict=True) if grips and robot not in carriers]
         near = list(self._near(model, empty)) if empty else []
-        taken, busy = set[int](), set[int]()
+        taken_bodies, busy = set[int](), set[int]()
         for _, k, body in sorted(near):
-            if body not in taken and k not in busy:
-                taken.add(body)
+            if body not in taken_bodies and k not in busy:
+                taken_bodies.add(body)
                 busy.add(k)
                 model.attach(empty[k], table.agents[body])
 

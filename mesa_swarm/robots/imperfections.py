@@ -67,8 +67,8 @@ class Imperfection:
         """Return the imperfection at a place of the dial: shares and lag in proportion, whole steps rounded."""
         steps = {name: 1 + round((int(getattr(self, name)) - 1) * dial) for name in ("hold", "period")}
         shares = {name: float(getattr(self, name)) * dial for name in ("error", "dropout", "outliers", "lag")}
-        changed: dict[str, Any] = {**steps, **shares}
-        return replace(self, **changed)
+        changes: dict[str, Any] = {**steps, **shares}
+        return replace(self, **changes)
 
     @property
     def limits(self) -> tuple[float, float, float, int, int, float]:
@@ -124,9 +124,9 @@ class Imperfections:
     def __post_init__(self) -> None:
         """Check every value."""
         for name in ("sensing", "driving"):
-            one = getattr(self, name)
-            if not isinstance(one, Imperfection):
-                raise InvalidValueError(f"{name} is {shortened(one)}; expected Imperfection(...)")
+            imperfection = getattr(self, name)
+            if not isinstance(imperfection, Imperfection):
+                raise InvalidValueError(f"{name} is {shortened(imperfection)}; expected Imperfection(...)")
         if self.sensing.lag:
             raise InvalidValueError(f"lag of sensing is {self.sensing.lag}; expected 0: late readings have a period")
         check_number("battery", self.battery, minimum=0, maximum=1e12)
@@ -148,14 +148,14 @@ class Imperfections:
         share = check_number("dial", dial, minimum=0, maximum=1)
         if share == 0:
             return None
-        found = Imperfections(
+        imperfections = Imperfections(
             sensing=self.sensing.at(share),
             driving=self.driving.at(share),
             battery=float(self.battery) / share,
             slip_magnitude=self.slip_magnitude,
             **{name: float(getattr(self, name)) * share for name in PROBABILITIES},
         )
-        return None if changes_nothing(found) else found
+        return None if changes_nothing(imperfections) else imperfections
 
 
 # Of the Robotarium's robots: seven distance sensors, 3 % error, 3.5 % dropout, 1.4 % outliers.
@@ -176,14 +176,14 @@ ROBOTARIUM_ROBOT = RobotDesign(
 )
 
 
-def is_ideal(one: Imperfection) -> bool:
+def is_ideal(defect: Imperfection) -> bool:
     """Return whether an imperfection changes nothing; how long errors are held does not matter where there are none."""
-    return all(getattr(one, field.name) == field.default for field in fields(one) if field.name != "hold")
+    return all(getattr(defect, field.name) == field.default for field in fields(defect) if field.name != "hold")
 
 
-def changes_nothing(given: Imperfections) -> bool:
+def changes_nothing(imperfections: Imperfections) -> bool:
     """Return whether robots are ideal: by how much wheels slip does not matter where they never do."""
-    return replace(given, slip_magnitude=Imperfections().slip_magnitude) == Imperfections()
+    return replace(imperfections, slip_magnitude=Imperfections().slip_magnitude) == Imperfections()
 
 
 def together(*sources: Imperfections | None) -> Imperfections | None:
@@ -200,16 +200,16 @@ def together(*sources: Imperfections | None) -> Imperfections | None:
     >>> together(None, Imperfections()) is None
     True
     """
-    found = [one for one in sources if one is not None and not changes_nothing(one)]
-    return reduce(_both, found) if found else None
+    effective = [source for source in sources if source is not None and not changes_nothing(source)]
+    return reduce(_both, effective) if effective else None
 
 
 def _both(a: Imperfections, b: Imperfections) -> Imperfections:
     return Imperfections(
         sensing=_combined(a.sensing, b.sensing),
         driving=_combined(a.driving, b.driving),
-        battery=min(charges) if (charges := [one for one in (a.battery, b.battery) if one]) else 0.0,
-        slip_magnitude=max((one.slip_magnitude for one in (a, b) if one.slip_probability), default=b.slip_magnitude),
+        battery=min(charges) if (charges := [part for part in (a.battery, b.battery) if part]) else 0.0,
+        slip_magnitude=max((part.slip_magnitude for part in (a, b) if part.slip_probability), default=b.slip_magnitude),
         **{name: _either(getattr(a, name), getattr(b, name)) for name in PROBABILITIES},
     )
 

@@ -101,9 +101,9 @@ class Radio:
             return {}
         most = (int(self.most),)
         sent: dict[str, tuple] = {f"{SEND}{name}": _shape(width) for name, width in self.message}
-        known: dict[str, tuple] = {f"{HEARD}{name}": most for name in OF_HEARD[1:]}
+        senders: dict[str, tuple] = {f"{HEARD}{name}": most for name in OF_HEARD[1:]}
         heard: dict[str, tuple] = {f"{HEARD}{name}": most + _shape(width) for name, width in self.message}
-        reals = {name: (shape, np.float64, math.nan) for name, shape in {**sent, **known, **heard}.items()}
+        reals = {name: (shape, np.float64, math.nan) for name, shape in {**sent, **senders, **heard}.items()}
         return {f"{HEARD}{OF_HEARD[0]}": ((), np.int64, 0), **reals}
 
 

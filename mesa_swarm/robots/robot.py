@@ -38,9 +38,9 @@ class Robot(ArenaAgent):
     row: int
     _made_by: ClassVar[str] = "model.add_robots(AGENT9, 10) or model.add_robots(AGENT9, poses=[(x, y, heading), ...])"
 
-    def __new__(cls, *given: Any, **named: Any) -> Self:
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
         """Refuse `Robot(model)`, as agents of Mesa are made; copies and pickles give nothing."""
-        if given and isinstance(given[0], Model):
+        if arguments and isinstance(arguments[0], Model):
             cls._refuse("(model)")
         return super().__new__(cls)
 
@@ -231,13 +231,13 @@ class Robot(ArenaAgent):
         ('stop', 'wheel 1 free')
         """
         row, columns = self.alive(), self.swarm.columns
-        found = ["stop"] if f"{LASTING}broken" in columns and columns[f"{LASTING}broken"][row] else []
-        found += ["battery empty"] if self.battery <= 0.0 else []
+        texts = ["stop"] if f"{LASTING}broken" in columns and columns[f"{LASTING}broken"][row] else []
+        texts += ["battery empty"] if self.battery <= 0.0 else []
         if FAILED_SENSORS in columns:
-            found += [f"sensor {index}" for index in np.flatnonzero(columns[FAILED_SENSORS][row]).tolist()]
+            texts += [f"sensor {index}" for index in np.flatnonzero(columns[FAILED_SENSORS][row]).tolist()]
             wheels = columns[FAILED_WHEELS][row].tolist()
-            found += [f"wheel {index} {WHEELS[state]}" for index, state in enumerate(wheels) if state]
-        return tuple(found)
+            texts += [f"wheel {index} {WHEELS[state]}" for index, state in enumerate(wheels) if state]
+        return tuple(texts)
 
     def fail(self, what: str, index: int | None = None, how: str = "stuck") -> None:
         """Let the robot, one of its sensors or one of its wheels fail, between two steps, until `repair`.

@@ -105,8 +105,8 @@ class Snapshots:
             if stored == step:
                 return dict(columns)
         steps = self.steps
-        there = f"stored are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "none are stored yet"
-        raise InvalidValueError(f"step {shortened(step)} is not stored; {there}; store more with watch(last=...)")
+        choice = f"stored are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "none are stored yet"
+        raise InvalidValueError(f"step {shortened(step)} is not stored; {choice}; store more with watch(last=...)")
 
     @property
     def _rows(self) -> deque:
@@ -119,11 +119,13 @@ class Snapshots:
         return self._stored
 
 
-def check_watched(snapshots: Snapshots | None, needed: Iterable[str], purpose: str, call: str = "watch()") -> Snapshots:
+def check_watched(
+    snapshots: Snapshots | None, columns: Iterable[str], purpose: str, call: str = "watch()"
+) -> Snapshots:
     """Return snapshots that suffice for a purpose; others are refused, with the call that is missing."""
     if snapshots is None:
         raise InvalidValueError(f"no steps are stored to {purpose}; call model.{call} before the steps in question")
-    missing = [name for name in needed if name not in snapshots.columns]
+    missing = [name for name in columns if name not in snapshots.columns]
     if missing:
         names = ", ".join(missing)
         raise InvalidValueError(

@@ -162,8 +162,8 @@ class Arena(ContinuousSpace):
     ) -> tuple[np.ndarray, list[Agent]]:
         """Return the distances from `point` to the agents (all by default), and the agents."""
         self._refresh()
-        distances, chosen = super().calculate_distances(point, agents, **kwargs)
-        return np.asarray(distances), chosen
+        distances, nearby_agents = super().calculate_distances(point, agents, **kwargs)
+        return np.asarray(distances), nearby_agents
 
     def get_k_nearest_agents(self, point: Point, k: int = 1) -> Neighbours:
         """Return the k agents nearest to `point`, all of them if there are fewer, and their distances."""
@@ -211,10 +211,10 @@ class Arena(ContinuousSpace):
 
     def remove_together(self, agents: Iterable[Agent]) -> None:
         """Take agents out of the arena, which costs as much as to take out one; those behind them move up."""
-        gone = sorted(self._agent_to_index[agent] for agent in agents)
+        rows = sorted(self._agent_to_index[agent] for agent in agents)
         self._rows = None
-        first = gone[0] if gone else self._n_agents
-        others = np.delete(np.arange(first, self._n_agents), np.array(gone, int) - first)
+        first = rows[0] if rows else self._n_agents
+        others = np.delete(np.arange(first, self._n_agents), np.array(rows, int) - first)
         staying = [self.active_agents[index] for index in others.tolist()]
         self._n_agents = first + len(staying)
         self._agent_positions[first : self._n_agents] = self._agent_positions[others]
@@ -266,10 +266,10 @@ class Agents(AgentSet, Generic[Kind]):
 
         Before an agent is removed, call `settle`; the list may not change before.
         """
-        found = cls((), random)
-        del found._agents
-        found._list, found._model = agents, agents[0].model if agents else None
-        return found
+        agent_set = cls((), random)
+        del agent_set._agents
+        agent_set._list, agent_set._model = agents, agents[0].model if agents else None
+        return agent_set
 
     def settle(self) -> None:
         """Make the set, if it has not been made."""
@@ -299,8 +299,8 @@ class Agents(AgentSet, Generic[Kind]):
 
     def __getitem__(self, item: int | slice) -> Kind | list[Kind]:
         """Return one agent, or a list of them for a slice."""
-        known = self.__dict__.get("_list")
-        return (list(self) if known is None else known)[item]
+        items = self.__dict__.get("_list")
+        return (list(self) if items is None else items)[item]
 
 
 class _Held(dict):
@@ -421,7 +421,7 @@ class ArenaAgent(ContinuousSpaceAgent):
         Agent.remove(self)
 
     @classmethod
-    def create_agents(cls, model: Model, n: int, *given: Any, **named: Any) -> NoReturn:
+    def create_agents(cls, model: Model, n: int, *arguments: Any, **keywords: Any) -> NoReturn:
         """Refuse to make agents that are rows of their model's arrays.
 
         Raises
@@ -432,7 +432,7 @@ class ArenaAgent(ContinuousSpaceAgent):
         cls._refuse(".create_agents")
 
     @classmethod
-    def from_dataframe(cls, model: Model, df: Any, **named: Any) -> NoReturn:
+    def from_dataframe(cls, model: Model, df: Any, **keywords: Any) -> NoReturn:
         """Refuse to make agents that are rows of their model's arrays, see `create_agents`."""
         cls._refuse(".from_dataframe")
 
@@ -458,10 +458,10 @@ class ArenaAgent(ContinuousSpaceAgent):
         return [agents[i] for i in nearest], distances[nearest]
 
     def _others(self) -> tuple[np.ndarray, list[Agent]]:
-        here = self.position  # first: a removed agent raises here
-        distances, agents = self.space.calculate_distances(here)
-        mine = self.space._agent_to_index[self]
-        return np.delete(distances, mine), [agent for agent in agents if agent is not self]
+        position = self.position  # first: a removed agent raises here
+        distances, agents = self.space.calculate_distances(position)
+        index = self.space._agent_to_index[self]
+        return np.delete(distances, index), [agent for agent in agents if agent is not self]
 
 
 def leave_together(agents: Sequence[ArenaAgent]) -> None:

@@ -342,10 +342,10 @@ class BodyTable:
 
     def rows(self, *modes: int) -> np.ndarray:
         """Return the rows of the bodies that move in one of these ways."""
-        chosen = self.mode == modes[0]
+        mask = self.mode == modes[0]
         for mode in modes[1:]:
-            chosen |= self.mode == mode
-        return np.flatnonzero(chosen)
+            mask |= self.mode == mode
+        return np.flatnonzero(mask)
 
     def set_kinds(self, kinds: tuple[str, ...]) -> None:
         """Let kinds have other codes.
@@ -493,12 +493,12 @@ class Body(ArenaAgent):
 
     @temperature.setter
     def temperature(self, value: float | None) -> None:
-        checked = checked_temperature(value)
+        temperature = checked_temperature(value)
         if self.space is None:
             raise RemovedRobotError("this body has been removed; take one from model.bodies")
-        if not math.isnan(checked) and not self.contact:
+        if not math.isnan(temperature) and not self.contact:
             raise InvalidValueError("temperature was given for a mark on the ground, which does not radiate")
-        self.table.temperature[self.row] = checked
+        self.table.temperature[self.row] = temperature
         self.model.parts["bodies"].heat_changed()
 
     def remove(self) -> None:
@@ -526,7 +526,7 @@ def handles() -> dict[str, type[Body]]:
 
 def _derived_from(kind: type[Body]) -> list[type[Body]]:
     children: list[type[Body]] = kind.__subclasses__()
-    return [each for child in children for each in (child, *_derived_from(child))]
+    return [derived for child in children for derived in (child, *_derived_from(child))]
 
 
 def checked_temperature(value: float | None) -> float:

@@ -94,13 +94,13 @@ class Field:
     def __post_init__(self) -> None:
         if not check_name("name of a field", self.name).isidentifier():
             raise InvalidValueError(f"name of a field is {shortened(self.name)}; expected an identifier such as trail")
-        checked = {
+        values = {
             "cell": check_number("cell", self.cell, above=0, maximum=1e9),
             "diffusion": check_number("diffusion", self.diffusion, minimum=0, maximum=1e18),
             "evaporation": check_number("evaporation", self.evaporation, minimum=0, maximum=1),
             "walls": check_flag("walls", self.walls),
         }
-        for name, value in checked.items():
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def shape(self, bounds: Bounds) -> tuple[int, int]:
@@ -124,15 +124,15 @@ class Field:
 
     def sub_steps(self, width: float, height: float) -> int:
         """Return how many sub-steps a step takes with cells of this width and height."""
-        needed = 4.0 * self.diffusion * (1.0 / width**2 + 1.0 / height**2)
-        if needed > MOST_SUB_STEPS:
+        sub_steps = 4.0 * self.diffusion * (1.0 / width**2 + 1.0 / height**2)
+        if sub_steps > MOST_SUB_STEPS:
             most = MOST_SUB_STEPS / 4.0 / (1.0 / width**2 + 1.0 / height**2)
             raise InvalidValueError(
-                f"diffusion is {self.diffusion:g}, which takes {needed:.3g} sub-steps with a cell of {self.cell:g}; "
+                f"diffusion is {self.diffusion:g}, which takes {sub_steps:.3g} sub-steps with a cell of {self.cell:g}; "
                 f"expected at most {MOST_SUB_STEPS}: use a diffusion of at most {most:.3g}, or a cell of at least "
-                f"{1.01 * self.cell * math.sqrt(needed / MOST_SUB_STEPS):.3g}"
+                f"{1.01 * self.cell * math.sqrt(sub_steps / MOST_SUB_STEPS):.3g}"
             )
-        return max(1, math.ceil(needed))
+        return max(1, math.ceil(sub_steps))
 
 
 class ScalarField:
@@ -154,19 +154,19 @@ class ScalarField:
         Whether `SwarmModel.remove_field` took it out of its model: its last values can then be read, nothing else.
     """
 
-    def __init__(self, declared: Field, bounds: Bounds, walls: Callable[[], Sequence[Shape]] = tuple) -> None:
-        rows, columns = declared.shape(bounds)
+    def __init__(self, declaration: Field, bounds: Bounds, walls: Callable[[], Sequence[Shape]] = tuple) -> None:
+        rows, columns = declaration.shape(bounds)
         x_min, y_min, x_max, y_max = bounds
         self.frame = (float(x_min), float(y_min), (x_max - x_min) / columns, (y_max - y_min) / rows)
-        self._sub_steps = declared.sub_steps(*self.frame[2:])
-        self.declared = declared
+        self._sub_steps = declaration.sub_steps(*self.frame[2:])
+        self.declared = declaration
         self.bounds = bounds
         self.peak = 0.0
         self.changes = 0
         self.removed = False
         self._values = np.zeros((rows, columns))
         self._empty = np.ones(1, np.bool_)  # whether it is, also to compiled functions
-        self._shapes = walls if declared.walls else tuple
+        self._shapes = walls if declaration.walls else tuple
         self._walls: _Walls | None = None
 
     def __repr__(self) -> str:
@@ -199,13 +199,13 @@ class ScalarField:
     @values.setter
     def values(self, values: Any) -> None:
         self._check_present()
-        given = as_numbers(values)
-        if given.shape != self._values.shape:
+        numbers = as_numbers(values)
+        if numbers.shape != self._values.shape:
             raise InvalidValueError(
                 f"values of field {self.name} are {shortened(values)}; expected numbers of shape {self._values.shape}"
             )
-        _check_amounts(f"values of field {self.name}", given)
-        self._values[...] = given
+        _check_amounts(f"values of field {self.name}", numbers)
+        self._values[...] = numbers
         self._values[self.blocked] = 0.0
         self._changed(float(self._values.max()))
 
@@ -270,11 +270,11 @@ class ScalarField:
         array([3., 2.])
         """
         points = self._checked_points(positions)
-        given = self._checked_amounts(amounts, len(points))
-        taken = np.empty(len(points))
-        withdraw(self._values.reshape(-1), self._cells(points), given, taken)
+        limits = self._checked_amounts(amounts, len(points))
+        withdrawn = np.empty(len(points))
+        withdraw(self._values.reshape(-1), self._cells(points), limits, withdrawn)
         self._changed(0.0)
-        return taken
+        return withdrawn
 
     def at(self, positions: Any) -> np.ndarray:
         """Return the value at positions (n, 2), interpolated between the centres of cells, not through walls.
@@ -328,9 +328,9 @@ class ScalarField:
 
     def block(self) -> Block:
         """Return what `advance_field` takes, which is valid as long as the walls are."""
-        declared, (_, _, width, height), walls = self.declared, self.frame, self._current_walls()
-        remaining, share = 1.0 - declared.evaporation, declared.diffusion / self._sub_steps
-        changes = remaining < 1.0 or declared.diffusion > 0.0
+        declaration, (_, _, width, height), walls = self.declared, self.frame, self._current_walls()
+        remaining, share = 1.0 - declaration.evaporation, declaration.diffusion / self._sub_steps
+        changes = remaining < 1.0 or declaration.diffusion > 0.0
         return Block(
             FieldArrays(
                 values=self._values,
@@ -353,9 +353,9 @@ class ScalarField:
 
     def look_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `at` and `gradient` of an array of finite points, shapes (n,) and (n, 2)."""
-        found, slopes = np.empty(len(points)), np.empty((len(points), 2))
-        interpolate_cells(self._values, self._current_walls().sides, self.frame, points, found, slopes)
-        return found, slopes
+        levels, slopes = np.empty(len(points)), np.empty((len(points), 2))
+        interpolate_cells(self._values, self._current_walls().sides, self.frame, points, levels, slopes)
+        return levels, slopes
 
     def walls_changed(self) -> None:
         """Find out anew which cells are blocked, and move what is in them to the nearest free ones; models call it."""
@@ -420,13 +420,13 @@ class ScalarField:
         return points
 
     def _checked_amounts(self, amounts: Any, n: int) -> np.ndarray:
-        given = as_numbers(amounts)
-        if given.shape not in ((), (n,)):
+        numbers = as_numbers(amounts)
+        if numbers.shape not in ((), (n,)):
             raise InvalidValueError(
                 f"amounts are {shortened(amounts)}; expected a number, or {n} of them, one for each position"
             )
-        _check_amounts("amounts", given)
-        return np.ascontiguousarray(np.broadcast_to(given, n))
+        _check_amounts("amounts", numbers)
+        return np.ascontiguousarray(np.broadcast_to(numbers, n))
 
 
 def levels_of(values: np.ndarray, peak: float) -> np.ndarray:
@@ -491,8 +491,8 @@ class NamedFields(Mapping[str, ScalarField]):
 
     def __getitem__(self, name: str) -> ScalarField:
         if name not in self:
-            known = unknown_name("field", name, self._fields) if self._fields else f"unknown field {shortened(name)}"
-            raise UnknownNameError(f"{known}; add it with model.add_field(Field(...))")
+            problem = unknown_name("field", name, self._fields) if self._fields else f"unknown field {shortened(name)}"
+            raise UnknownNameError(f"{problem}; add it with model.add_field(Field(...))")
         return self._fields[name]
 
     def __contains__(self, name: object) -> bool:
@@ -557,7 +557,7 @@ def _checked_positions(positions: Any) -> np.ndarray:
     return np.ascontiguousarray(points)
 
 
-def _check_amounts(what: str, given: np.ndarray, most: float = LARGEST_AMOUNT) -> None:
-    wrong = ~((given >= 0) & (given <= most))
+def _check_amounts(subject: str, amounts: np.ndarray, most: float = LARGEST_AMOUNT) -> None:
+    wrong = ~((amounts >= 0) & (amounts <= most))
     if wrong.any():
-        raise InvalidValueError(f"{what} contain {given[wrong].flat[0]:g}; expected numbers from 0 to {most:g}")
+        raise InvalidValueError(f"{subject} contain {amounts[wrong].flat[0]:g}; expected numbers from 0 to {most:g}")

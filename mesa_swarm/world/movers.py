@@ -103,9 +103,9 @@ class Driven(Body):
     agent: Any
     carrier: Any  # the robot that carries it
 
-    def __init__(self, *given: Any, agent: Agent | None = None, **named: Any) -> None:
+    def __init__(self, *arguments: Any, agent: Agent | None = None, **keywords: Any) -> None:
         self.agent, self.carrier = agent, None
-        super().__init__(*given, **named)
+        super().__init__(*arguments, **keywords)
 
     @property
     def movers(self) -> BodyTable:

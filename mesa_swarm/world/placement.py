@@ -65,8 +65,8 @@ def place_apart(
     """
     room = _most_that_fit(space, radius)
     if n > room:
-        known = room <= MOST_CANDIDATES
-        fit = len(_packed(space, radius, others, other_radius, room)) if known else f"at most {room}"
+        is_counted = room <= MOST_CANDIDATES
+        fit = len(_packed(space, radius, others, other_radius, room)) if is_counted else f"at most {room}"
         raise PlacementError(_does_not_fit(n, radius, where, fit))
     if n > MOST_ROBOTS:
         raise PlacementError(_does_not_fit(n, radius, "one world, on which the limit is", MOST_ROBOTS))
@@ -134,8 +134,8 @@ class _Placed:
 
     def take(self, candidates: np.ndarray) -> None:
         radius = self._radius[-1] if len(self._radius) else 0.0
-        placed = self._position, self._radius, self._taken
-        self._taken = take_apart(candidates, radius, *placed, self._grid.numbers, self._head, self._following)
+        discs = self._position, self._radius, self._taken
+        self._taken = take_apart(candidates, radius, *discs, self._grid.numbers, self._head, self._following)
 
 
 def _outline(space: shapely.Geometry | Crowded) -> shapely.Geometry:
@@ -195,5 +195,5 @@ def _most_that_fit(space: shapely.Geometry | Crowded, radius: float) -> int:
 
 
 def _does_not_fit(n: int, radius: float, where: str, fit: int | str) -> str:
-    what = f"{n} robot of radius {radius:g} does" if n == 1 else f"{n} robots of radius {radius:g} do"
-    return f"{what} not fit on {where}: {fit} would; ask for fewer or a larger map"
+    subject = f"{n} robot of radius {radius:g} does" if n == 1 else f"{n} robots of radius {radius:g} do"
+    return f"{subject} not fit on {where}: {fit} would; ask for fewer or a larger map"

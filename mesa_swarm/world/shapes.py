@@ -101,8 +101,8 @@ def disc(centre: Coordinates, radius: float, *, contact: bool = True) -> Shape:
     'disc'
     """
     x, y = _checked_points("centre", [centre])[0]
-    checked = check_number("radius", radius, above=0, maximum=LARGEST_COORDINATE)
-    return Shape(Point(x, y), checked, contact=bool(contact))
+    size = check_number("radius", radius, above=0, maximum=LARGEST_COORDINATE)
+    return Shape(Point(x, y), size, contact=bool(contact))
 
 
 def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = True) -> Shape:
@@ -227,16 +227,16 @@ def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
     points = unmasked(points) if holds_masked(points) else points
     if _is_table(points) and len(points) <= MOST_VERTICES and (np.abs(points) <= LARGEST_COORDINATE).all():
         return points + 0.0
-    checked = []
+    pairs = []
     for point in points:
         x, y = _pair(name, point)
         if not (abs(x) <= LARGEST_COORDINATE and abs(y) <= LARGEST_COORDINATE):  # also refuses NaN
             limit = f"finite coordinates of at most {LARGEST_COORDINATE:g}"
             raise InvalidValueError(f"{name} has the point ({x}, {y}); expected {limit}")
-        checked.append((x, y))
-        if len(checked) > MOST_VERTICES:
+        pairs.append((x, y))
+        if len(pairs) > MOST_VERTICES:
             raise InvalidValueError(f"{name} has more than {MOST_VERTICES} points; simplify it first")
-    return np.array(checked).reshape(-1, 2)
+    return np.array(pairs).reshape(-1, 2)
 
 
 def _is_table(points: Iterable[Coordinates]) -> TypeGuard[np.ndarray]:

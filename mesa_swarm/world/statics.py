@@ -151,8 +151,8 @@ def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sigh
     while True:
         grid = Grid.over(bounds, touch, most)
         first, last = np.clip(boxes[:, :2] - sight, low, high), np.clip(boxes[:, 2:] + sight, low, high)
-        listed = ((last - first) / grid.cell + 1).prod(axis=1).sum()
-        if listed <= max(MOST_LISTED, 4 * len(boxes)) or grid.cells == 1:
+        entries = ((last - first) / grid.cell + 1).prod(axis=1).sum()
+        if entries <= max(MOST_LISTED, 4 * len(boxes)) or grid.cells == 1:
             return grid
         most = max(1, min(most, grid.cells) // 4)
 
