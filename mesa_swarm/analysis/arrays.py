@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 
 from mesa_swarm.base.errors import DegreesWarning, InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 
 # As far from the origin as a map may reach: squares of such lengths are far from overflow.
 LARGEST_COORDINATE = 1e9
@@ -136,7 +136,7 @@ def check_length(name: str, value: object) -> float:
 
 def _table(name: str, value: object, shapes: tuple[Axes, ...]) -> np.ndarray:
     try:
-        array = value if type(value) is np.ndarray else unmasked(value)
+        array = value if type(value) is np.ndarray else fill_masked(value)
     except ValueError:  # lists of unequal length
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {_wanted(shapes)}") from None
     for axes in shapes:

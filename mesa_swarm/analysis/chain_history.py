@@ -75,7 +75,7 @@ class Lineage:
     def advance(self, step: int, before: int, new_chains: Chains) -> list[ChainEvent]:
         """Return the events of the chains in `step`, given that the last ones existed until `before`."""
         old = self.chains
-        shared = common(old, new_chains.label)
+        shared = find_common_robots(old, new_chains.label)
         numbers = self._numbers(shared, new_chains.count)
         self.chains = tuple(
             NumberedChain(number, tuple(rows.tolist()), bool(closed))
@@ -132,7 +132,7 @@ class Lineage:
         return events
 
 
-def common(old: tuple[NumberedChain, ...], label: np.ndarray) -> list[tuple[int, int, int]]:
+def find_common_robots(old: tuple[NumberedChain, ...], label: np.ndarray) -> list[tuple[int, int, int]]:
     """Return (robots in common, index of the old chain, of the new one) where two or more robots are in both."""
     shared = []
     for index, chain in enumerate(old):
@@ -419,9 +419,9 @@ def follow_chains(
         patience=patience,
     )
     leaders = [links.between(*frame)[0] for frame in zip(position, heading, strict=True)]
-    leader = settled(np.array(leaders, np.int64).reshape(heading.shape), int(patience))
-    chain, place, events = _followed(leader, position, steps, window)
-    events += backings(position, heading, chain, steps, reversal_distance)
+    leader = settle_links(np.array(leaders, np.int64).reshape(heading.shape), int(patience))
+    chain, place, events = _follow_links(leader, position, steps, window)
+    events += find_backings(position, heading, chain, steps, reversal_distance)
     meetings = rule.find(position, heading, chain)
     fates = [(meeting_event(m, steps, chain), rule.outcome(m, steps, position, chain)) for m in meetings]
     events += [meeting for meeting, _ in fates]
@@ -437,7 +437,7 @@ def follow_chains(
     )
 
 
-def settled(leader: np.ndarray, patience: int) -> np.ndarray:
+def settle_links(leader: np.ndarray, patience: int) -> np.ndarray:
     """Return lasting links (k, n), -1 for none, without changes within `patience` frames.
 
     If no robot has two followers in any frame, none has among the lasting links: while the new one is seen
@@ -458,7 +458,7 @@ def settled(leader: np.ndarray, patience: int) -> np.ndarray:
     return lasting
 
 
-def _followed(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, window: int) -> tuple:
+def _follow_links(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, window: int) -> tuple:
     """Return chain numbers (k, n), places (k, n) and the events that changes of links make."""
     chain, place = np.full_like(leader, -1), np.zeros_like(leader)
     lineage, events = Lineage(window), []
@@ -474,7 +474,7 @@ def _followed(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, windo
     return chain, place, events
 
 
-def backings(
+def find_backings(
     position: np.ndarray, heading: np.ndarray, chain: np.ndarray, steps: np.ndarray, least: float
 ) -> list[ChainEvent]:
     """Return the reversals of chains that begin to drive backwards, or forwards again; see `follow_chains`."""

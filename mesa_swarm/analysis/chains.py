@@ -223,7 +223,7 @@ def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
     """
     part = _parts(leader)
     ring = _rings(leader, part)
-    head, place = _places(_opened(leader, position, part, ring))
+    head, place = _places(_open_rings(leader, position, part, ring))
     size = np.bincount(part, minlength=1)
     heads = np.flatnonzero((head == np.arange(len(head))) & (size[part] >= 2)) if len(head) else head
     heads = heads[np.lexsort((heads, -size[part[heads]]))]
@@ -254,7 +254,7 @@ def _rings(leader: np.ndarray, part: np.ndarray) -> np.ndarray:
     return ~headed[part]
 
 
-def _opened(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np.ndarray) -> np.ndarray:
+def _open_rings(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np.ndarray) -> np.ndarray:
     """Return the leaders without the longest link of each ring."""
     opened, rows = leader.copy(), np.flatnonzero(ring)
     # The length of a link to a robot that is missing is not known.

@@ -12,7 +12,7 @@ from mesa_swarm.geometry.room import (
     areas_by_cell,
     cells_of_nearest_parts,
     circumscribed_ratio,
-    part_around,
+    find_part_around,
     room_for_disc,
 )
 
@@ -85,7 +85,7 @@ def reachable_cells(
     parts = _check_solids(solids)
     space = room_for_disc(limits, parts, radius, QUARTER_SEGMENTS)
     widest = radius + max((grown for _, grown in parts), default=0.0)
-    part = part_around(space, place, TOUCH * radius + (circumscribed_ratio(QUARTER_SEGMENTS) - 1.0) * widest)
+    part = find_part_around(space, place, TOUCH * radius + (circumscribed_ratio(QUARTER_SEGMENTS) - 1.0) * widest)
     if part is None:
         x, y = place
         raise InvalidValueError(f"start is ({x:g}, {y:g}), where a robot of radius {radius:g} does not fit")
@@ -161,7 +161,7 @@ def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int])
     array([[ True, False, False,  True]])
     """
     limits, cells = check_bounds(bounds), _check_shape("shape", shape)
-    points, missing = _flat(positions)
+    points, missing = _flatten(positions)
     return Measures.of(_cells_of(_check_inside(points, limits), limits, cells), missing)
 
 
@@ -211,7 +211,7 @@ def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> Measur
     if not reachable.any():
         raise InvalidValueError("cells has no reachable cell; expected at least one that is True")
     limits, shape = check_bounds(bounds), _check_shape("shape", reachable.shape)
-    points, missing = _flat(positions)
+    points, missing = _flatten(positions)
     is_beyond = _is_beyond(points, limits)
     is_visited = _cells_of(points[~is_beyond] if is_beyond.any() else points, limits, shape)
     share = int((is_visited & reachable).sum()) / int(reachable.sum())
@@ -240,7 +240,7 @@ def _check_solids(solids: object) -> list[tuple]:
     return discs
 
 
-def _flat(positions: Any) -> tuple[np.ndarray, int]:
+def _flatten(positions: Any) -> tuple[np.ndarray, int]:
     """Return all positions that are there as one list of points, and the number of missing ones."""
     points = check_points("positions", positions, ("k", 2), ("k", "n", 2), missing=True).reshape(-1, 2)
     missing = without_position(points)

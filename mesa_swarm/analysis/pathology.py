@@ -108,15 +108,15 @@ def last_before(sign: np.ndarray) -> np.ndarray:
 def flips_of(sign: np.ndarray) -> np.ndarray:
     """Return the steps (k, n) in which the sign is the opposite of the last one that was not 0."""
     before = last_before(sign)
-    return (before >= 0) & (sign * at(sign, before) < 0)
+    return (before >= 0) & (sign * look_up_step(sign, before) < 0)
 
 
-def at(values: np.ndarray, frame: np.ndarray) -> np.ndarray:
+def look_up_step(values: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """Return each robot's value in another step (k, n), which may be -1: an arbitrary value then."""
     return values[frame, np.arange(frame.shape[1])] if len(values) else values
 
 
-def covered(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+def mark_steps(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return a mask (k, n) of the steps `first` to `last`, inclusive, of these rows."""
     change = np.zeros((shape[0] + 1, shape[1]), np.int64)
     np.add.at(change, (first, row), 1)
@@ -124,7 +124,7 @@ def covered(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np
     return change.cumsum(axis=0)[:-1] > 0
 
 
-def runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
+def find_runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
     """Return (row, first, last) of every run of true values along the first axis."""
     edge = np.diff(mask.astype(np.int8), axis=0, prepend=0, append=0).T
     row, first = np.nonzero(edge > 0)
@@ -132,7 +132,7 @@ def runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
     return [(int(i), int(a), int(b) - 1) for i, a, b in zip(row, first, end, strict=True)]
 
 
-def lasting(mask: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+def find_lasting(mask: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
     """Return first step and row of every stretch of `length` steps in a row, without step 0.
 
     Step 0 is left out as the positions before it are unknown.
@@ -177,7 +177,7 @@ def corridor_flips(track: Track, limits: Thresholds, is_taken: np.ndarray) -> li
     before = last_before(turn)
     from_any = _away(track, limits, (OBSTACLE, ROBOT, FIRE, LOAD))
     from_solid = _away(track, limits, (OBSTACLE, FIRE, LOAD))
-    flip = flips_of(turn) & from_any & at(from_any, before) & (from_solid | at(from_solid, before))
+    flip = flips_of(turn) & from_any & look_up_step(from_any, before) & (from_solid | look_up_step(from_solid, before))
     return _turning(flip, track, limits, is_taken)
 
 
@@ -194,8 +194,8 @@ def centroid_flips(track: Track, limits: Thresholds, is_taken: np.ndarray) -> li
     left, right = (track.reads((ROBOT,), limits.near, side) for side in (LEFT, RIGHT))
     turns_away = ((turn > 0) & right & ~left) | ((turn < 0) & left & ~right)
     turns_towards = sees_robot.any(axis=2) & ~turns_away
-    other = (sees_robot != at(sees_robot, before)).any(axis=2)
-    flip = flips_of(turn) & turns_towards & at(turns_towards, before) & other
+    other = (sees_robot != look_up_step(sees_robot, before)).any(axis=2)
+    flip = flips_of(turn) & turns_towards & look_up_step(turns_towards, before) & other
     return _turning(flip, track, limits, is_taken)
 
 
@@ -213,7 +213,7 @@ def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, is_taken: np.n
     others = np.concatenate([np.zeros((1, is_taken.shape[1]), np.int64), is_taken.cumsum(axis=0)])
     same = (robot == row[limits.fewest_flips - 1 :]) & (others[first, robot] == others[last, robot])
     good = same & (last - first <= limits.window) & _makes_no_progress(track, limits, robot, first, last)
-    return covered(flip.shape, robot[good], first[good], last[good])
+    return mark_steps(flip.shape, robot[good], first[good], last[good])
 
 
 def _turning(flip: np.ndarray, track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
@@ -224,7 +224,7 @@ def _turning(flip: np.ndarray, track: Track, limits: Thresholds, is_taken: np.nd
 
 
 def _episodes(mask: np.ndarray, flip: np.ndarray) -> list[Found]:
-    return [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in runs(mask)]
+    return [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in find_runs(mask)]
 
 
 def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray:
@@ -233,11 +233,11 @@ def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray
     Short stretches of no progress may add up to progress.
     """
     gets_away = np.zeros(mask.shape, bool)
-    for i, a, b in runs(mask):
+    for i, a, b in find_runs(mask):
         length = min(limits.window, b - a)
         way = np.hypot(*(track.position[a + length : b + 1, i] - track.position[a : b + 1 - length, i]).T)
         first = a + np.flatnonzero(way >= track.radius[i])
-        gets_away |= covered(mask.shape, np.full(len(first), i), first, first + length)
+        gets_away |= mark_steps(mask.shape, np.full(len(first), i), first, first + length)
     return gets_away
 
 
@@ -256,14 +256,14 @@ def stuck_robots(track: Track, limits: Thresholds, is_taken: np.ndarray) -> list
     """Find robots that are commanded forwards but do not move."""
     speed, steps = np.where(track.missing, 0.0, track.command.mean(axis=2)), limits.fewest_steps
     driving = (speed >= limits.forward_share * track.max_speed) & (track.max_speed > 0) & ~is_taken
-    first, row = lasting(driving, steps)
+    first, row = find_lasting(driving, steps)
     last = first + steps - 1
     commanded, along = speed.cumsum(axis=0), _progress(track).cumsum(axis=0)
     least = limits.stuck_share * (commanded[last, row] - commanded[first - 1, row])
     progress = along[last, row] - along[first - 1, row]
     still = (_displacement(track, first, last, row) < least) & (progress < least)
-    mask = covered(is_taken.shape, row[still], first[still], last[still])
-    return [((i,), a, b, 0) for i, a, b in runs(mask)]
+    mask = mark_steps(is_taken.shape, row[still], first[still], last[still])
+    return [((i,), a, b, 0) for i, a, b in find_runs(mask)]
 
 
 def _progress(track: Track) -> np.ndarray:
@@ -284,10 +284,10 @@ def head_on_pairs(track: Track, limits: Thresholds, is_taken: np.ndarray) -> lis
     """Find pairs that block each other's way."""
     steps, turns = limits.fewest_steps, track.turn != 0
     active = ((track.travel > 0) | (turns & (track.travel == 0))) & ~is_taken
-    first, row = lasting(active, steps)
+    first, row = find_lasting(active, steps)
     last = first + steps - 1
     still = _displacement(track, first, last, row) < limits.stuck_share * track.max_speed[row] * steps
-    frame, robot = np.nonzero(covered(is_taken.shape, row[still], first[still], last[still]))
+    frame, robot = np.nonzero(mark_steps(is_taken.shape, row[still], first[still], last[still]))
     if not len(robot):
         return []
     first, second, frames = _facing(track, limits, frame, robot)

@@ -116,7 +116,7 @@ class Halt(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Halt the robots that no other layer drives."""
-        stand(command, layer, index)
+        halt_robots(command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return that it stands."""
@@ -168,7 +168,7 @@ def go_towards(towards, max_speed, radius, critical_angle, command, layer, index
 
 
 @compiled
-def stand(command, layer, index):
+def halt_robots(command, layer, index):
     """Write commands of zero for robots that no earlier layer drives."""
     for i in range(layer.shape[0]):
         if layer[i] < 0:

@@ -17,7 +17,7 @@ from mesa_swarm.kernels.part import Kernel, kernel_of
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.radio import send_goals
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import limit_command, no_longer
+from mesa_swarm.robots.drive import limit_command, limit_length
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -178,7 +178,7 @@ def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
             )
 
 
-def driver(control: Arbiter, index: int) -> str:
+def name_driver(control: Arbiter, index: int) -> str:
     """Return the name of the layer with this index, and a description of any other index."""
     if index < 0:
         return "no layer"
@@ -377,7 +377,7 @@ def slow_down(command, max_speed, design, sideways):
     """Scale commands that ask for more than max_speed of any wheel, or of a body that goes sideways."""
     for i in range(command.shape[0]):
         if sideways[design[i]]:
-            command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
+            command[i, 0], command[i, 1] = limit_length(command[i, 0], command[i, 1], max_speed[i])
             continue
         most = max(abs(command[i, 0]), abs(command[i, 1]))
         for w in range(2, command.shape[1]):

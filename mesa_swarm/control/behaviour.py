@@ -17,9 +17,9 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.control.custom_fields import RuleFields, checked_memory
+from mesa_swarm.control.custom_fields import RuleFields, check_memory
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
+from mesa_swarm.control.rule import PASS, Rule, columns_of, describe_expected, describe_failure, rule_of
 from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
 from mesa_swarm.robots.swarm import Swarm
 
@@ -79,7 +79,7 @@ class Behaviour:
         for name, value in changes.items():
             if name not in values:
                 raise UnknownNameError(unknown_name(f"parameter of {self.name}", name, values))
-            values[name] = _checked(f"{self.name}'s {name}", value, values[name])
+            values[name] = _check_value(f"{self.name}'s {name}", value, values[name])
         return Behaviour(self.rule, values, self.memory)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
@@ -117,14 +117,14 @@ class Behaviour:
         except UncompiledBehaviourWarning:  # where warnings are errors
             raise
         except Exception as error:
-            raise self._refusal(at[0], failure(error, self._numbers(at[0]))) from error
+            raise self._refusal(at[0], describe_failure(error, self._numbers(at[0]))) from error
         if wrong < -1:
             row = -2 - wrong
-            raise self._refusal(row, f"returns a command of another drive; {wanted(self._numbers(row))}")
+            raise self._refusal(row, f"returns a command of another drive; {describe_expected(self._numbers(row))}")
         if wrong >= 0:
             numbers = self._numbers(wrong)
             speeds = ", ".join(f"{speed:g}" for speed in command[wrong, :numbers])
-            raise self._refusal(wrong, f"returned ({speeds}); {wanted(numbers)}")
+            raise self._refusal(wrong, f"returned ({speeds}); {describe_expected(numbers)}")
 
     def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
@@ -236,7 +236,7 @@ def _behaviour(rule: Callable, memory: Mapping[str, Any] | None) -> Behaviour:
     if not parameters:
         raise InvalidValueError(f"rule {function.__name__} takes nothing; expected me as its first parameter")
     values = {p.name: _default(function.__name__, p) for p in parameters[1:]}
-    return Behaviour(rule_of(function), values, checked_memory(function.__name__, memory))
+    return Behaviour(rule_of(function), values, check_memory(function.__name__, memory))
 
 
 def _default(rule: str, parameter: inspect.Parameter) -> float:
@@ -244,10 +244,10 @@ def _default(rule: str, parameter: inspect.Parameter) -> float:
         raise InvalidValueError(
             f"rule {rule} has the parameter {parameter} without a default; give it one, such as {parameter.name}=1.0"
         )
-    return _checked(f"{rule}'s {parameter.name}", parameter.default, parameter.default)
+    return _check_value(f"{rule}'s {parameter.name}", parameter.default, parameter.default)
 
 
-def _checked(name: str, value: float, before: float) -> float:
+def _check_value(name: str, value: float, before: float) -> float:
     """Return a value of the type that the rule was written for, so that it is compiled once."""
     if isinstance(before, bool):
         if not isinstance(value, (bool, np.bool_)):

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_flag, check_number
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.world.statics import KINDS, MOST_KINDS, ROBOT
@@ -303,7 +303,7 @@ def own_chances(condition: Condition, senses: Senses) -> np.ndarray:
     """
     returned: Any = condition.chances(senses)
     try:
-        chances = np.asarray(unmasked(returned), float)
+        chances = np.asarray(fill_masked(returned), float)
     except (TypeError, ValueError):
         chances = np.empty(0)
     n = len(senses.design)
@@ -337,9 +337,9 @@ def chance_of(distance, kind, line, radiation, i, row):
     if code in (SEEN, UNSEEN):
         fulfilled = is_near(distance, kind, i, row[2], row[3]) == (code == SEEN)
     elif code in (ON_MARK, OFF_MARK):
-        fulfilled = any_of(line, i, 0.0) == (code == ON_MARK)
+        fulfilled = is_any_above(line, i, 0.0) == (code == ON_MARK)
     elif code == HEAT_SENSED:
-        fulfilled = any_of(radiation, i, row[2])
+        fulfilled = is_any_above(radiation, i, row[2])
     return probability if fulfilled else 0.0
 
 
@@ -353,7 +353,7 @@ def is_near(distance, kind, i, target, within):
 
 
 @compiled
-def any_of(readings, i, limit):
+def is_any_above(readings, i, limit):
     """Return whether any reading of robot i is above the limit."""
     for s in range(readings.shape[1]):
         if readings[i, s] > limit:

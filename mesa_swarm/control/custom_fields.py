@@ -10,12 +10,12 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
-from mesa_swarm.geometry.masks import holds_masked, unmasked
-from mesa_swarm.robots.devices import check_identifier, reserve
+from mesa_swarm.geometry.masks import fill_masked, holds_masked
+from mesa_swarm.robots.devices import check_identifier, reserve_names
 
 # What a rule may write, each a record with a field a name.
 WRITTEN = ("act", "memory", "send")
-reserve((*WRITTEN, "heard"))
+reserve_names((*WRITTEN, "heard"))
 KINDS = {"b": np.bool_, "i": np.int64, "u": np.int64, "f": np.float64}
 
 
@@ -187,7 +187,7 @@ def record_of(function: FunctionType, field: str) -> str:
     return next((f"me.{before}" for before, after in pairwise(words) if after == field and before in WRITTEN), "me")
 
 
-def checked_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
+def check_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
     """Return the first value of each name that a rule remembers, as an array of its type.
 
     Raises
@@ -203,7 +203,7 @@ def checked_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
 
 def _first(rule: str, name: str, value: object) -> np.ndarray:
     try:
-        array = unmasked(value)
+        array = fill_masked(value)
         if holds_masked(value) and np.isnan(array).any():
             array = np.empty(0, object)
     except Exception:  # of a class of the user's, or lists of unequal lengths

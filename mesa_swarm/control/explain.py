@@ -79,14 +79,14 @@ def moment_of(
         forward=(front, left, right),
         command=command,
         turns=bool(design.turns),
-        moved=_moved(design, command),
+        moved=_motion_of(design, command),
         columns={name: column[row] for name, column in columns.items()},
         kinds=kinds,
     )
     return moment, int(columns["layer"][row])
 
 
-def _moved(design: RobotDesign, command: np.ndarray) -> tuple[float, ...] | None:
+def _motion_of(design: RobotDesign, command: np.ndarray) -> tuple[float, ...] | None:
     """Return the motion that a command asks for, None where the command itself states it."""
     if design.turns is not None:
         return None

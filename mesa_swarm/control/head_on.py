@@ -117,7 +117,7 @@ class HeadOn:
         limits = float(self.distance), float(self.margin), float(self.parting)
         if self.leader == "speed":
             draws = float(self.slowest) ** self._rng.random(len(layer))
-            head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
+            meet_head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
         else:
             heard = self._exchanged(senses, nearest)
             rule = float(self.tolerance), self.leader == "chain"
@@ -150,7 +150,7 @@ class HeadOn:
 
 
 @compiled
-def head_on(
+def meet_head_on(
     nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, draws, near, margin, parting,
     front, least, speed, left, command, layer,
     index,

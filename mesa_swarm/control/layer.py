@@ -14,7 +14,7 @@ from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
-from mesa_swarm.robots.devices import reserve
+from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
@@ -109,7 +109,7 @@ class Senses:
         return cls(**columns, **of_designs, sideways=table.sideways, **more)
 
 
-reserve(one.name for one in fields(Senses))
+reserve_names(one.name for one in fields(Senses))
 
 
 class Layer(Protocol):

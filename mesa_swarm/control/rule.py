@@ -27,15 +27,15 @@ from mesa_swarm.control.limits import (
     MemoryKindError,
     allow_loops,
     calls_itself,
-    counted_loops,
+    count_loops,
+    find_uncounted,
+    make_plain,
     places_of_loops,
-    plain_parts,
-    uncounted,
 )
 from mesa_swarm.control.source import Read
-from mesa_swarm.kernels.custom_code import digest_function, renamed, stored_on_disk
+from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.devices import brief, reserve
+from mesa_swarm.robots.devices import extract_reason, reserve_names
 from mesa_swarm.robots.drive import speeds_in_words
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
@@ -194,7 +194,7 @@ def run(columns, values, at, command, layer, index):
 """
 
 Me = namedtuple("Me", FIELDS)  # type: ignore[misc]
-reserve(Me._fields)
+reserve_names(Me._fields)
 
 
 class WheelsError(Exception):
@@ -280,7 +280,7 @@ class Rule:
             self._compiled.add(version)
             self._loops[kinds] = places, loop
             return loop(inputs, values, at, *outputs)
-        names = uncounted(self.function)
+        names = find_uncounted(self.function)
         if names:  # what may not end is named before it begins
             self._complain(problem, form, numbers[0], names)
         # What a rule does wrong to a robot is seen in plain Python: Numba only knows types.
@@ -294,14 +294,14 @@ class Rule:
 
     def _complain(self, problem: str, form: FieldForm, numbers: int, names: Sequence[str] = ()) -> None:
         """Refuse a rule that is wrong somewhere; warn of one that is only slow."""
-        defect = defect_in(problem, form, self.function, numbers)
+        defect = find_defect(problem, form, self.function, numbers)
         if defect:
             raise DefectError(defect)
         limits = f"; loops in {', '.join(names)} are not counted, and may not end" if names else ""
         code = self.function.__code__
         warnings.warn_explicit(
-            f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: {brief(problem)}"
-            f"{limits}",
+            f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: "
+            f"{extract_reason(problem)}{limits}",
             UncompiledBehaviourWarning,
             code.co_filename,
             code.co_firstlineno,
@@ -350,7 +350,7 @@ def _compiled(
     variants = [now, *(_with_longer_pass(now, count) for count in numbers if count != len(PASS))]
     problems = []
     for variant in variants:
-        loop, problem = _tried(variant, form, columns, values, numbers)
+        loop, problem = _try_compiling(variant, form, columns, values, numbers)
         if not problem:
             return loop, ""
         problems.append(problem)
@@ -368,14 +368,16 @@ def _with_longer_pass(function: FunctionType, count: int) -> FunctionType:
     return _with_names(function, **passes)
 
 
-def _tried(
+def _try_compiling(
     function: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
     fields = fields_used(function, (*Me._fields, *form.names))
     digest = digest_function(function, str(form), fields, numbers, VERSION, places_of_loops(function))
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
-    rule: Any = njit(error_model="numpy", boundscheck=True, pipeline_class=LimitedCompiler)(renamed(function, digest))
+    rule: Any = njit(error_model="numpy", boundscheck=True, pipeline_class=LimitedCompiler)(
+        rename_function(function, digest)
+    )
     places, loop = _loop(form, fields, rule, COMPILED)
 
     def returned() -> list[Any]:
@@ -384,7 +386,7 @@ def _tried(
     def is_right() -> bool:
         return all(_is_command(kind, numbers) for kind in returned())
 
-    run: Any = stored_on_disk(njit(error_model="numpy")(renamed(loop, digest)), digest, is_right)
+    run: Any = store_on_disk(njit(error_model="numpy")(rename_function(loop, digest)), digest, is_right)
     no_rows = np.empty(0, np.int64)
     try:
         run(tuple(columns[place] for place in places), values, no_rows, np.empty((0, 2)), no_rows, 0)
@@ -500,10 +502,10 @@ def _loop(
 
 def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
-    rule = plain_parts(function)
+    rule = make_plain(function)
 
     def checked(me: Any, *values: float) -> tuple:
-        with counted_loops():
+        with count_loops():
             wheels = rule(me, *values)
         if not isinstance(wheels, tuple) or not wheels or not all(map(_is_number, wheels)):
             raise WheelsError(wheels)
@@ -523,7 +525,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
-def wanted(numbers: int) -> str:
+def describe_expected(numbers: int) -> str:
     """Return what a rule is expected to return for a robot whose drive takes `numbers`."""
     return f"expected {speeds_in_words(numbers)}{' (left, right)' if numbers == 2 else ''}, or PASS"
 
@@ -535,7 +537,7 @@ def unknown_field(name: str, known_fields: Iterable[str]) -> str:
     return f"uses an {unknown_name('field of me', name, known_fields)}"
 
 
-def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
+def find_defect(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
     """Return what is wrong with a rule that Numba refused, or nothing if it is only slow."""
     field = re.search(r"Unknown attribute '(\w+)' of type (Me|Heard)\(", problem)
     if field:
@@ -551,11 +553,11 @@ def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: in
         return CHANGES
     if UNLIKE in problem:
         speeds = speeds_in_words(numbers).replace(" finite", "")
-        return f"does not return {speeds} in every branch; {wanted(numbers)}"
+        return f"does not return {speeds} in every branch; {describe_expected(numbers)}"
     return ""
 
 
-def _unkept(name: str, value: float) -> str:
+def _describe_unkept(name: str, value: float) -> str:
     """Return what is wrong with a value that a rule's memory does not take."""
     subject = f"me.memory.{name}" if name else "a number in a list of me.memory"
     return (
@@ -571,15 +573,15 @@ def _fields_of(owner: Any) -> tuple[str, tuple[str, ...]]:
     return {"Me": "me", "Heard": "me.heard"}.get(type(owner).__name__, ""), getattr(owner, "_fields", ())
 
 
-def failure(error: Exception, numbers: int) -> str:
+def describe_failure(error: Exception, numbers: int) -> str:
     """Return what a rule did wrong, of the error that it raised for a robot whose drive takes `numbers`."""
     if isinstance(error, DefectError):
         return str(error)
     if isinstance(error, WheelsError):
         hint = " (a branch without return?)" if error.args[0] is None else ""
-        return f"returned {shortened(error.args[0])}{hint}; {wanted(numbers)}"
+        return f"returned {shortened(error.args[0])}{hint}; {describe_expected(numbers)}"
     if isinstance(error, LoopsError | MemoryKindError):
-        return _beyond(error)
+        return _describe_limit(error)
     if isinstance(error, AttributeError) and error.name not in (known_fields := _fields_of(error.obj)[1]):
         owner, name = _fields_of(error.obj)[0], str(error.name)
         if owner == "me":
@@ -588,9 +590,9 @@ def failure(error: Exception, numbers: int) -> str:
     return f"raised {type(error).__name__}: {error}"
 
 
-def _beyond(error: LoopsError | MemoryKindError) -> str:
+def _describe_limit(error: LoopsError | MemoryKindError) -> str:
     """Return which limit a rule went beyond."""
     if isinstance(error, LoopsError):
         line, name = error.args
         return f"looped more than {MOST_LOOPS:,} times in one step, in {name}, line {line}; let the loop end"
-    return _unkept(*error.args)
+    return _describe_unkept(*error.args)

@@ -11,14 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.base.errors import (
-    InvalidValueError,
-    UnknownNameError,
-    check_name,
-    error_line,
-    shortened,
-    unknown_name,
-)
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_name, error_line, shortened, unknown_name
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.approach import Approach, Halt, Retreat
 from mesa_swarm.control.arbiter import Arbiter
@@ -144,11 +137,11 @@ class StateMachine(Arbiter):
     def __init__(self, states: Mapping[str, Layer | Sequence[Layer]], transitions: Iterable[Transition] = ()) -> None:
         if not isinstance(states, Mapping) or not states:
             raise InvalidValueError(f"states is {shortened(states)}; expected names and layers, at least one state")
-        groups = {_checked_state(name): _as_layers(name, group) for name, group in states.items()}
+        groups = {_check_state(name): _as_layers(name, group) for name, group in states.items()}
         super().__init__(*(layer for layers in groups.values() for layer in layers))
         self.state_names: tuple[str, ...] = tuple(groups)
         self._firsts = np.cumsum([0, *map(len, groups.values())])
-        self.transitions = _checked_transitions(transitions, self.state_names)
+        self.transitions = _check_transitions(transitions, self.state_names)
         self._tabulate()
 
     def _tabulate(self) -> None:
@@ -305,7 +298,7 @@ class StateMachine(Arbiter):
         """
         if not isinstance(text, str) or len(text) > LONGEST_TEXT:
             raise InvalidValueError(f"text is {shortened(text)}; expected up to {LONGEST_TEXT:,} characters")
-        classes = {**PARTS, **_checked_parts(parts)}
+        classes = {**PARTS, **_check_parts(parts)}
         states: dict[str, tuple] = {}
         transitions: list[tuple[int, Transition]] = []
         for number, line in enumerate(text.splitlines(), 1):
@@ -319,7 +312,7 @@ class StateMachine(Arbiter):
             elif head in states:
                 raise InvalidValueError(f"line {number}: the state {shortened(head)} is there twice; rename one")
             else:
-                name = _at_line(number, partial(_checked_state, head))
+                name = _at_line(number, partial(_check_state, head))
                 states[name] = _at_line(number, partial(_without_conditions, parts_of_line))
         if not states:
             raise InvalidValueError("text has no state; expected a line such as search: Avoid(), Explore()")
@@ -328,7 +321,7 @@ class StateMachine(Arbiter):
         return cls(states, [transition for _, transition in transitions])
 
 
-def _checked_state(name: object) -> str:
+def _check_state(name: object) -> str:
     if not isinstance(name, str) or len(name) > LONGEST_NAME or not STATE_NAME.fullmatch(name):
         raise InvalidValueError(
             f"name of a state is {shortened(name)}; expected words of letters, digits and _, with single spaces or "
@@ -345,7 +338,7 @@ def _as_layers(name: str, layers: Any) -> tuple:
     return tuple(layers) if is_list else (layers,)
 
 
-def _checked_transitions(transitions: Any, names: Sequence[str]) -> tuple[Transition, ...]:
+def _check_transitions(transitions: Any, names: Sequence[str]) -> tuple[Transition, ...]:
     items = tuple(transitions) if isinstance(transitions, Iterable) else (transitions,)
     for item in items:
         if not isinstance(item, Transition):
@@ -410,7 +403,7 @@ def _read_line(number: int, line: str, classes: Mapping[str, type]) -> tuple[str
         raise InvalidValueError(
             f"line {number} is {shortened(line)}; expected name: Layer(...), ... or name -> name: Condition(...)"
         )
-    return head.strip(), tuple(_at_line(number, partial(_made, call, classes)) for call in calls)
+    return head.strip(), tuple(_at_line(number, partial(_make_part, call, classes)) for call in calls)
 
 
 def _is_plain_call(call: ast.AST) -> bool:
@@ -419,7 +412,7 @@ def _is_plain_call(call: ast.AST) -> bool:
     return plain and all(keyword.arg for keyword in call.keywords)  # type: ignore[attr-defined]
 
 
-def _made(call: Any, classes: Mapping[str, type]) -> Any:
+def _make_part(call: Any, classes: Mapping[str, type]) -> Any:
     name = call.func.id
     if name not in classes:
         raise UnknownNameError(unknown_name("layer or condition", name, classes, beside=LINE))
@@ -449,7 +442,7 @@ def _source(tree: ast.AST) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def _checked_parts(parts: Any) -> dict[str, type]:
+def _check_parts(parts: Any) -> dict[str, type]:
     """Return other layers and conditions by their names."""
     classes = list(parts) if isinstance(parts, Iterable) else [parts]
     if not all(isinstance(part, type) and is_dataclass(part) for part in classes):

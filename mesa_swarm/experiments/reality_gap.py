@@ -27,7 +27,7 @@ from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
 from mesa_swarm.model.gallery import find_model, short_name
-from mesa_swarm.robots.imperfections import PRESETS, Imperfections, together
+from mesa_swarm.robots.imperfections import PRESETS, Imperfections, combine_imperfections
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png
@@ -187,7 +187,7 @@ def imperfect(model_class: type, imperfections: Imperfections | None, /, **setti
     """Return a model whose robots are as imperfect as this, besides what its own settings make of them."""
     model = model_class(**settings)
     if imperfections is not None:
-        model.imperfections = together(model.imperfections, imperfections)
+        model.imperfections = combine_imperfections(model.imperfections, imperfections)
     return model
 
 

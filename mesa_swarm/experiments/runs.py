@@ -18,7 +18,7 @@ from mesa_swarm.experiments.ledger import LONGEST_ERROR, Ledger, Outcome
 from mesa_swarm.experiments.pool import is_remote, on_all
 from mesa_swarm.experiments.reports import counted, reduced, split_measure
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiling import compilation
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -199,7 +199,7 @@ def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
     numbers = {}
     for name, number in results.items():
         is_numpy = isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0
-        simple = unmasked(number).item() if is_numpy else number
+        simple = fill_masked(number).item() if is_numpy else number
         if isinstance(simple, float) and math.isnan(simple):
             simple = None
         numbers[name] = simple if is_plain(simple) else check_result(name, simple)

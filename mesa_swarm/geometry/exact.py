@@ -2,7 +2,7 @@
 
 import math
 
-from mesa_swarm.geometry.outlines import product, sum_of
+from mesa_swarm.geometry.outlines import add_exactly, multiply_exactly
 from mesa_swarm.kernels.compiled import compiled
 
 # More parts without common digits than a sum of floats can have.
@@ -31,7 +31,7 @@ def exact_sum(terms, count, parts):
     for k in range(count):
         total, size = terms[k], 0
         for part in range(n):
-            total, error = sum_of(total, parts[part])
+            total, error = add_exactly(total, parts[part])
             if error != 0.0:
                 parts[size] = error
                 size += 1
@@ -46,7 +46,7 @@ def rounded_sum(n, parts):
     total, error = 0.0, 0.0
     while n > 0 and error == 0.0:
         n -= 1
-        total, error = sum_of(total, parts[n])
+        total, error = add_exactly(total, parts[n])
     # Half-way cases round to even, unless what is left decides.
     if n > 0 and (error < 0.0) == (parts[n - 1] < 0.0):
         double_error = 2.0 * error
@@ -73,13 +73,13 @@ def hypot(x, y):
     scale = math.ldexp(1.0, -math.frexp(largest / unit)[1])
     total, error, small_error = 1.0, 0.0, 0.0
     for part in (x / unit * scale, y / unit * scale):
-        square, rest = product(part, 0.0, part, 0.0)
-        total, low = sum_of(total, square)
+        square, rest = multiply_exactly(part, 0.0, part, 0.0)
+        total, low = add_exactly(total, square)
         error += rest
         small_error += low
     length = math.sqrt(total - 1.0 + (error + small_error))
-    square, rest = product(-length, 0.0, length, 0.0)
-    total, low = sum_of(total, square)
+    square, rest = multiply_exactly(-length, 0.0, length, 0.0)
+    total, low = add_exactly(total, square)
     error += rest
     small_error += low
     return unit * ((length + (total - 1.0 + (error + small_error)) / (2.0 * length)) / scale)

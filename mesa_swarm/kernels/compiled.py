@@ -126,14 +126,14 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False,
         result._cache = StoredCode(function, stem_of(function))
     else:
         with suppress(OSError):  # its source is not in a file
-            result._cache = StoredCode(function, *_described(function))
+            result._cache = StoredCode(function, *_describe_function(function))
     inherit_reloads(result)
     if apart:
         keep_apart(result)
     return result
 
 
-def _described(function: Callable[..., Any]) -> tuple[str, str]:
+def _describe_function(function: Callable[..., Any]) -> tuple[str, str]:
     """Return a name of a function of another package, and what its code depends on besides types."""
     code = function.__code__
     source = Path(code.co_filename)
@@ -146,14 +146,14 @@ def stem_of(function: Callable[..., Any]) -> str:
     return f"{function.__module__.removeprefix(f'{PACKAGE.name}.')}.{function.__qualname__}"
 
 
-def custom_compiled(function: Callable[..., Any]) -> Any:
+def compile_custom(function: Callable[..., Any]) -> Any:
     """Compile a user's function when it is first called; it releases the GIL and is not stored on disk.
 
     Bounds are checked: an index too large would otherwise read another robot's memory.
 
     Examples
     --------
-    >>> custom_compiled(lambda x: 2 * x)(21)
+    >>> compile_custom(lambda x: 2 * x)(21)
     42
     """
     return njit(error_model="numpy", boundscheck=True, nogil=True)(function)

@@ -15,7 +15,7 @@ from typing import Any
 from numba.core import event
 
 from mesa_swarm.base.progress import note
-from mesa_swarm.kernels.code_files import PACKAGE, file_of, is_stored, places, types_named, unstored
+from mesa_swarm.kernels.code_files import PACKAGE, file_of, is_stored, list_folders, name_types, why_not_stored
 from mesa_swarm.kernels.compiled import FUNCTIONS, stem_of
 
 NEEDED = Path(__file__).with_name("needed.json")
@@ -94,7 +94,7 @@ class Compilation(event.Listener):
             stored_names = stored_functions(names)
             self.expected |= dict.fromkeys(name for name in names if name not in stored_names)
             self._exact = self._exact and exact
-        if not self.alone and not unstored():
+        if not self.alone and not why_not_stored():
             self.alone = True
             import_module(PRECOMPILE).start(list(self.expected))
 
@@ -119,11 +119,11 @@ def name_of(function: Any, arguments: Iterable[Any]) -> str:
     Examples
     --------
     >>> from numba import types
-    >>> from mesa_swarm.geometry.overlap import wrapped
-    >>> name_of(wrapped.py_func, (types.float64,))
-    'geometry.overlap.wrapped float64'
+    >>> from mesa_swarm.geometry.overlap import wrap_angle
+    >>> name_of(wrap_angle.py_func, (types.float64,))
+    'geometry.overlap.wrap_angle float64'
     """
-    return f"{stem_of(function)} {types_named(arguments)}"
+    return f"{stem_of(function)} {name_types(arguments)}"
 
 
 def stored_functions(names: Iterable[str]) -> set[str]:
@@ -134,7 +134,7 @@ def stored_functions(names: Iterable[str]) -> set[str]:
 def code_folders(names: Iterable[str]) -> tuple[Path, ...]:
     """Return the folders in which machine code of some of these functions is stored."""
     files = [_file_of(name) for name in names]
-    return tuple(place for place in places() if any((place / file).exists() for file in files))
+    return tuple(place for place in list_folders() if any((place / file).exists() for file in files))
 
 
 def _file_of(name: str) -> str:

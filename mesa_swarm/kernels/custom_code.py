@@ -18,7 +18,7 @@ import numba
 import numpy as np
 
 from mesa_swarm.base.errors import shortened
-from mesa_swarm.kernels.code_files import StoredCode, modified, places
+from mesa_swarm.kernels.code_files import StoredCode, list_folders, time_of_change
 from mesa_swarm.kernels.compiled import FUNCTIONS
 
 # Within the folders of machine code.
@@ -146,7 +146,7 @@ class CustomCode(StoredCode):
             _drop_old()
 
 
-def renamed(function: FunctionType, digest: str | None) -> FunctionType:
+def rename_function(function: FunctionType, digest: str | None) -> FunctionType:
     """Return a function under a name that no other has: in one process there may be code of several others."""
     if digest is None:
         return function
@@ -157,10 +157,10 @@ def renamed(function: FunctionType, digest: str | None) -> FunctionType:
     return copy
 
 
-def stored_on_disk(dispatcher: Any, digest: str | None, accepts: Callable[[], bool] = lambda: True) -> Any:
+def store_on_disk(dispatcher: Any, digest: str | None, accepts: Callable[[], bool] = lambda: True) -> Any:
     """Let Numba load and store the machine code of a custom function, unless its digest is None; return it.
 
-    The function has to be `renamed`. Code is stored if `accepts()` returns True when it has been compiled.
+    The function has to be one of `rename_function`. Code is stored if `accepts()` returns True once it is compiled.
     """
     if digest is not None:
         dispatcher._cache = CustomCode(dispatcher.py_func, digest, accepts)
@@ -169,7 +169,7 @@ def stored_on_disk(dispatcher: Any, digest: str | None, accepts: Callable[[], bo
 
 def _drop_old() -> None:
     """Remove the oldest files beyond the limit."""
-    files = sorted((places()[-1] / FOLDER).glob("*.nbc"), key=modified)
+    files = sorted((list_folders()[-1] / FOLDER).glob("*.nbc"), key=time_of_change)
     for old in files[:-MOST_STORED]:
         with suppress(OSError):  # another process has removed it
             old.unlink()

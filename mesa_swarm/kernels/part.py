@@ -244,7 +244,7 @@ class Part(Protocol):
         By default the attributes that its constructor has set, without those that are columns.
         """
         columns = {id(column.array) for column in self.columns().values()}
-        return {name: value for name, value in made_of(self).items() if id(value) not in columns}
+        return {name: value for name, value in list_attributes(self).items() if id(value) not in columns}
 
     def word_of(self, name: str) -> str:
         """Return in a few words what a stored value is, for messages."""
@@ -286,14 +286,14 @@ class Itself:
         return isinstance(other, Itself) and other.value is self.value
 
 
-def made_of(part: Part) -> dict[str, Any]:
+def list_attributes(part: Part) -> dict[str, Any]:
     """Return the attributes of a part, without those that `bind` makes anew."""
-    bound = bound_names(type(part))  # type: ignore[arg-type]
+    bound = find_bound_names(type(part))  # type: ignore[arg-type]
     return {name: value for name, value in vars(part).items() if name not in bound}
 
 
 @cache
-def bound_names(kind: type) -> frozenset[str]:
+def find_bound_names(kind: type) -> frozenset[str]:
     """Return the attributes that `bind` of a class assigns and its constructor does not: they are made anew.
 
     Examples
@@ -304,13 +304,13 @@ def bound_names(kind: type) -> frozenset[str]:
     ...
     ...     def bind(self, context):
     ...         self.model, self.driven = context.model, self.driven
-    >>> sorted(bound_names(Odometer))
+    >>> sorted(find_bound_names(Odometer))
     ['model']
     """
-    return assigned_in(kind, "bind") - assigned_in(kind, "__init__")
+    return find_assigned_names(kind, "bind") - find_assigned_names(kind, "__init__")
 
 
-def assigned_in(kind: type, method: str) -> frozenset[str]:
+def find_assigned_names(kind: type, method: str) -> frozenset[str]:
     """Return the names of attributes that a method of a class, and of its bases, assigns."""
     functions = [attribute for base in kind.__mro__ if isinstance(attribute := vars(base).get(method), FunctionType)]
     steps = (step for function in functions for step in dis.get_instructions(function))

@@ -48,7 +48,7 @@ class Plan(NamedTuple):
         stages = [(part.name, stage) for part in parts for stage in part.stages()]
         stages.sort(key=lambda pair: pair[1].phase)  # stable: in the order of parts
         collects = [stage.phase is Phase.COLLECT for _, stage in stages]
-        calls = [due(stage, completed) for _, stage in stages]
+        calls = [call_when_due(stage, completed) for _, stage in stages]
         advancing = tuple(call for call, is_last in zip(calls, collects, strict=True) if not is_last)
         return cls(tuple(stages), version, advancing, tuple(calls[len(advancing) :]))
 
@@ -70,7 +70,7 @@ def _row(part: str, stage: Stage) -> tuple[str, str, str, str]:
     return stage.phase.name.lower(), part, f"{stage.name}{every}", "; ".join(way for way in (compiled, python) if way)
 
 
-def due(stage: Stage, completed: Callable[[], int]) -> Callable[[], None]:
+def call_when_due(stage: Stage, completed: Callable[[], int]) -> Callable[[], None]:
     """Return what calls a stage in the steps that its interval divides; `completed` steps were taken before."""
     if stage.every == 1:
         return stage.call

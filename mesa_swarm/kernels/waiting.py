@@ -12,7 +12,7 @@ PAUSE = 16
 
 
 @intrinsic
-def look_at(typing: Any, word: Any) -> Any:
+def read_word(typing: Any, word: Any) -> Any:
     """Read the first number of an array as another thread has written it last."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -28,10 +28,10 @@ def wait_while(word, value, looks):
     """Look at a word until it differs from a value, at most so often, and return what it is."""
     busy = 1
     for _ in range(looks):
-        content = look_at(word)
+        content = read_word(word)
         if content != value:
             return content
         for _ in range(PAUSE):
             busy = busy * 3 + value
     # Of use only so that no compiler leaves the pause out.
-    return look_at(word) if busy != 0 else value
+    return read_word(word) if busy != 0 else value

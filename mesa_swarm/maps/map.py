@@ -30,13 +30,13 @@ from mesa_swarm.maps.map_parts import (
     FireSpot,
     bytes_of,
     check_inside,
-    checked_bounds,
-    checked_map_name,
+    check_map_bounds,
+    check_map_name,
     coordinate,
     decode_text,
     file_content,
     first_points_within,
-    naming,
+    name_file_in_errors,
     refusal,
 )
 from mesa_swarm.maps.toml import number_text, read_toml, toml_text
@@ -117,9 +117,9 @@ class Map:
 
     def __post_init__(self) -> None:
         """Check everything and store the sequences as tuples."""
-        bounds = checked_bounds(self.bounds)
+        bounds = check_map_bounds(self.bounds)
         values = {
-            "name": checked_map_name(self.name),
+            "name": check_map_name(self.name),
             "bounds": bounds,
             "obstacles": _parts_within(bounds, "obstacle", self.obstacles, Shape),
             "fires": _parts_within(bounds, "fire", self.fires, FireSpot),
@@ -182,7 +182,7 @@ class Map:
         >>> Map.from_toml(hall.to_toml()) == hall
         True
         """
-        with naming(source):
+        with name_file_in_errors(source):
             return cls(**read_toml(text, source))
 
     @classmethod
@@ -197,7 +197,7 @@ class Map:
         """
         from mesa_swarm.maps.svg import read_svg  # noqa: PLC0415 - slow to load
 
-        with naming(source), np.errstate(all="ignore"):  # overflows are refused as shapes
+        with name_file_in_errors(source), np.errstate(all="ignore"):  # overflows are refused as shapes
             return cls(**read_svg(bytes_of(content, source), source))
 
     def to_toml(self) -> str:
@@ -233,7 +233,7 @@ class Map:
         True
         """
         target = Path(path)
-        suffix = _known_suffix(target, WRITABLE)
+        suffix = _check_suffix(target, WRITABLE)
         write_whole(target, self.to_toml() if suffix == ".toml" else self.to_svg(), MapError, folders=False)
 
 
@@ -276,19 +276,19 @@ def _builtin(name: str) -> Map:
 
 
 def _from_file(source: str | os.PathLike[str]) -> Map:
-    path, shown_name = _existing(source)
-    suffix = _known_suffix(path, READABLE)
+    path, shown_name = _find_file(source)
+    suffix = _check_suffix(path, READABLE)
     content = file_content(path, LARGEST_LEGACY_FILE if suffix == ".map" else LARGEST_FILE)
     if suffix == ".svg":
         return Map.from_svg(content, shown_name)
     text = decode_text(content, shown_name)
     if suffix == ".toml":
         return Map.from_toml(text, shown_name)
-    with naming(shown_name):
+    with name_file_in_errors(shown_name):
         return Map(**read_legacy(text, shown_name, path.stem.strip()))
 
 
-def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
+def _find_file(source: str | os.PathLike[str]) -> tuple[Path, str]:
     """Return the path and how errors show it; a missing file may be a misspelt built-in name."""
     path, shown_name = Path(source), shown_path(source)
     check_present_format(path, MapError)
@@ -306,7 +306,7 @@ def _exists(path: Path) -> bool:
         return False
 
 
-def _known_suffix(path: Path, suffixes: tuple[str, ...]) -> str:
+def _check_suffix(path: Path, suffixes: tuple[str, ...]) -> str:
     suffix = path.suffix.lower()
     if suffix not in suffixes:
         raise refusal(str(path), "", f"expected a file that ends in {', '.join(suffixes)}")
@@ -340,11 +340,11 @@ def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
     y is turned to point up.
     """
     entries = []
-    tree, unclosed = _tree(_typed(text), source)
+    tree, unclosed = _tree(_as_typed(text), source)
     for call in _calls(tree, source):
-        with naming(source, f"line {call.lineno}"):
+        with name_file_in_errors(source, f"line {call.lineno}"):
             entries.append(_entry(call))
-    with naming(source):
+    with name_file_in_errors(source):
         bounds = _bounds(entries)
     parts = [_part(entry, bounds, source) for entry in entries]
     obstacles = tuple(part for part in parts if isinstance(part, Shape))
@@ -354,7 +354,7 @@ def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
     return {"name": name, "bounds": bounds, "obstacles": obstacles, "fires": fires}
 
 
-def _typed(text: str) -> str:
+def _as_typed(text: str) -> str:
     """Return what is copied from print as it is typed: plain quotation marks, no indentation, no empty space."""
     text = re.sub("\u2019\u2019|\u2018\u2018", '"', text)
     lines = text.translate(PRINTED).replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -374,13 +374,13 @@ def _tree(text: str, source: str) -> tuple[ast.Module, int]:
     except (RecursionError, MemoryError):  # of Python's parser, for bombs of nested brackets or signs
         raise refusal(source, "", "is nested too deeply") from None
     except (SyntaxError, ValueError) as error:
-        if closed := _with_end(text):
+        if closed := _close_list(text):
             return closed
         line = getattr(error, "lineno", None) or 1
         raise refusal(source, f"line {line}", getattr(error, "msg", error)) from None
 
 
-def _with_end(text: str) -> tuple[ast.Module, int] | None:
+def _close_list(text: str) -> tuple[ast.Module, int] | None:
     """Return the tree and the line of the last list if its bracket at the end, and nothing else, is missing."""
     try:
         tree = ast.parse(f"{text}\n]")
@@ -460,17 +460,17 @@ def _bounds(entries: list[Entry]) -> Bounds:
     if not entries:
         raise InvalidValueError("has no obstacles; expected at least one, for they define the size of a .map")
     corners = [entry.far_corner for entry in entries]
-    return checked_bounds((0.0, 0.0, max(x for x, _ in corners), max(y for _, y in corners)))
+    return check_map_bounds((0.0, 0.0, max(x for x, _ in corners), max(y for _, y in corners)))
 
 
 def _part(entry: Entry, bounds: Bounds, source: str) -> Shape | FireSpot:
-    with naming(source, f"line {entry.line}"):
-        part = _upright(entry, height=bounds[3])
+    with name_file_in_errors(source, f"line {entry.line}"):
+        part = _turn_upright(entry, height=bounds[3])
         check_inside(entry.kind, part, bounds)
     return part
 
 
-def _upright(entry: Entry, height: float) -> Shape | FireSpot:
+def _turn_upright(entry: Entry, height: float) -> Shape | FireSpot:
     """Make the shape or fire, with y turned to point up."""
     if entry.kind == "rec":
         x0, y0, x1, y1 = entry.numbers

@@ -65,7 +65,7 @@ class FireSpot:
 
     def __post_init__(self) -> None:
         """Check the numbers and store them as floats."""
-        x, y = checked_items("position of a fire", self.position, 2)
+        x, y = check_items("position of a fire", self.position, 2)
         values = {
             "position": (coordinate("x of a fire", x), coordinate("y of a fire", y)),
             "radius": check_number("radius of a fire", self.radius, above=0, maximum=LARGEST_COORDINATE),
@@ -85,17 +85,17 @@ def coordinate(name: str, value: object) -> float:
     return check_number(name, value, minimum=-LARGEST_COORDINATE, maximum=LARGEST_COORDINATE) + 0.0
 
 
-def checked_bounds(bounds: object) -> Bounds:
+def check_map_bounds(bounds: object) -> Bounds:
     """Return `(x_min, y_min, x_max, y_max)` as floats if they span an area."""
     names = ("x_min", "y_min", "x_max", "y_max")
-    pairs = zip(names, checked_items("bounds", bounds, 4), strict=True)
+    pairs = zip(names, check_items("bounds", bounds, 4), strict=True)
     x_min, y_min, x_max, y_max = (coordinate(f"{name} of the bounds", value) for name, value in pairs)
     check_number("width of the map", x_max - x_min, above=0, maximum=LARGEST_COORDINATE)
     check_number("height of the map", y_max - y_min, above=0, maximum=LARGEST_COORDINATE)
     return x_min, y_min, x_max, y_max
 
 
-def checked_map_name(name: object) -> str:
+def check_map_name(name: object) -> str:
     """Return a map's name: printable, on one line, without spaces around it."""
     if not isinstance(name, str) or not name.isprintable() or not name.strip():
         raise InvalidValueError(f"name of the map is {shortened(name)}; expected a word or two")
@@ -139,7 +139,7 @@ def refusal(source: str, place: str, reason: object) -> MapError:
 
 
 @contextmanager
-def naming(source: str, place: str = "") -> Iterator[None]:
+def name_file_in_errors(source: str, place: str = "") -> Iterator[None]:
     """Turn a wrong value into a MapError that names the file and the place."""
     try:
         yield
@@ -178,7 +178,7 @@ def bytes_of(content: str | bytes, source: str) -> bytes:
         raise refusal(source, f"character {error.start + 1}", "not Unicode text") from None
 
 
-def checked_items(name: str, value: Any, length: int, expected: str = "") -> tuple:
+def check_items(name: str, value: Any, length: int, expected: str = "") -> tuple:
     """Return the items of a list, tuple or array of a given length."""
     try:
         items = () if isinstance(value, (str, bytes)) or not hasattr(value, "__len__") else tuple(value)
@@ -240,7 +240,7 @@ _given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambd
 
 
 @contextmanager
-def stopping_when(is_given_up: Callable[[], bool]) -> Iterator[None]:
+def stop_reading_when(is_given_up: Callable[[], bool]) -> Iterator[None]:
     """Stop reading maps within the block, in this thread, at the next shape once `is_given_up` returns True.
 
     The reader then raises `concurrent.futures.CancelledError`.
@@ -262,7 +262,7 @@ class Work:
     def spend(self, cost: float) -> None:
         """Subtract the cost of work that is about to begin, and refuse it if that is more than is left.
 
-        A `CancelledError` is raised once the map is no longer waited for, see `stopping_when`.
+        A `CancelledError` is raised once the map is no longer waited for, see `stop_reading_when`.
         """
         if self._given_up():
             raise CancelledError("the map is no longer waited for")
@@ -342,7 +342,7 @@ class Work:
     def _touching(self, boxes: np.ndarray, most: int, refusal: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield the pairs of boxes that touch, each both ways and each box with itself; refuse more than most."""
         count = 0
-        for first, second in _touching(boxes):
+        for first, second in _list_touching(boxes):
             count += len(first)
             if count > most:
                 raise InvalidValueError(refusal)
@@ -350,7 +350,7 @@ class Work:
             yield first, second
 
 
-def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _list_touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the pairs of boxes that touch, each both ways and each box with itself, in parts of a bounded size."""
     if not len(boxes):
         return

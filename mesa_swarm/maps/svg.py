@@ -44,11 +44,11 @@ from mesa_swarm.maps.map_parts import (
     FireSpot,
     Work,
     check_inside,
-    checked_bounds,
-    naming,
+    check_map_bounds,
+    name_file_in_errors,
     refusal,
 )
-from mesa_swarm.world.shapes import LARGEST_COORDINATE, MOST_VERTICES, Shape, checked_rings, disc, polygon
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, MOST_VERTICES, Shape, check_rings, disc, polygon
 
 # CSS pixels by unit. Own table: svgelements rounds a millimetre to 3.7795296 px and reads "abc" as 0.
 PIXELS = {"": 1.0, "px": 1.0, "pt": 96 / 72, "pc": 16.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4}
@@ -123,10 +123,10 @@ def transform(text: str) -> np.ndarray:
             raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")
     own = Matrix(text)
     matrix = np.array([[own.a, own.c, own.e], [own.b, own.d, own.f], [0.0, 0.0, 1.0]], dtype=float)
-    return checked_matrix(_without_dust(matrix))
+    return check_matrix(_drop_dust(matrix))
 
 
-def checked_matrix(matrix: np.ndarray) -> np.ndarray:
+def check_matrix(matrix: np.ndarray) -> np.ndarray:
     """Return a matrix if its numbers are at most 1e12 and areas stay above 0."""
     if not np.abs(matrix).max() <= LARGEST_ENTRY:
         raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")
@@ -186,7 +186,7 @@ def is_similarity(matrix: np.ndarray) -> bool:
     return abs(c * c + d * d - size) <= 1e-9 * size and abs(a * c + b * d) <= 1e-9 * size
 
 
-def moved(at: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def move_points(at: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return points moved by a matrix; the identity leaves every bit as it is."""
     with np.errstate(all="ignore"):  # overflows are refused as shapes
         return at @ matrix[:2, :2].T + matrix[:2, 2]
@@ -198,7 +198,7 @@ def _tight_numbers(name: str, text: str) -> list[float]:
     return [float(word) for word in _NUMBERS.findall(text)]
 
 
-def _without_dust(matrix: np.ndarray) -> np.ndarray:
+def _drop_dust(matrix: np.ndarray) -> np.ndarray:
     """Set the rounding error of the cosine of rotate(90) to 0, so that rectangles stay rectangles."""
     linear = matrix[:2, :2]
     linear[np.abs(linear) < NEGLIGIBLE * np.abs(linear).max()] = 0.0
@@ -226,14 +226,14 @@ def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
         yield from _curved_subpaths(text, tolerance)
 
 
-def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+def nest_outlines(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
     """Yield each outline with its holes according to the fill rule: rings may nest but not cross.
 
     With `even_odd` every ring inside another changes solid to hole; else opposite directions do.
     """
     areas = np.array([_area(ring, work) for ring in rings], dtype=object)
     work.spend_on_parts(rings)
-    inside = _containing(areas)
+    inside = _find_containers(areas)
     turns = [1 if even_odd or shapely.is_ccw(shapely.LinearRing(ring)) else -1 for ring in rings]
     outer = [sum(turns[j] for j in around) for around in inside]
     filled = [(_is_filled(n, even_odd), _is_filled(n + turns[i], even_odd)) for i, n in enumerate(outer)]
@@ -331,11 +331,11 @@ def _bezier(segment: CubicBezier | QuadraticBezier, tolerance: float) -> np.ndar
 
 
 def _area(ring: np.ndarray, work: Work) -> shapely.Polygon:
-    work.spend_on_outlines(checked_rings(ring))
+    work.spend_on_outlines(check_rings(ring))
     return polygon(ring).geometry
 
 
-def _containing(areas: np.ndarray) -> list[list[int]]:
+def _find_containers(areas: np.ndarray) -> list[list[int]]:
     """Return for each area the indices of those around it: larger ones, and earlier ones of the same size."""
     around: list[list[int]] = [[] for _ in areas]
     tree = shapely.STRtree(areas)
@@ -406,7 +406,7 @@ def _round(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a disc if the element is round in the map, else a polygon."""
     round_part = None if drawn.is_ring else _disc(drawn)
     work.spend(CURVE if round_part is None else DISC)
-    yield round_part or _closed(drawn, work, _ellipse(drawn, tolerance))
+    yield round_part or _fill_or_stroke(drawn, work, _ellipse(drawn, tolerance))
 
 
 def _disc(drawn: Drawn) -> Shape | None:
@@ -414,9 +414,9 @@ def _disc(drawn: Drawn) -> Shape | None:
     x, y, rx, ry = _centre_and_radii(drawn)
     if rx != ry or not is_similarity(drawn.matrix):
         return None
-    centre = moved(np.array([x, y]), drawn.matrix)
+    centre = move_points(np.array([x, y]), drawn.matrix)
     # The root of the determinant is exactly 1 for the identity.
-    return disc(centre, rx * math.sqrt(abs(np.linalg.det(drawn.matrix[:2, :2]))), contact=_contact(drawn))
+    return disc(centre, rx * math.sqrt(abs(np.linalg.det(drawn.matrix[:2, :2]))), contact=_has_contact(drawn))
 
 
 def _centre_and_radii(drawn: Drawn) -> tuple[float, float, float, float]:
@@ -427,7 +427,7 @@ def _centre_and_radii(drawn: Drawn) -> tuple[float, float, float, float]:
 
 def _ellipse(drawn: Drawn, tolerance: float) -> np.ndarray:
     x, y, rx, ry = _centre_and_radii(drawn)
-    return elliptic_arc((x, y), (rx, ry), 0.0, 2 * math.pi, _own(drawn, tolerance))[:-1]
+    return elliptic_arc((x, y), (rx, ry), 0.0, 2 * math.pi, _own_tolerance(drawn, tolerance))[:-1]
 
 
 def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
@@ -436,14 +436,14 @@ def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
     height = check_number("height", _length(drawn, "height"), above=0)
     rx, ry = _corner_radii(drawn, width, height)
     if rx == 0 or ry == 0:
-        yield _closed(drawn, work, np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)]))
+        yield _fill_or_stroke(drawn, work, np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)]))
         return
     left, right, low, high = x + rx, x + width - rx, y + ry, y + height - ry
     centres = [(right, high), (left, high), (left, low), (right, low)]
     work.spend(4 * ROUNDED_CORNER)
-    quarter, own = math.pi / 2, _own(drawn, tolerance)
+    quarter, own = math.pi / 2, _own_tolerance(drawn, tolerance)
     arcs = [elliptic_arc(at, (rx, ry), i * quarter, quarter, own) for i, at in enumerate(centres)]
-    yield _closed(drawn, work, np.concatenate(arcs))
+    yield _fill_or_stroke(drawn, work, np.concatenate(arcs))
 
 
 def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, float]:
@@ -457,7 +457,7 @@ def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, flo
 def _outline(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a polygon, or a polyline, which is closed if it is filled, else a thick line."""
     at = points("points", drawn.attributes.get("points", ""))
-    yield _closed(drawn, work, at) if drawn.filled or drawn.tag == "polygon" else _band(drawn, work, at)
+    yield _fill_or_stroke(drawn, work, at) if drawn.filled or drawn.tag == "polygon" else _band(drawn, work, at)
 
 
 def _line(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
@@ -470,26 +470,26 @@ def _path(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
     text = drawn.attributes.get("d", "")
     closed: list[np.ndarray] = []
     bands: list[np.ndarray] = []
-    for is_closed, at in subpaths(text, _own(drawn, tolerance)):
+    for is_closed, at in subpaths(text, _own_tolerance(drawn, tolerance)):
         (closed if is_closed or drawn.filled else bands).append(at)
     if not closed and not bands:
         raise InvalidValueError("d draws nothing")
     if len(closed) > MOST_SUBPATHS:
         raise InvalidValueError(f"d has {len(closed)} parts; expected at most {MOST_SUBPATHS}")
     if drawn.is_ring:
-        bands, closed = [*map(_ended, closed), *bands], []
-    for outline, holes in nested(closed, drawn.even_odd, work):
+        bands, closed = [*map(_close_ring, closed), *bands], []
+    for outline, holes in nest_outlines(closed, drawn.even_odd, work):
         yield _solid(drawn, work, outline, holes)
     for at in bands:
         yield _band(drawn, work, at)
 
 
-def _closed(drawn: Drawn, work: Work, outline: np.ndarray) -> Shape:
+def _fill_or_stroke(drawn: Drawn, work: Work, outline: np.ndarray) -> Shape:
     """Return the area in an outline, or, where only its stroke is painted, a ring."""
-    return _band(drawn, work, _ended(outline)) if drawn.is_ring else _solid(drawn, work, outline)
+    return _band(drawn, work, _close_ring(outline)) if drawn.is_ring else _solid(drawn, work, outline)
 
 
-def _ended(outline: np.ndarray) -> np.ndarray:
+def _close_ring(outline: np.ndarray) -> np.ndarray:
     """Return an outline that ends where it begins."""
     return outline if (outline[0] == outline[-1]).all() else np.concatenate([outline, outline[:1]])
 
@@ -497,10 +497,10 @@ def _ended(outline: np.ndarray) -> np.ndarray:
 def _solid(
     drawn: Drawn, work: Work, outline: np.ndarray, holes: Iterable[np.ndarray] = (), are_apart: bool = False
 ) -> Shape:
-    outline, *holes = (moved(np.asarray(ring), drawn.matrix) for ring in (outline, *holes))
-    rings = checked_rings(outline, holes)
+    outline, *holes = (move_points(np.asarray(ring), drawn.matrix) for ring in (outline, *holes))
+    rings = check_rings(outline, holes)
     work.spend_on_outlines(rings, are_apart)
-    return polygon(rings[0], rings[1:], contact=_contact(drawn))
+    return polygon(rings[0], rings[1:], contact=_has_contact(drawn))
 
 
 def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
@@ -526,12 +526,12 @@ def _length(drawn: Drawn, name: str) -> float:
     return length(name, drawn.attributes.get(name, "0"))
 
 
-def _own(drawn: Drawn, tolerance: float) -> float:
+def _own_tolerance(drawn: Drawn, tolerance: float) -> float:
     """Return the tolerance in the element's own coordinates; never 0, by which chords are divided."""
     return max(tolerance / scale_of(drawn.matrix), sys.float_info.min)
 
 
-def _contact(drawn: Drawn) -> bool:
+def _has_contact(drawn: Drawn) -> bool:
     return drawn.role != "mark"
 
 
@@ -552,7 +552,7 @@ def read_svg(content: bytes, source: str) -> dict[str, Any]:
     Errors name the element after `source`, with its id and line; the stem of `source` names a drawing without title.
     """
     work = Work(len(content))
-    walk = _walked(content, source, work)
+    walk = _walk(content, source, work)
     bounds = walk.bounds
     tolerance = TOLERANCE_OF_SIDE * max(bounds[2] - bounds[0], bounds[3] - bounds[1])
     return {
@@ -600,7 +600,7 @@ class _Walk(ContentHandler):
         attributes = {key: value for (own, key), value in attrs.items() if own is None}
         place = self._place(tag, attributes)
         self._count += 1
-        with naming(self.source, place):
+        with name_file_in_errors(self.source, place):
             _check_size(self._count, len(self._open))
             is_svg = space in (None, SVG)
             self._open.append((tag, self._entered(tag, attributes, place) if is_svg else None))
@@ -630,7 +630,7 @@ class _Walk(ContentHandler):
         if tag not in SHAPES and tag not in GROUPS:
             raise InvalidValueError(f"is not a shape that maps know: {', '.join(SHAPES)}")
         _check_attributes(attributes)
-        own = _inherited(parent, tag, attributes, place, self.work)
+        own = _inherit(parent, tag, attributes, place, self.work)
         if own is None or tag in GROUPS:
             return own
         words = path_words(own.attributes.get("d", ""))
@@ -649,11 +649,11 @@ class _Walk(ContentHandler):
         upright = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
         box = attributes.get("viewBox")
         aspect = attributes.get("preserveAspectRatio", "")
-        matrix = upright if box is None else checked_matrix(upright @ viewbox(box, aspect, width, height))
-        return _inherited(Drawn(tag, {}, place, matrix), tag, attributes, place, self.work)
+        matrix = upright if box is None else check_matrix(upright @ viewbox(box, aspect, width, height))
+        return _inherit(Drawn(tag, {}, place, matrix), tag, attributes, place, self.work)
 
 
-def _walked(content: bytes, source: str, work: Work) -> _Walk:
+def _walk(content: bytes, source: str, work: Work) -> _Walk:
     walk = _Walk(source, work)
     parser = DefusedExpatParser(1, forbid_dtd=True, forbid_entities=True, forbid_external=True)
     parser.setContentHandler(walk)
@@ -705,8 +705,8 @@ def _side(attributes: Mapping[str, str], name: str, from_viewbox: float | None) 
 def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bounds:
     """Return the bounds: from (0, 0), unless `data-bounds` places the drawing elsewhere in the world."""
     if "data-bounds" not in attributes:
-        return checked_bounds((0.0, 0.0, width, height))
-    bounds = checked_bounds(numbers("data-bounds", attributes["data-bounds"]))
+        return check_map_bounds((0.0, 0.0, width, height))
+    bounds = check_map_bounds(numbers("data-bounds", attributes["data-bounds"]))
     size = bounds[2] - bounds[0], bounds[3] - bounds[1]
     if not np.allclose(size, (width, height), rtol=1e-9):
         sides = f"{size[0]:g} x {size[1]:g}, the drawing {width:g} x {height:g}"
@@ -714,7 +714,7 @@ def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bound
     return bounds
 
 
-def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str, work: Work) -> Drawn | None:
+def _inherit(parent: Drawn, tag: str, attributes: dict[str, str], place: str, work: Work) -> Drawn | None:
     """Return an element with what it inherits from its parent; None if it is invisible."""
     style = {key: value for key, value in properties(attributes).items() if value != "inherit"}
     role = _role(attributes) or parent.role
@@ -726,7 +726,7 @@ def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str, 
     matrix = parent.matrix
     if "transform" in style:
         work.spend(TRANSFORM * (1 + style["transform"].count("(")))
-        matrix = checked_matrix(matrix @ transform(style["transform"]))
+        matrix = check_matrix(matrix @ transform(style["transform"]))
     return Drawn(
         tag,
         style,
@@ -753,10 +753,10 @@ def _role(attributes: Mapping[str, str]) -> str | None:
 def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
     """Make the obstacles one by one, and refuse the drawing as soon as it becomes too large."""
     vertices = 0
-    for drawn in _placed(walk):
+    for drawn in _place_elements(walk):
         if drawn.role == "fire":
             continue
-        with naming(walk.source, drawn.place):
+        with name_file_in_errors(walk.source, drawn.place):
             for shape in list(_READERS[drawn.tag](drawn, tolerance, work)):
                 vertices += len(shape.geometry.exterior.coords) if not shape.is_disc else 1
                 if vertices > MOST_VERTICES:
@@ -766,15 +766,15 @@ def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
 
 
 def _fires(walk: _Walk) -> Iterator[Any]:
-    for drawn in _placed(walk):
+    for drawn in _place_elements(walk):
         if drawn.role == "fire":
-            with naming(walk.source, drawn.place):
+            with name_file_in_errors(walk.source, drawn.place):
                 fire = fire_of(drawn)
                 check_inside("fire", fire, walk.bounds)
             yield fire
 
 
-def _placed(walk: _Walk) -> Iterator[Drawn]:
+def _place_elements(walk: _Walk) -> Iterator[Drawn]:
     """Yield all elements, moved to the bounds; done last, where it undoes the move of `to_svg` to the bit."""
     move = np.array([[1.0, 0.0, walk.bounds[0]], [0.0, 1.0, walk.bounds[1]], [0.0, 0.0, 1.0]])
     before = after = move

@@ -66,7 +66,7 @@ class ContactArrays(NamedTuple):
 
 
 @compiled
-def solids_in(statics, movers):
+def unpack_solids(statics, movers):
     """Return the `StaticArrays` in a block, with the movers in another one, or None."""
     s = unpack(statics, StaticArrays)
     return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, unpack(movers, MoverArrays))
@@ -198,11 +198,11 @@ def push_all_from_statics(rows, position, radius, statics, contacts, free):
         clear = start[cell] == start[cell + 1] and (
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
         )
-        free[i] = (clear and no_body_near(x, y, movers)) or push_from_statics(i, position, r, statics, contacts)
+        free[i] = (clear and is_clear_of_bodies(x, y, movers)) or push_from_statics(i, position, r, statics, contacts)
 
 
 @compiled
-def no_body_near(x, y, movers):
+def is_clear_of_bodies(x, y, movers):
     """Return whether no driven body can be touched from a place."""
     if movers is None:
         return True

@@ -11,8 +11,8 @@ from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.physics.crowd import LISTED, Crowd
-from mesa_swarm.physics.loads import push_all, stuck_loads, take_back
-from mesa_swarm.physics.motion import achieved_motion, slip_of
+from mesa_swarm.physics.loads import find_stuck_loads, push_all, return_loads
+from mesa_swarm.physics.motion import write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.packed import (
     ONLY,
     SETTLE,
@@ -25,21 +25,14 @@ from mesa_swarm.physics.packed import (
     sense_robots,
     sense_robots_and_movers,
 )
-from mesa_swarm.physics.sensing import (
-    EyeArrays,
-    err,
-    sense_inside,
-    sense_line,
-    sense_proximity,
-    sense_radiation,
-)
+from mesa_swarm.physics.sensing import EyeArrays, add_errors, sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.separation import MARGIN
-from mesa_swarm.physics.settle import settle
+from mesa_swarm.physics.settle import settle_robots
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
 from mesa_swarm.physics.travel import Blocks, RobotArrays, travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
-from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slipped_wheels
+from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slip_wheels
 from mesa_swarm.robots.swarm import Swarm
 
 FEWEST_CELLS = 64
@@ -122,12 +115,12 @@ class Engine(ABC):
         start, start_heading = columns["position"].copy(), columns["heading"].copy()
         pushed = {} if room is None else push_all(surroundings, room, columns, motion)
         extra_turn = self.travel(swarm, surroundings, motion, turn_angle)
-        while room is not None and (stuck := stuck_loads(surroundings, room, pushed, columns)):
+        while room is not None and (stuck := find_stuck_loads(surroundings, room, pushed, columns)):
             columns["position"][:], columns["heading"][:] = start, start_heading
-            take_back(surroundings, room, pushed, stuck)
+            return_loads(surroundings, room, pushed, stuck)
             extra_turn = self.travel(swarm, surroundings, motion, turn_angle)
         if np.count_nonzero(collided):
-            achieved_motion(start, columns["position"], start_heading, extra_turn, collided, motion)
+            write_achieved_motion(start, columns["position"], start_heading, extra_turn, collided, motion)
             wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
         write_slip(swarm, driven, wheels)
 
@@ -245,7 +238,7 @@ class CompiledEngine(Engine):
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
         self._prepare(swarm, surroundings)
-        settle(swarm, surroundings, self._crowd.arrays.grid)
+        settle_robots(swarm, surroundings, self._crowd.arrays.grid)
 
     def _list_pairs(self) -> None:
         """List the pairs of robots near each other, unless sensing has."""
@@ -263,7 +256,9 @@ class CompiledEngine(Engine):
         else:
             self._sense_together(swarm, n)
         if draws is not None:
-            err(columns["distance"], columns["design"], table.proximity, table.noise, draws, step, columns["error"])
+            add_errors(
+                columns["distance"], columns["design"], table.proximity, table.noise, draws, step, columns["error"]
+            )
 
     def _sense_together(self, swarm: Swarm, n: int) -> None:
         """Do what the kernel does, the rows of robots in ranges."""
@@ -413,7 +408,7 @@ def rolling_wheels(swarm: Swarm, driven: np.ndarray, draws: np.ndarray | None) -
     if draws is None:
         return driven
     wheels = np.empty_like(driven)
-    slipped_wheels(driven, *table.slip, design, draws, wheels)
+    slip_wheels(driven, *table.slip, design, draws, wheels)
     return wheels
 
 
@@ -422,9 +417,9 @@ def write_slip(swarm: Swarm, driven: np.ndarray, wheels: np.ndarray) -> None:
     command, slip = swarm.columns["command"], swarm.columns["slip"]
     # Motors of limited acceleration roll on where none is driven: only the others have a share of what is driven.
     if driven is not command and not swarm.table.limited:
-        slip_of(driven, wheels, slip)
+        write_wheel_slip(driven, wheels, slip)
         wheels = driven * (1.0 - slip)
-    slip_of(command, wheels, slip)
+    write_wheel_slip(command, wheels, slip)
 
 
 def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndarray) -> None:

@@ -39,7 +39,7 @@ class Forms(NamedTuple):
 class Stops(NamedTuple):
     """Where a load leans on bodies: unit vectors towards it, lever arms about its centre, and its points there.
 
-    `force` and `yielding` are scratch of `loads.borne`.
+    `force` and `yielding` are scratch of `loads.free_wrench`.
     """
 
     x: np.ndarray

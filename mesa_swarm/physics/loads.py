@@ -27,7 +27,7 @@ import numpy as np
 
 from mesa_swarm.geometry.exact import MOST_PARTS, exact_sum, hypot
 from mesa_swarm.geometry.outlines import gap_to_point, nearest_to_point
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.load_room import Room, find_stops, has_room, list_near, place_load, place_outlines
@@ -148,12 +148,14 @@ def move_load(k, count, longest, resistance_square, poses, room, pushes):
     wrench, left, stops, near = wrench_of(count, pushes), 1.0, 0, -1
     distance = 2.0 * longest / 2**HALVINGS
     for _ in range(MOST_WAYS):
-        moves, x, y, turn = twist_of(borne(wrench, stops, k, room), count, resistance_square, longest, k, room, pushes)
+        moves, x, y, turn = twist_of(
+            free_wrench(wrench, stops, k, room), count, resistance_square, longest, k, room, pushes
+        )
         if not moves:
             return
         if near < 0:
             near = list_near(k, longest + distance, poses, room)
-        left -= left * go(k, left * x, left * y, left * turn, near, poses, room)
+        left -= left * move_along(k, left * x, left * y, left * turn, near, poses, room)
         if left == 0.0:
             return
         stops = find_stops(k, distance, near, poses, room)
@@ -200,7 +202,7 @@ def twist_of(wrench, count, resistance_square, longest, k, room, pushes):
 
 
 @compiled
-def borne(wrench, count, k, room):
+def free_wrench(wrench, count, k, room):
     """Return the wrench that remains when the first stops bear load k, without friction.
 
     The forces of the stops are the least, in the metric of the limit surface, that keep the load from moving
@@ -222,7 +224,7 @@ def borne(wrench, count, k, room):
 
 
 @compiled
-def go(k, way_x, way_y, turn, near, poses, room):
+def move_along(k, way_x, way_y, turn, near, poses, room):
     """Move load k along a way as far as there is room, found by bisection, and return the share of the way."""
     row = poses.loads[k]
     x, y, heading = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
@@ -234,12 +236,12 @@ def go(k, way_x, way_y, turn, near, poses, room):
         step /= 2.0
     if free > 0.0:
         poses.position[row, 0], poses.position[row, 1] = x + free * way_x, y + free * way_y
-        poses.heading[row] = wrapped(heading + free * turn)
+        poses.heading[row] = wrap_angle(heading + free * turn)
     place_load(k, poses.position[row, 0], poses.position[row, 1], poses.heading[row], room)
     return free
 
 
-def stuck_loads(surroundings: Surroundings, room: Room, loads: Iterable[int], columns: dict) -> list[int]:
+def find_stuck_loads(surroundings: Surroundings, room: Room, loads: Iterable[int], columns: dict) -> list[int]:
     """Return which of the loads that moved are overlapped by a robot."""
     position, radius = columns["position"], columns["radius"]
     return [k for k in loads if is_overlapped(k, position, radius, surroundings.poses, room)]
@@ -259,7 +261,7 @@ def is_overlapped(k, position, radius, poses, room):
     return False
 
 
-def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
+def return_loads(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
     """Return loads to where they were, and those that then overlap them; drop them from `before`."""
     t, poses = surroundings.bodies, surroundings.poses
     while stuck:

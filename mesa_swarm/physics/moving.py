@@ -12,7 +12,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
@@ -250,7 +250,7 @@ def bound_of_way(b, movers):
     if movers.blocked[b]:
         return 0.0
     aim, start = movers.aim, movers.start
-    turn = abs(wrapped(movers.aim_heading[b] - movers.start_heading[b]))
+    turn = abs(wrap_angle(movers.aim_heading[b] - movers.start_heading[b]))
     return math.hypot(aim[b, 0] - start[b, 0], aim[b, 1] - start[b, 1]) + movers.reach[b] * turn
 
 
@@ -299,7 +299,7 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
             share = (piece + 1) / pieces
             position[b, 0] = start[b, 0] + share * (aim[b, 0] - start[b, 0])
             position[b, 1] = start[b, 1] + share * (aim[b, 1] - start[b, 1])
-            heading[b] = wrapped(start_heading[b] + share * wrapped(aim_heading[b] - start_heading[b]))
+            heading[b] = wrap_angle(start_heading[b] + share * wrap_angle(aim_heading[b] - start_heading[b]))
         has_moved = True
     if has_moved:
         follow_bodies(movers, edges, discs)

@@ -13,7 +13,7 @@ from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.radio import is_cut_but, is_nearer_robot, sorted_senders
-from mesa_swarm.physics.sensing import into_frame
+from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
@@ -63,7 +63,7 @@ def read_neighbours(
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
         for k in range(count):
             j = nearest[k]
-            ahead, aside = into_frame(places[j, 0] - x, places[j, 1] - y, cosine, sine)
+            ahead, aside = rotate_into_frame(places[j, 0] - x, places[j, 1] - y, cosine, sine)
             out[i, step * k], out[i, step * k + 1] = math.sqrt(squares[k]), math.atan2(aside, ahead)
             if lamp:
                 out[i, step * k + 2] = lamps[j]

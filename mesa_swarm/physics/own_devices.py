@@ -5,13 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.base.errors import (
-    BehaviourError,
-    InvalidValueError,
-    SwarmError,
-    UncompiledBehaviourWarning,
-    shortened,
-)
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, SwarmError, UncompiledBehaviourWarning, shortened
 from mesa_swarm.physics.radio import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
@@ -43,14 +37,14 @@ class OwnDevices:
         for name in swarm.table.readings:
             swarm.columns[name].fill(np.nan)
         for reader in self._readers:
-            _guarded(reader.read, reader.sensor, model, scene)
+            _call_device(reader.read, reader.sensor, model, scene)
 
     def act(self, model: Any, scene: Surroundings) -> None:
         """Let all actuators do what is set."""
         self._bind(model)
         self._check_set(model)
         for doer in self._doers:
-            _guarded(doer.act, doer.actuator, model, scene)
+            _call_device(doer.act, doer.actuator, model, scene)
 
     def _check_set(self, model: Any) -> None:
         """Refuse numbers that are not finite: what they do cannot be undone."""
@@ -188,7 +182,7 @@ def _actuators_by_rows(swarm: Swarm) -> Iterator[tuple[Actuator, np.ndarray]]:
             yield actuator, rows
 
 
-def _guarded(do: Callable, device: Device, model: Any, scene: Surroundings) -> None:
+def _call_device(do: Callable, device: Device, model: Any, scene: Surroundings) -> None:
     """Call a function of the user's; an error of it becomes one line that names the device."""
     try:
         do(model, scene)

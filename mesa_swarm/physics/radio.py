@@ -12,7 +12,7 @@ from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
-from mesa_swarm.physics.sensing import into_frame
+from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import HEARD, OF_HEARD, SEND, Radio
 from mesa_swarm.robots.swarm import Swarm
@@ -253,7 +253,7 @@ def hear_messages(
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
         for k in range(heard):
             j = senders[i, k]
-            ahead, aside = into_frame(position[j, 0] - x, position[j, 1] - y, cosine, sine)
+            ahead, aside = rotate_into_frame(position[j, 0] - x, position[j, 1] - y, cosine, sine)
             distance[i, k], bearing[i, k] = math.sqrt(distance[i, k]), math.atan2(aside, ahead)
 
 
@@ -314,7 +314,7 @@ def put_in_frames(position, heading, points, rows, out):
         out[i, 0], out[i, 1] = math.nan, math.nan
         if rows[i] >= 0:
             dx, dy = points[rows[i], 0] - position[i, 0], points[rows[i], 1] - position[i, 1]
-            out[i, 0], out[i, 1] = into_frame(dx, dy, math.cos(heading[i]), math.sin(heading[i]))
+            out[i, 0], out[i, 1] = rotate_into_frame(dx, dy, math.cos(heading[i]), math.sin(heading[i]))
 
 
 @compiled
@@ -383,12 +383,12 @@ def item_meets(item, ax, ay, bx, by, edges, discs):
 @compiled
 def is_lost(word, sender, hearer, probability):
     """Return whether a broadcast is lost, by a hash of the step's word and both numbers: independent of order."""
-    bits = mixed(mixed(word + GOLDEN * np.uint64(sender)) + GOLDEN * np.uint64(hearer))
+    bits = mix_bits(mix_bits(word + GOLDEN * np.uint64(sender)) + GOLDEN * np.uint64(hearer))
     return (bits >> np.uint64(11)) * 2.0**-53 < probability
 
 
 @compiled
-def mixed(bits):
+def mix_bits(bits):
     """Return 64 bits that all depend on all of those given (the finaliser of SplitMix64)."""
     bits = (bits ^ (bits >> np.uint64(30))) * FIRST_FACTOR
     bits = (bits ^ (bits >> np.uint64(27))) * SECOND_FACTOR

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mesa_swarm.geometry.grid import CellLists, cell_at, cell_index
-from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment
+from mesa_swarm.geometry.overlap import is_in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
@@ -173,11 +173,11 @@ def _find_statics(chunk, reach, edges, static_kind, lists, near_items, m):
                 continue
             ax, ay = edges[item, 0] - x, edges[item, 1] - y
             bx, by = edges[item, 2] - x, edges[item, 3] - y
-            if not segment_within(ax, ay, bx, by, reach[d]):
+            if not is_segment_within(ax, ay, bx, by, reach[d]):
                 continue
             kind = static_kind[item]
-            ax, ay = into_frame(ax, ay, axes[k, 0], axes[k, 1])
-            bx, by = into_frame(bx, by, axes[k, 0], axes[k, 1])
+            ax, ay = rotate_into_frame(ax, ay, axes[k, 0], axes[k, 1])
+            bx, by = rotate_into_frame(bx, by, axes[k, 0], axes[k, 1])
             for s in range(counts[d]):
                 gap = look_at_segment(
                     ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
@@ -249,7 +249,7 @@ def _see_discs(chunk, near_items, m):
                 q = -1 - q
                 dx, dy, radius[n], kind[n] = discs[q, 0] - px, discs[q, 1] - py, discs[q, 2], disc_kind[q]
             owner[n] = k
-            ahead[n], aside[n] = into_frame(dx, dy, axes[k, 0], axes[k, 1])
+            ahead[n], aside[n] = rotate_into_frame(dx, dy, axes[k, 0], axes[k, 1])
             n += designs[k] == d
         for s in range(counts[d]):
             mount_x, mount_y, ux, uy = (
@@ -260,7 +260,7 @@ def _see_discs(chunk, near_items, m):
             # A sector of more than half a circle has no side that could be sorted out.
             wide = math.inf if cos_half < 0.0 else 0.0
             for f in range(n):
-                x[f], y[f] = into_frame(ahead[f] - mount_x, aside[f] - mount_y, ux, uy)
+                x[f], y[f] = rotate_into_frame(ahead[f] - mount_x, aside[f] - mount_y, ux, uy)
                 side = max(abs(y[f]) * cos_half - x[f] * sin_half, -x[f]) - (radius[f] + wide)
                 beyond = x[f] * x[f] + y[f] * y[f] - (far + radius[f]) ** 2
                 beside[f] = max(side, beyond)
@@ -279,13 +279,13 @@ def _see_discs(chunk, near_items, m):
 
 
 @compiled
-def into_frame(x, y, axis_x, axis_y):
+def rotate_into_frame(x, y, axis_x, axis_y):
     """Return a vector in a frame whose x axis is the unit vector (axis_x, axis_y)."""
     return axis_x * x + axis_y * y, axis_x * y - axis_y * x
 
 
 @compiled
-def segment_within(ax, ay, bx, by, far):
+def is_segment_within(ax, ay, bx, by, far):
     """Return whether the box around a segment meets a square of half side `far` about the origin."""
     return min(ax, bx) <= far and max(ax, bx) >= -far and min(ay, by) <= far and max(ay, by) >= -far
 
@@ -298,8 +298,8 @@ def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, ra
     """
     if is_just_behind(ax, ay, bx, by, touch):
         return 0.0
-    ax, ay = into_frame(ax, ay, axis_x, axis_y)
-    bx, by = into_frame(bx, by, axis_x, axis_y)
+    ax, ay = rotate_into_frame(ax, ay, axis_x, axis_y)
+    bx, by = rotate_into_frame(bx, by, axis_x, axis_y)
     if rays > 0.0:
         return rays_to_segment(ax, ay, bx, by, half, int(rays), limit)
     return sector_to_segment(ax, ay, bx, by, cos_half, sin_half, limit)
@@ -342,12 +342,12 @@ def sense_inside(position, heading, design, sensors, counts, edges, edge_kind, r
                 body_kind = edge_kind[rings[p, 0]]
                 nearest = math.inf if kind[i, s] == NOTHING else distance[i, s]
                 nearer = is_nearest_body(0.0, body_kind, nearest, kind[i, s])
-                if nearer and in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
+                if nearer and is_in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
                     distance[i, s], kind[i, s] = 0.0, body_kind
 
 
 @compiled
-def err(distance, design, sensors, noise, draws, step, error):
+def add_errors(distance, design, sensors, noise, draws, step, error):
     """Disturb readings: with probability p a distance d becomes d (1 +- magnitude), within [0, range]; -1 stays -1.
 
     Of `draws`, uniform in [0, 1), those below p / 2 subtract, and from there to p add. The relative error is drawn anew
@@ -389,7 +389,7 @@ def sense_hot_discs(i, s, pose, sensor, heat, radiation):
     for k in range(heat.disc_row.shape[0]):
         disc, temperature = heat.disc_row[k], heat.temperature[heat.disc_body[k]]
         if temperature > radiation[i, s]:
-            x, y = in_sensor(heat.discs[disc, 0], heat.discs[disc, 1], pose, sensor)
+            x, y = place_in_sensor(heat.discs[disc, 0], heat.discs[disc, 1], pose, sensor)
             limits = sensor[COS_HALF], sensor[SIN_HALF], sensor[RANGE]
             if sector_to_disc(x, y, heat.discs[disc, 2], *limits) < math.inf:
                 radiation[i, s] = temperature
@@ -401,15 +401,15 @@ def sense_hot_edges(i, s, pose, sensor, heat, radiation):
     for k in range(heat.edge_row.shape[0]):
         edge, temperature = heat.edge_row[k], heat.temperature[heat.edge_body[k]]
         if temperature > radiation[i, s]:
-            ax, ay = in_sensor(heat.edges[edge, 0], heat.edges[edge, 1], pose, sensor)
-            bx, by = in_sensor(heat.edges[edge, 2], heat.edges[edge, 3], pose, sensor)
+            ax, ay = place_in_sensor(heat.edges[edge, 0], heat.edges[edge, 1], pose, sensor)
+            bx, by = place_in_sensor(heat.edges[edge, 2], heat.edges[edge, 3], pose, sensor)
             limits = sensor[COS_HALF], sensor[SIN_HALF], sensor[RANGE]
             if sector_to_segment(ax, ay, bx, by, *limits) < math.inf:
                 radiation[i, s] = temperature
 
 
 @compiled
-def in_sensor(x, y, pose, sensor):
+def place_in_sensor(x, y, pose, sensor):
     """Return a point of the world in the frame of a sensor; `pose` is x, y, cosine and sine of the robot's heading."""
     robot_x, robot_y, cosine, sine = pose
     dx, dy = x - robot_x, y - robot_y
@@ -434,7 +434,7 @@ def sense_line(position, heading, design, mounts, marks, rings, discs, line):
             y = position[i, 1] + sine * mx + cosine * my
             line[i, s] = False
             for p in range(rings.shape[0]):
-                if in_polygon(x, y, marks, rings[p, 0], rings[p, 1]):
+                if is_in_polygon(x, y, marks, rings[p, 0], rings[p, 1]):
                     line[i, s] = True
             for k in range(discs.shape[0]):
                 if math.hypot(x - discs[k, 0], y - discs[k, 1]) <= discs[k, 2]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mesa_swarm.geometry.grid import cell_at
-from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows
@@ -25,7 +25,7 @@ from mesa_swarm.physics.contact import (
     edge_overlap,
     note_contact,
     push_all_from_statics,
-    solids_in,
+    unpack_solids,
 )
 from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
 from mesa_swarm.physics.motion import copy_places, least_radius
@@ -69,7 +69,7 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
     those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs are
     listed anew, and the places written.
     """
-    c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
+    c, solids = unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
     position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
     n, margin, begins = len(radius), MARGIN * least_radius(radius), True
     push, awake, moved_rows = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
@@ -88,7 +88,7 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
         moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
         push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
         far = farthest_from(listed, position, moved_rows[:moving])
-        count = pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
+        count = list_pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
             awake[moved_rows[k]] = False
     return False, pairs
@@ -100,7 +100,7 @@ def separate_near(crowd, statics, movers, pairs, most_sweeps):
 
     `STRAYED` means that one has to go farther: all are where they were.
     """
-    state, overlaps = overlaps_of(crowd, pairs)
+    state, overlaps = check_overlaps(crowd, pairs)
     c = unpack(crowd, CrowdArrays)
     if len(overlaps) == 0:
         return state if c.free.all() else max(state, STUCK)
@@ -112,13 +112,13 @@ def separate_near(crowd, statics, movers, pairs, most_sweeps):
 
 
 @compiled(nogil=True, apart=True)
-def overlaps_of(crowd, pairs):
+def check_overlaps(crowd, pairs):
     """Return `STRAYED` if robots went too far since pairs were listed, else `SETTLED`, and which pairs overlap."""
     c = unpack(crowd, CrowdArrays)
     position, radius = c.places, c.radii
     if 2.0 * farthest_of_all(c.listed, position) > MARGIN * least_radius(radius):
-        return STRAYED, overlapping(position, radius, pairs[:0])
-    return SETTLED, overlapping(position, radius, pairs)
+        return STRAYED, find_overlaps(position, radius, pairs[:0])
+    return SETTLED, find_overlaps(position, radius, pairs)
 
 
 @compiled(nogil=True, apart=True)
@@ -141,7 +141,7 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, 
     `SETTLED`; `STUCK` if robots overlap after `most_sweeps`; `STRAYED` if one has gone so far that it may have met
     robots beyond its group, which is then left as it is.
     """
-    c, solids, margin = unpack(crowd, CrowdArrays), solids_in(statics, movers), groups.margin
+    c, solids, margin = unpack(crowd, CrowdArrays), unpack_solids(statics, movers), groups.margin
     position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
     start, own, push, awake, group = groups.start, groups.own, groups.push, groups.awake, groups.group
     selection, count, later = collect_groups(first, last, begin, all_overlaps, pairs, start, own, group)
@@ -155,7 +155,7 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, 
         if 2.0 * farthest_from(listed, position, moved_rows[:moving]) > margin:
             mark_strayed(listed, position, moved_rows[:moving], margin, group, strayed)
             worst = STRAYED
-        count = pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
+        count = list_pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
             awake[moved_rows[k]] = False
     return later, max(worst, STUCK)
@@ -266,7 +266,7 @@ def pairs_by_robot(pairs, n):
 
 
 @compiled
-def pairs_of(moved_rows, awake, pairs, start, own, selection, group, strayed):
+def list_pairs_of(moved_rows, awake, pairs, start, own, selection, group, strayed):
     """Write the pairs of robots that were moved, each once, into `selection`, and return how many; `awake` marks them.
 
     Those of groups that have strayed are left out. `selection` has room for one more than all pairs.
@@ -284,7 +284,7 @@ def pairs_of(moved_rows, awake, pairs, start, own, selection, group, strayed):
 
 
 @compiled
-def overlapping(position, radius, pairs):
+def find_overlaps(position, radius, pairs):
     """Return which pairs overlap by more than rounding."""
     overlaps, count = np.empty(pairs.shape[0], np.int64), 0
     for k in range(pairs.shape[0]):
@@ -347,7 +347,7 @@ def apply_pushes(position, push, radius, pairs, overlaps, awake, moved_rows):
 @compiled(apart=True)
 def return_to_free_places(crowd, statics, movers, pairs):
     """Return to their last free place the robots that overlap, and those that then overlap them."""
-    c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
+    c, solids = unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
     position, before, radius, listed, contacts, free = c.places, c.before, c.radii, c.listed, c.contacts, c.free
     n = len(radius)
     back = np.zeros(n, np.bool_)
@@ -450,5 +450,5 @@ def stop_jumps(position, radius, edges, discs, movers):
         for i in range(position.shape[0]):
             x, y, far = position[i, 0], position[i, 1], reach[b] + radius[i]
             near = len(rows) > 0 and (x - place[b, 0]) ** 2 + (y - place[b, 1]) ** 2 < far * far
-            bodies[b] |= near and in_polygon(x, y, edges, rows[0], rows[-1] + 1)
+            bodies[b] |= near and is_in_polygon(x, y, edges, rows[0], rows[-1] + 1)
     return_bodies(bodies & jumps, movers, edges, discs)

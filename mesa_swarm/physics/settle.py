@@ -6,7 +6,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import PlacementError
 from mesa_swarm.geometry.grid import GridNumbers
-from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
@@ -20,7 +20,7 @@ SWEEPS = np.int64(400)
 RING = 0.125
 
 
-def settle(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
+def settle_robots(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
     """Move every robot that overlaps anything to free room nearby, whatever the tangle, or raise `PlacementError`.
 
     `grid` finds robots near each other.
@@ -43,10 +43,10 @@ def settle(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
     if not is_free_of_overlaps:
         robot = leave_each_other(position, radius, solids, rings)
         if robot >= 0:
-            raise no_room(robot, radius)
+            raise no_room_error(robot, radius)
 
 
-def no_room(i: int, radius: np.ndarray) -> PlacementError:
+def no_room_error(i: int, radius: np.ndarray) -> PlacementError:
     """Return the error for robot i, for which there is no room left."""
     robot = f"robot {i + 1} of {len(radius)} (radius {radius[i]:g})"
     return PlacementError(f"no room is left for {robot}; remove robots or obstacles")
@@ -58,7 +58,7 @@ def is_free(x, y, radius, statics, rings):
     if deepest_static(x, y, radius, statics)[0] > SLOP * radius:
         return False
     for p in range(rings.shape[0]):
-        if in_polygon(x, y, statics.edges, rings[p, 0], rings[p, 1]):
+        if is_in_polygon(x, y, statics.edges, rings[p, 0], rings[p, 1]):
             return False
     return True
 

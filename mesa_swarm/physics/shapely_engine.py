@@ -19,14 +19,14 @@ from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
 from mesa_swarm.physics.engine import CONTACT_COLUMNS, Engine, begin_way, hold_readings
-from mesa_swarm.physics.motion import advance, count_pieces
+from mesa_swarm.physics.motion import advance_robots, count_pieces
 from mesa_swarm.physics.moving import LONGEST_STEP, MOST_PIECES
-from mesa_swarm.physics.sensing import err
+from mesa_swarm.physics.sensing import add_errors
 from mesa_swarm.physics.separation import MOST_SWEEPS
-from mesa_swarm.physics.settle import RING, SWEEPS, no_room
+from mesa_swarm.physics.settle import RING, SWEEPS, no_room_error
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
@@ -116,7 +116,7 @@ def sense_proximity_by_shapely(
         discs = centres[others], radii[others], kinds[others]
         for s in range(swarm.table.counts[swarm.design[i]]):
             view = view_of(swarm, i, swarm.table.proximity[swarm.design[i], s], reach_beyond(radii))
-            distance[i, s], kind[i, s] = nearest(view, solids, *discs)
+            distance[i, s], kind[i, s] = nearest_in_view(view, solids, *discs)
 
 
 def sense_radiation_by_shapely(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
@@ -142,11 +142,13 @@ def sense_line_by_shapely(swarm: Swarm, surroundings: Surroundings, line: np.nda
     line[:] = False
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].line)):
-            point = Point(in_world(swarm, i, swarm.table.line[design, s]))
+            point = Point(place_in_world(swarm, i, swarm.table.line[design, s]))
             line[i, s] = any(point.distance(geometry) <= radius for geometry, radius in marks)
 
 
-def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray) -> tuple[float, int]:
+def nearest_in_view(
+    view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray
+) -> tuple[float, int]:
     """Return distance and kind of the nearest body in a view; of equally near bodies the lowest kind."""
     polygons = solids.tree.query(view.apex, predicate="dwithin", distance=view.range)
     near = np.flatnonzero(shapely.distance(view.apex, centres) - radii <= view.range)
@@ -180,14 +182,14 @@ def _first_hit(ray: LineString, centre: Point, radius: float) -> float:
 
 def view_of(swarm: Swarm, i: int, sensor: np.ndarray, beyond: float) -> View:
     """Return the view of a sensor of robot i, a row of `DesignTable.proximity` or `radiation`; see `reach_beyond`."""
-    apex = in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
+    apex = place_in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
     azimuth = swarm.heading[i] + math.atan2(sensor[AXIS_Y], sensor[AXIS_X])
     half, count, reach = sensor[HALF], int(sensor[RAYS]), sensor[RANGE] + beyond
     turns = np.linspace(-half, half, count) if count > 1 else np.zeros(count)
     if count == 0 and half < math.pi:
         turns = np.array([-half, half])
     rays = tuple(LineString([apex, _toward(apex, azimuth + turn, reach)]) for turn in turns)
-    area = MultiLineString(rays) if count else wedge(apex, azimuth, half, reach)
+    area = MultiLineString(rays) if count else make_wedge(apex, azimuth, half, reach)
     return View(Point(apex), area, rays, sensor[RANGE])
 
 
@@ -196,7 +198,7 @@ def reach_beyond(radii: np.ndarray) -> float:
     return 1.0 + radii.max(initial=0.0)
 
 
-def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGeometry:
+def make_wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGeometry:
     """Return a wedge that covers the sector of half angle `half` (rad) about an azimuth as far as `reach`.
 
     A half angle of 0 makes the wedge a line; pi or more, a plain polygon around the apex.
@@ -209,7 +211,7 @@ def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGe
     return Polygon(fan[:-1]) if half >= math.pi else Polygon([apex, *fan])
 
 
-def in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
+def place_in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
     """Return the place of a mount of robot i in the world (A.8, A.9)."""
     cosine, sine = math.cos(swarm.heading[i]), math.sin(swarm.heading[i])
     return swarm.position[i] + np.array([[cosine, -sine], [sine, cosine]]) @ mount
@@ -265,7 +267,7 @@ class Travelling:
         self._longest = LONGEST_STEP * radius.min(initial=math.inf)
         self._end = np.column_stack([t.aim[rows], t.aim_heading[rows]])
         ways = self._end - self._begin
-        self._turns = np.array([wrapped(turn) for turn in ways[:, 2]])
+        self._turns = np.array([wrap_angle(turn) for turn in ways[:, 2]])
         far = np.hypot(ways[:, 0], ways[:, 1]) + t.reach[rows] * abs(self._turns)
         self._needed = np.ceil(far / self._longest - 1e-9)
 
@@ -284,7 +286,7 @@ class Travelling:
                 self._put(b, self._end[b])
             else:
                 pose = self._begin[b] + (piece + 1) / pieces * (self._end[b] - self._begin[b])
-                self._put(b, (*pose[:2], wrapped(self._begin[b, 2] + (piece + 1) / pieces * self._turns[b])))
+                self._put(b, (*pose[:2], wrap_angle(self._begin[b, 2] + (piece + 1) / pieces * self._turns[b])))
             if jumps and self._overlapped(b, position, radius).any():
                 self._stop(b)
         if moves.any():
@@ -346,7 +348,7 @@ def travel_by_shapely(
         before = position.copy()
         contacts.face[:] = 0.0
         bodies.advance(piece, pieces, position, radius)
-        advance(position, heading, motion, pieces)
+        advance_robots(position, heading, motion, pieces)
         if not separate_by_shapely(position, radius, bodies.solids, contacts, int(MOST_SWEEPS)):
             return_overlapping(position, before, radius, bodies.solids, contacts, bodies)
         turn_along_faces(np.arange(len(heading)), heading, motion, contacts.face, turn_angle, extra_turn)
@@ -507,7 +509,7 @@ def separate_placed_robots(position: np.ndarray, radius: np.ndarray, bounds: tup
         if is_free_of_solids(place, radius[i], solids)[0] and is_apart_from_robots(i, place, position, radius)[0]:
             continue
         if not find_room_among_solids(i, position, radius, bounds, solids, apart=True):
-            raise no_room(i, radius)
+            raise no_room_error(i, radius)
 
 
 def is_free_of_solids(places: np.ndarray, radius: float, solids: Solids) -> np.ndarray:
@@ -533,7 +535,7 @@ def find_room_among_solids(
     i: int, position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids, *, apart: bool
 ) -> bool:
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
-    for places in rings(position[i].copy(), radius[i], bounds):
+    for places in places_on_rings(position[i].copy(), radius[i], bounds):
         # The solid outside ends somewhere; beyond that there is no room either.
         free = is_on_map(places, bounds) & is_free_of_solids(places, radius[i], solids)
         if apart:
@@ -544,7 +546,7 @@ def find_room_among_solids(
     return False
 
 
-def rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]) -> Iterator[np.ndarray]:
+def places_on_rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]) -> Iterator[np.ndarray]:
     """Yield places on growing circles around a point until they are beyond the map."""
     farthest = 2 * Point(bounds[:2]).distance(Point(bounds[2:]))
     distance = 0.0
@@ -569,7 +571,7 @@ class ShapelyEngine(Engine):
         old = distance.copy(), kind.copy()
         sense_proximity_by_shapely(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
         if draws is not None:
-            err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
+            add_errors(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
         hold_readings(swarm, step, *old)
         sense_radiation_by_shapely(swarm, surroundings, columns["radiation"])
         sense_line_by_shapely(swarm, surroundings, columns["line"])

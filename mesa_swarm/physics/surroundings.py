@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.load_room import Poses, Room, room_of
 from mesa_swarm.physics.moving import Moving, MovingItems, place_items
@@ -88,8 +88,8 @@ class Surroundings:
             poses=Poses(bodies.position, bodies.heading, bodies.mode, loads, driven),
             listed=np.column_stack([bodies.position[loads], bodies.heading[loads]]),
             slack=slack - STEP * touch,
-            items=items_of(statics, bodies, rows, pushed),
-            radiating=radiating_of(statics, bodies, rows),
+            items=list_items_of(statics, bodies, rows, pushed),
+            radiating=list_radiating(statics, bodies, rows),
             room=room or (room_of(statics, bodies, pushed, sent, rows) if len(loads) else None),
             moving=moving,
         )
@@ -127,7 +127,7 @@ class Surroundings:
         t = self.bodies
         start, aim = np.append(t.position[b], t.heading[b]), np.append(t.aim[b], t.aim_heading[b])
         way, pose = aim - start, t.pose_of(load)
-        way[2] = wrapped(way[2])
+        way[2] = wrap_angle(way[2])
         far = t.reach[b] + t.reach[load]
         length = math.hypot(way[0], way[1])
         if math.hypot(start[0] - pose[0], start[1] - pose[1]) > far + length:
@@ -152,7 +152,7 @@ class Surroundings:
         place_items(self.bodies.position, self.bodies.heading, self.items, self.statics.edges, self.statics.discs)
 
 
-def items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.ndarray) -> MovingItems:
+def list_items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.ndarray) -> MovingItems:
     """Return the items of the bodies with these indices among the shapes, and their edges in their own frames."""
     listing = [(int(rows[i]), cast(Form, bodies.forms[rows[i]]), statics.rows_of(i)) for i in indices.tolist()]
     polygons = [(row, edges_of(Shape(form.outline)), items) for row, form, items in listing if not form.radius]
@@ -167,7 +167,7 @@ def items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.
     )
 
 
-def radiating_of(statics: Statics, bodies: BodyTable, rows: np.ndarray) -> Radiating:
+def list_radiating(statics: Statics, bodies: BodyTable, rows: np.ndarray) -> Radiating:
     """Return what radiates of the bodies with these rows."""
     radiates = np.append(~np.isnan(bodies.temperature[rows]), False)[statics.shape]
     edges, discs = np.flatnonzero(radiates[: len(statics.edges)]), np.flatnonzero(radiates[len(statics.edges) :])

@@ -26,7 +26,7 @@ LOOKS = np.int64(4000)
 OnRows = Callable[[int, int], Any]
 
 
-def checked_threads(threads: int | None) -> int:
+def check_threads(threads: int | None) -> int:
     """Return the number of threads of a model; without one that of the environment variable, or 1.
 
     Raises
@@ -35,7 +35,7 @@ def checked_threads(threads: int | None) -> int:
 
     Examples
     --------
-    >>> checked_threads(4)
+    >>> check_threads(4)
     4
     """
     if threads is not None:
@@ -48,19 +48,19 @@ def checked_threads(threads: int | None) -> int:
     return int(text)
 
 
-def processors() -> int:
+def count_processors() -> int:
     """Return how many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def ranges(n: int, parts: int) -> Iterator[tuple[int, int]]:
+def split_rows(n: int, parts: int) -> Iterator[tuple[int, int]]:
     """Yield the first row of each part, and one past its last.
 
     Examples
     --------
-    >>> list(ranges(10, 3))
+    >>> list(split_rows(10, 3))
     [(0, 3), (3, 6), (6, 10)]
     """
     for part in range(parts):
@@ -130,17 +130,17 @@ class RowThreads:
     def share(self, n: int, parts: int, rows: OnRows) -> list[Any]:
         """Call ``rows(first, last)`` for the ranges of n rows at the same time, and return the results in order."""
         if parts == 1 or not self._lock.acquire(blocking=False):
-            return [rows(first, last) for first, last in ranges(n, parts)]
+            return [rows(first, last) for first, last in split_rows(n, parts)]
         try:
-            return self._share(list(ranges(n, parts)), rows)
+            return self._share(list(split_rows(n, parts)), rows)
         finally:
             self._lock.release()
 
     def _share(self, parts: list[tuple[int, int]], rows: OnRows) -> list[Any]:
-        helping = min(len(parts), processors()) - 1
+        helping = min(len(parts), count_processors()) - 1
         while len(self._threads) < helping:
             self._threads.append(RowThread())
-        crews = [list(range(begin, end)) for begin, end in ranges(len(parts), helping + 1)]
+        crews = [list(range(begin, end)) for begin, end in split_rows(len(parts), helping + 1)]
         results: list[Any] = [None] * len(parts)
 
         def work(crew: list[int]) -> None:

@@ -16,21 +16,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
-from mesa_swarm.physics.contact import push_all_from_statics, solids_in
+from mesa_swarm.physics.contact import push_all_from_statics, unpack_solids
 from mesa_swarm.physics.crowd import CrowdArrays
-from mesa_swarm.physics.motion import count_pieces, moved_by
+from mesa_swarm.physics.motion import count_pieces, move_along_arc
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
 from mesa_swarm.physics.separation import (
     MOST_SWEEPS,
     NONE,
     SETTLED,
     STRAYED,
+    check_overlaps,
     finish_separation,
-    overlaps_of,
     return_to_free_places,
     separate,
     separate_groups,
@@ -129,7 +129,7 @@ def travel_together(share: Share, n: int, pairs: np.ndarray, turn_angle: float, 
 def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: Sequence) -> int:
     """Separate robots as `separate_near` does."""
     crowd, *_ = bodies
-    state, overlaps = overlaps_of(crowd, pairs)
+    state, overlaps = check_overlaps(crowd, pairs)
     if state == STRAYED:
         return state
     groups = start_groups(crowd, pairs)
@@ -160,7 +160,7 @@ def count_all_pieces(robots, movers):
 def begin_piece(piece, pieces, robots, crowd, statics, movers):
     """Move driven bodies through a piece of their way."""
     if movers is not None:
-        r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), solids_in(statics, movers)
+        r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
         order, places, position = c.order, c.places, r.position
         if piece == 0:
             for p in range(order.shape[0]):
@@ -172,7 +172,7 @@ def begin_piece(piece, pieces, robots, crowd, statics, movers):
 @compiled(nogil=True, apart=True)
 def advance_rows(piece, pieces, robots, crowd, statics, movers, first, last):
     """Move robots p in [first, last) through a piece of their arcs, and out of static bodies."""
-    r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), solids_in(statics, movers)
+    r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
     position, heading, motion, order, places, before = r.position, r.heading, r.motion, c.order, c.places, c.before
     depth, face, extra_turn = c.contacts.depth, c.contacts.face, r.extra_turn
     for p in range(first, last):
@@ -182,7 +182,7 @@ def advance_rows(piece, pieces, robots, crowd, statics, movers, first, last):
             depth[p], extra_turn[i] = 0.0, 0.0
         before[p, 0], before[p, 1] = places[p, 0], places[p, 1]
         face[p, 2] = 0.0
-        dx, dy, heading[i] = moved_by(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
+        dx, dy, heading[i] = move_along_arc(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
         places[p, 0] += dx
         places[p, 1] += dy
     push_all_from_statics(c.rows[first:last], places, c.radii, solids, c.contacts, c.free)
@@ -214,7 +214,7 @@ def turn_along_faces(order, heading, motion, face, turn_angle, extra_turn):
         along_x, along_y = tx + into * face[p, 0], ty + into * face[p, 1]
         turn = math.atan2(tx * along_y - ty * along_x, tx * along_x + ty * along_y)
         extra_turn[i] += turn
-        heading[i] = wrapped(heading[i] + turn)
+        heading[i] = wrap_angle(heading[i] + turn)
 
 
 @compiled(nogil=True, apart=True)

@@ -332,12 +332,12 @@ class DesignTable:
     @classmethod
     def of(cls, designs: Sequence[RobotDesign]) -> "DesignTable":
         """Stack these designs."""
-        proximity = _stacked([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
+        proximity = _stack_devices([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         # Rows of padding have a range below 0, and no mount.
         is_sensor = proximity[..., RANGE] >= 0.0
         mounts = np.where(is_sensor, np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
         radii = np.array([d.radius for d in designs])[:, None]
-        noise = _stacked(
+        noise = _stack_devices(
             [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs],
             4,
             pad=0.0,
@@ -349,11 +349,11 @@ class DesignTable:
         return cls(
             designs=tuple(designs),
             proximity=proximity,
-            bearing=_stacked([[(bearing,) for bearing in d._bearings] for d in designs], 1)[..., 0],
+            bearing=_stack_devices([[(bearing,) for bearing in d._bearings] for d in designs], 1)[..., 0],
             counts=np.array([len(d.proximity) for d in designs], np.int64),
             noise=noise,
-            radiation=_stacked([[_sector(s, d.radius) for s in d.radiation] for d in designs], 9),
-            line=_stacked([[s.mount for s in d.line] for d in designs], 2, pad=math.nan),
+            radiation=_stack_devices([[_sector(s, d.radius) for s in d.radiation] for d in designs], 9),
+            line=_stack_devices([[s.mount for s in d.line] for d in designs], 2, pad=math.nan),
             reach=np.max(mounts + proximity[..., RANGE], axis=1, initial=0.0),
             forward=np.array([(d.front, d.left, d.right) for d in designs], np.int64).reshape(-1, 3),
             slip=slip,
@@ -409,7 +409,7 @@ def _sector(sensor: ProximitySensor | RadiationSensor, radius: float) -> tuple[f
     return *mount_of(sensor, radius), *axis, *edge, sensor.range, getattr(sensor, "rays", 0), half
 
 
-def _stacked(rows: Sequence[Sequence[tuple[float, ...]]], width: int, pad: float = -1.0) -> np.ndarray:
+def _stack_devices(rows: Sequence[Sequence[tuple[float, ...]]], width: int, pad: float = -1.0) -> np.ndarray:
     most = max((len(row) for row in rows), default=0)
     table = np.full((len(rows), most, width), pad)
     for d, row in enumerate(rows):

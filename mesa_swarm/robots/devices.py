@@ -18,19 +18,19 @@ from mesa_swarm.base.errors import (
     check_count,
     shortened,
 )
-from mesa_swarm.kernels.compiled import custom_compiled, is_refused
-from mesa_swarm.kernels.custom_code import digest_function, renamed, stored_on_disk
+from mesa_swarm.kernels.compiled import compile_custom, is_refused
+from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
 
 MOST_NUMBERS = 10_000
 # How similar a kind is at least to a known one that it misspells: "pukc" and "puck" are 0.75, "food" and "load" 0.5.
 ALIKE = 0.7
-# Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve`; and those of what
+# Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve_names`; and those of what
 # functions of arrays take.
 OF_FUNCTIONS = ("obstacles", "out", "owners", "rows", "value")
 RESERVED = set(OF_FUNCTIONS)
 
 
-def reserve(names: Iterable[str]) -> None:
+def reserve_names(names: Iterable[str]) -> None:
     """Reserve public names, so that no custom sensor can have them; called where they are declared."""
     RESERVED.update(name for name in names if not name.startswith("_"))
 
@@ -121,7 +121,7 @@ def check_device(what: str, device: Any, function: str, taken_names: Container[s
             "and its fields numbers, texts or tuples"
         ) from None
     if own_function(device, function) is not None:
-        names_taken(own_function(device, function), f"{kind}.{function}")
+        argument_names(own_function(device, function), f"{kind}.{function}")
 
 
 def own_function(device: Any, name: str) -> Callable | None:
@@ -134,7 +134,7 @@ def own_function(device: Any, name: str) -> Callable | None:
     raise InvalidValueError(f"{type(device).__name__}.{name} is {shortened(value)}; expected a @staticmethod of arrays")
 
 
-def names_taken(function: Any, what: str = "") -> tuple[str, ...]:
+def argument_names(function: Any, what: str = "") -> tuple[str, ...]:
     """Return the names of what a function of arrays takes.
 
     Raises
@@ -157,7 +157,7 @@ class DeviceFunction:
 
     def __init__(self, function: Any) -> None:
         self.function = getattr(function, "py_func", function)
-        self.takes = names_taken(function)
+        self.takes = argument_names(function)
         self._run: Any = _compiled(function) if self.function is function else function
 
     def __call__(self, *values: Any) -> None:
@@ -175,7 +175,7 @@ class DeviceFunction:
         code = self.function.__code__
         warnings.warn_explicit(
             f"{self.function.__qualname__} cannot be compiled and runs as plain Python, about 100 times slower: "
-            f"{brief(problem)}",
+            f"{extract_reason(problem)}",
             UncompiledBehaviourWarning,
             code.co_filename,
             code.co_firstlineno,
@@ -184,7 +184,7 @@ class DeviceFunction:
 
 def _compiled(function: Any) -> Any:
     digest = digest_function(function)
-    return stored_on_disk(custom_compiled(renamed(function, digest)), digest)
+    return store_on_disk(compile_custom(rename_function(function, digest)), digest)
 
 
 @cache
@@ -193,7 +193,7 @@ def device_function_of(function: Any) -> DeviceFunction:
     return DeviceFunction(function)
 
 
-def brief(problem: str) -> str:
+def extract_reason(problem: str) -> str:
     """Return the most specific line of Numba's explanation, and the line of the code that it is about."""
     lines = [line.strip() for line in problem.splitlines()]
     lines = [line for line in lines if line and not line.startswith("Failed in nopython")]

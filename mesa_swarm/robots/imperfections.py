@@ -186,7 +186,7 @@ def changes_nothing(imperfections: Imperfections) -> bool:
     return replace(imperfections, slip_magnitude=Imperfections().slip_magnitude) == Imperfections()
 
 
-def together(*sources: Imperfections | None) -> Imperfections | None:
+def combine_imperfections(*sources: Imperfections | None) -> Imperfections | None:
     """Return the imperfections of robots with several independent ones; None for none.
 
     Relative errors add as variances, probabilities as those of independent events, lags add up; the shorter charge and
@@ -194,38 +194,38 @@ def together(*sources: Imperfections | None) -> Imperfections | None:
 
     Examples
     --------
-    >>> both = together(ROBOTARIUM, Imperfections(sensing=Imperfection(error=0.04), slip_probability=0.1))
+    >>> both = combine_imperfections(ROBOTARIUM, Imperfections(sensing=Imperfection(error=0.04), slip_probability=0.1))
     >>> round(both.sensing.error, 3), both.slip_probability
     (0.05, 0.1)
-    >>> together(None, Imperfections()) is None
+    >>> combine_imperfections(None, Imperfections()) is None
     True
     """
     effective = [source for source in sources if source is not None and not changes_nothing(source)]
-    return reduce(_both, effective) if effective else None
+    return reduce(_combine_two, effective) if effective else None
 
 
-def _both(a: Imperfections, b: Imperfections) -> Imperfections:
+def _combine_two(a: Imperfections, b: Imperfections) -> Imperfections:
     return Imperfections(
         sensing=_combined(a.sensing, b.sensing),
         driving=_combined(a.driving, b.driving),
         battery=min(charges) if (charges := [part for part in (a.battery, b.battery) if part]) else 0.0,
         slip_magnitude=max((part.slip_magnitude for part in (a, b) if part.slip_probability), default=b.slip_magnitude),
-        **{name: _either(getattr(a, name), getattr(b, name)) for name in PROBABILITIES},
+        **{name: _probability_of_either(getattr(a, name), getattr(b, name)) for name in PROBABILITIES},
     )
 
 
 def _combined(a: Imperfection, b: Imperfection) -> Imperfection:
-    dropout = _either(a.dropout, b.dropout)
+    dropout = _probability_of_either(a.dropout, b.dropout)
     return Imperfection(
         error=min(math.hypot(a.error, b.error), LARGEST_ERROR),
         dropout=dropout,
-        outliers=min(_either(a.outliers, b.outliers), 1.0 - dropout),
+        outliers=min(_probability_of_either(a.outliers, b.outliers), 1.0 - dropout),
         hold=max(a.hold, b.hold),
         period=max(a.period, b.period),
         lag=min(a.lag + b.lag, LONGEST_LAG),
     )
 
 
-def _either(p: float, q: float) -> float:
+def _probability_of_either(p: float, q: float) -> float:
     """Return the probability of at least one of two independent events; exactly the other where one is 0."""
     return p + q - p * q

@@ -114,7 +114,7 @@ def length_unit(metres: float) -> tuple[str, float]:
     return next(((name, size) for name, size in LENGTHS if metres >= size * (1 - 1e-9)), LENGTHS[-1])
 
 
-def scale_or_none(scale: object) -> Scale | None:
+def check_scale(scale: object) -> Scale | None:
     """Return a model's scale, or refuse what is neither one nor None."""
     if scale is None or isinstance(scale, Scale):
         return scale
@@ -196,7 +196,7 @@ class RealRobot:
         >>> round(KILOBOT.design(scale=E_PUCK.scale).radius, 2)  # beside an e-puck
         2.23
         """
-        own_scale = scale_or_none(scale)
+        own_scale = check_scale(scale)
         units, step = (own_scale or self.scale).units_per_metre, (own_scale or self.scale).seconds_per_step
         body = {"radius": self.diameter * units / 2, "max_speed": self.max_speed * units * step}
         if own_scale is None:  # without rounding

@@ -15,11 +15,18 @@ from mesa_swarm.base.errors import (
     check_name,
     check_number,
 )
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.devices import reserve
+from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LASTING, WHEELS, Swarm
-from mesa_swarm.world.arena import Arena, ArenaAgent, leave_together, register_together, registers_together, uncollected
+from mesa_swarm.world.arena import (
+    Arena,
+    ArenaAgent,
+    leave_together,
+    pause_collection,
+    register_together,
+    registers_together,
+)
 from mesa_swarm.world.read_only import read_only
 
 SIDES = {"left": 1.0, "right": -1.0}
@@ -80,7 +87,7 @@ class Robot(ArenaAgent):
 
     @heading.setter
     def heading(self, value: float) -> None:
-        self._write("heading", wrapped(check_number("heading", value)))
+        self._write("heading", wrap_angle(check_number("heading", value)))
 
     @property
     def max_speed(self) -> float:
@@ -346,7 +353,7 @@ def add_handles(space: Arena, model: Model, swarm: Swarm) -> list[Robot]:
     if not rows or not registers_together(model):
         robots = [Robot(space, model, swarm, row) for row in rows]
     else:
-        with uncollected():
+        with pause_collection():
             robots = [object.__new__(Robot) for _ in rows]
             for robot in robots:
                 robot.swarm = swarm
@@ -373,4 +380,4 @@ def remove_together(robots: Sequence[Robot]) -> None:
     model.parts["robots"].drop_rows(sorted(rows))
 
 
-reserve(dir(Robot))
+reserve_names(dir(Robot))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.devices import RESERVED, Device, check_identifier, names_taken, own_function, reserve
+from mesa_swarm.robots.devices import RESERVED, Device, argument_names, check_identifier, own_function, reserve_names
 from mesa_swarm.world.arena import Agents
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.statics import BORDER, ROBOT
@@ -291,7 +291,7 @@ class Swarm:
         own = [name for name in dir(device) if not name.startswith("_") and not callable(getattr(device, name))]
         columns = (name for name in self.columns if name.isidentifier())
         names = sorted({*own, *columns, *known_names, "rows", "obstacles", "owners"})
-        for name in names_taken(function):
+        for name in argument_names(function):
             if name not in names:
                 of = f"{type(device).__name__}.{function.__name__}"
                 raise UnknownNameError(unknown_name(f"parameter of {of}", name, names))
@@ -412,7 +412,7 @@ class Swarm:
             old = self.columns.get(name)
             if old is not None and old.shape == full and old.dtype == dtype and not (new or is_shorter):
                 continue
-            column = _filled(full, initial, dtype)
+            column = _make_column(full, initial, dtype)
             if old is not None and len(rows):
                 shared = tuple(slice(0, w) for w in old.shape[1:])
                 column[(slice(0, len(rows)), *shared)] = old[rows] if is_shorter else old
@@ -426,7 +426,7 @@ class Swarm:
         self.__dict__[name] = view
 
 
-def _filled(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:
+def _make_column(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:
     """Return a new column; one of zeros takes no memory until it is written to."""
     if isinstance(initial, int | float) and initial == 0:
         return np.zeros(shape, dtype)
@@ -436,4 +436,4 @@ def _filled(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:
 COLUMNS: dict[str, tuple[tuple, type, object]] = {name: vars(Swarm)[name] for name in get_annotations(Swarm)}
 for _name in COLUMNS:
     delattr(Swarm, _name)
-reserve((*COLUMNS, *dir(Swarm), *vars(Swarm())))
+reserve_names((*COLUMNS, *dir(Swarm), *vars(Swarm())))

@@ -36,7 +36,7 @@ class _Counter:
 
     def __next__(self) -> int:
         """Return the unique_id of the next agent, and count it."""
-        unique_id = next_id(self._model)
+        unique_id = get_next_id(self._model)
         set_next_id(self._model, unique_id + 1)
         return unique_id
 
@@ -51,7 +51,7 @@ class ModelCounters:
         return _Counter(model)
 
 
-def next_id(model: Model) -> int:
+def get_next_id(model: Model) -> int:
     """Return the unique_id of the next agent of a model: 1 for the first one."""
     if "agent_id_counter" not in model.__dict__:  # a new model; or one that an older version has pickled
         present = (agent.unique_id for agent in getattr(model, "_agents", ()))
@@ -168,7 +168,7 @@ class Arena(ContinuousSpace):
     def get_k_nearest_agents(self, point: Point, k: int = 1) -> Neighbours:
         """Return the k agents nearest to `point`, all of them if there are fewer, and their distances."""
         distances, agents = self.calculate_distances(point)
-        nearest = np.argsort(distances, kind="stable")[: _checked_k(k)]
+        nearest = np.argsort(distances, kind="stable")[: _check_k(k)]
         return [agents[i] for i in nearest], distances[nearest]
 
     @property
@@ -358,7 +358,7 @@ def register_together(model: Model, space: Arena, agents: Sequence["ArenaAgent"]
 
     The model is one that `registers_together`.
     """
-    first, unique_id = space._n_agents, next_id(model)
+    first, unique_id = space._n_agents, get_next_id(model)
     set_next_id(model, unique_id + len(agents))
     numbers = _numbers((unique_id, first, rows.start), len(agents))
     for agent, own_id, index, row in zip(agents, *numbers, strict=True):
@@ -381,7 +381,7 @@ def _numbers(begins: Sequence[int], count: int) -> list[list[int]]:
 
 
 @contextmanager
-def uncollected() -> Iterator[None]:
+def pause_collection() -> Iterator[None]:
     """Let no garbage be collected while very many objects are made that stay: all would be visited, repeatedly."""
     was_on = gc.isenabled()
     gc.disable()
@@ -452,7 +452,7 @@ class ArenaAgent(ContinuousSpaceAgent):
 
     def get_nearest_neighbors(self, k: int = 1) -> Neighbours:
         """Return the k nearest other agents, all if there are fewer, and their distances."""
-        number = _checked_k(k)
+        number = _check_k(k)
         distances, agents = self._others()
         nearest = np.argsort(distances, kind="stable")[:number]
         return [agents[i] for i in nearest], distances[nearest]
@@ -474,5 +474,5 @@ def leave_together(agents: Sequence[ArenaAgent]) -> None:
         agent.space = agent._mesa_index = None
 
 
-def _checked_k(k: object) -> int:
+def _check_k(k: object) -> int:
     return max(check_count("k", k, minimum=-(2**31)), 0)

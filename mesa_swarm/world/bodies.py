@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers, disc
@@ -373,7 +373,7 @@ class BodyTable:
 
     def put(self, row: int, pose: Sequence[float]) -> None:
         """Put a body where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
-        *self.position[row], self.heading[row] = *pose[:2], wrapped(pose[2])
+        *self.position[row], self.heading[row] = *pose[:2], wrap_angle(pose[2])
         self.aim[row], self.aim_heading[row] = self.position[row], self.heading[row]
 
     def body_of(self, row: int) -> Shape:
@@ -493,7 +493,7 @@ class Body(ArenaAgent):
 
     @temperature.setter
     def temperature(self, value: float | None) -> None:
-        temperature = checked_temperature(value)
+        temperature = check_temperature(value)
         if self.space is None:
             raise RemovedRobotError("this body has been removed; take one from model.bodies")
         if not math.isnan(temperature) and not self.contact:
@@ -511,13 +511,13 @@ class Body(ArenaAgent):
         bodies.changed()
 
 
-def handles() -> dict[str, type[Body]]:
+def handle_classes() -> dict[str, type[Body]]:
     """Return the classes of handles by the mode in which such bodies are added, sorted.
 
     Examples
     --------
     >>> from mesa_swarm.world.movers import Driven
-    >>> list(handles()), handles()["driven"] is Driven
+    >>> list(handle_classes()), handle_classes()["driven"] is Driven
     (['driven', 'fixed', 'pushed'], True)
     """
     classes = {kind.added_as: kind for kind in reversed(_derived_from(Body)) if "added_as" in vars(kind)}
@@ -529,24 +529,24 @@ def _derived_from(kind: type[Body]) -> list[type[Body]]:
     return [derived for child in children for derived in (child, *_derived_from(child))]
 
 
-def checked_temperature(value: float | None) -> float:
+def check_temperature(value: float | None) -> float:
     """Return the temperature of a body as a float from 0 to 1, NaN for one that does not radiate."""
     return math.nan if value is None else check_number("temperature", value, minimum=0, maximum=1)
 
 
-def checked_resistance(value: float) -> float:
+def check_resistance(value: float) -> float:
     """Return a resistance as a float if it is above 0 and at most 1e9."""
     return check_number("resistance", value, above=0, maximum=LARGEST_RESISTANCE)
 
 
-def checked_pose(pose: Sequence[float], space: Arena) -> Pose:
+def check_pose(pose: Sequence[float], space: Arena) -> Pose:
     """Return a pose of the map, x, y and a finite heading, with the heading in [-pi, pi)."""
     numbers = as_numbers(pose)
     if numbers.shape != (3,):
         raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
     heading = check_number("heading", float(numbers[2]), minimum=-LARGEST_HEADING, maximum=LARGEST_HEADING)
     x, y = space.checked_point(numbers[:2]).tolist()
-    return x, y, wrapped(heading)
+    return x, y, wrap_angle(heading)
 
 
 class Obstacle(Body):
@@ -594,7 +594,7 @@ class Load(Obstacle):
 
     @resistance.setter
     def resistance(self, value: float) -> None:
-        self.table.resistance[self.row] = checked_resistance(value)
+        self.table.resistance[self.row] = check_resistance(value)
 
     @property
     def moved(self) -> bool:
@@ -623,7 +623,7 @@ class Load(Obstacle):
         >>> load.position
         array([120., 100.])
         """
-        place = checked_pose(pose, self.space)
+        place = check_pose(pose, self.space)
         self.model.parts["bodies"].check_room_for_load(self.form, place, self)
         self.table.put(self.row, place)
         self.model.parts["bodies"].scene_changed()  # sensors that were read already are read again

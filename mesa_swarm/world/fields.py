@@ -300,7 +300,7 @@ class ScalarField:
         array([4., 2., 0.])
         """
         self._check_present()
-        return self.look_up(_checked_positions(positions))[0]
+        return self.look_up(_check_positions(positions))[0]
 
     def gradient(self, positions: Any) -> np.ndarray:
         """Return the slopes in x and y at positions (n, 2): they point to where there is more.
@@ -320,7 +320,7 @@ class ScalarField:
         array([[0.1, 0. ]])
         """
         self._check_present()
-        return self.look_up(_checked_positions(positions))[1]
+        return self.look_up(_check_positions(positions))[1]
 
     def advance(self) -> None:
         """Advance by one step, without a model, which advances all of its fields at once."""
@@ -374,7 +374,7 @@ class ScalarField:
 
     def levels(self, most: int = MOST_PIXELS) -> np.ndarray:
         """Return the values as a picture of at most this many pixels, see `levels_of`."""
-        return levels_of(shrunk(self._values, most), self.peak)
+        return levels_of(average_blocks(self._values, most), self.peak)
 
     def checkpoint(self) -> dict:
         """Return all that a later step depends on."""
@@ -409,7 +409,7 @@ class ScalarField:
 
     def _checked_points(self, positions: Any) -> np.ndarray:
         self._check_present()
-        points = _checked_positions(positions)
+        points = _check_positions(positions)
         x_min, y_min, x_max, y_max = self.bounds
         outside = ((points < (x_min, y_min)) | (points > (x_max, y_max))).any(axis=1)
         if outside.any():
@@ -453,12 +453,12 @@ def values_of_levels(levels: np.ndarray, peak: float) -> np.ndarray:
     return peak * (levels / LEVELS) ** 2
 
 
-def shrunk(values: np.ndarray, most: int) -> np.ndarray:
+def average_blocks(values: np.ndarray, most: int) -> np.ndarray:
     """Return the means of square blocks of cells, so large that there are at most this many; the last may be narrower.
 
     Examples
     --------
-    >>> shrunk(np.arange(12.0).reshape(3, 4), 5)
+    >>> average_blocks(np.arange(12.0).reshape(3, 4), 5)
     array([[ 2.5,  4.5],
            [ 8.5, 10.5]])
     """
@@ -546,7 +546,7 @@ def _differs(sides: np.ndarray) -> np.ndarray:
     return closed & ~(blocked[1:-1, 1:-1] & around) if sides.size else closed
 
 
-def _checked_positions(positions: Any) -> np.ndarray:
+def _check_positions(positions: Any) -> np.ndarray:
     points = as_numbers(positions)
     if points.shape == (2,):
         points = points[None]

@@ -66,7 +66,7 @@ def place_apart(
     room = _most_that_fit(space, radius)
     if n > room:
         is_counted = room <= MOST_CANDIDATES
-        fit = len(_packed(space, radius, others, other_radius, room)) if is_counted else f"at most {room}"
+        fit = len(_pack_discs(space, radius, others, other_radius, room)) if is_counted else f"at most {room}"
         raise PlacementError(_does_not_fit(n, radius, where, fit))
     if n > MOST_ROBOTS:
         raise PlacementError(_does_not_fit(n, radius, "one world, on which the limit is", MOST_ROBOTS))
@@ -82,13 +82,13 @@ def place_apart(
         table.tried += number if isinstance(space, Crowded) else len(candidates)
     if not table.missing:
         return table.new
-    packed = _packed(space, radius, others, other_radius, room)
+    packed = _pack_discs(space, radius, others, other_radius, room)
     if len(packed) < n:
         raise PlacementError(_does_not_fit(n, radius, where, len(packed)))
     return packed[np.sort(rng.permutation(len(packed))[:n])]
 
 
-def _packed(
+def _pack_discs(
     space: shapely.Geometry | Crowded, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int
 ) -> np.ndarray:
     """Return densely packed places: always the same ones, so that a message's number holds."""

@@ -167,7 +167,7 @@ def test_overlaps_of_robots_up_to_rounding_of_the_smaller_one_are_left(share):
     position = np.array([[30.0, 10.0], [30.0 + 8.0 - share * SLOP * 3.0, 10.0]])
     pairs, push = np.array([[0, 1]]), np.zeros((2, 2))
     ours, _ = contacts_of(2)
-    assert len(separation.overlapping(position, radius, pairs)) == deep
+    assert len(separation.find_overlaps(position, radius, pairs)) == deep
     count = separation.push_pairs(position, radius, np.arange(2), pairs, np.zeros(1, np.int64), push, ours)
     assert count == deep
     assert len(shapely_engine.overlapping_pairs(position, radius)) == deep
@@ -348,7 +348,7 @@ def test_the_first_robot_without_room_is_named_with_its_radius():
         shapely_engine.separate_placed_robots(place.copy(), radius, bounds, small.solids)
     swarm = SimpleNamespace(columns={"position": place, "radius": radius, "number": np.arange(3)})
     with pytest.raises(PlacementError, match=r"no room is left for robot 3 of 3 \(radius 6\)"):
-        settle.settle(swarm, small.surroundings, small.grid)
+        settle.settle_robots(swarm, small.surroundings, small.grid)
 
 
 @few

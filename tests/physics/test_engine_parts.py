@@ -20,7 +20,7 @@ from mesa_swarm.physics.engine import (
     wheels_of,
     write_motion,
 )
-from mesa_swarm.physics.motion import achieved_motion, count_pieces, slip_of
+from mesa_swarm.physics.motion import count_pieces, write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.radio import Channel, hear_goals, hear_states, is_cut, nearest_heard, obstacles_of, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.swarm import Swarm
@@ -125,13 +125,15 @@ def test_a_step_of_whole_pieces_is_not_cut_into_one_more_by_rounding(pieces, rad
 def test_only_an_arc_whose_chord_is_no_longer_than_rounding_leaves_the_speeds_as_they_are(off):
     turn = 2 * math.pi * (1 - off)
     motion = np.array([[8.0, 1.0, turn]])
-    achieved_motion(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1), np.zeros(1), np.array([True]), motion)
+    write_achieved_motion(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1), np.zeros(1), np.array([True]), motion)
     assert motion[0].tolist() == ([8.0, 1.0, turn] if abs(off) < 1e-6 else [0.0, 0.0, turn])
 
 
 def test_the_slip_of_each_wheel_is_its_own():
     slip = np.full((3, 2), 9.0)
-    slip_of(np.array([[1.0, 0.5], [0.0, -2.0], [4.0, 0.0]]), np.array([[0.5, 0.5], [3.0, -1.0], [-4.0, 1.0]]), slip)
+    write_wheel_slip(
+        np.array([[1.0, 0.5], [0.0, -2.0], [4.0, 0.0]]), np.array([[0.5, 0.5], [3.0, -1.0], [-4.0, 1.0]]), slip
+    )
     assert slip.tolist() == [[0.5, 0.0], [0.0, 0.5], [2.0, 0.0]]
 
 

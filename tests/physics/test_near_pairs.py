@@ -11,7 +11,7 @@ from mesa_swarm import AGENT9, Map, SwarmModel
 from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.physics import engine
 from mesa_swarm.physics.crowd import Crowd, near_pairs
-from mesa_swarm.physics.separation import pairs_by_robot, pairs_of
+from mesa_swarm.physics.separation import list_pairs_of, pairs_by_robot
 from support.random_worlds import Commanded
 
 seeds, few, margins, sizes = st.integers(0, 2**32 - 1), st.integers(0, 60), st.floats(0, 30), st.floats(20, 400)
@@ -72,9 +72,9 @@ def test_the_pairs_of_robots_that_moved_are_found_once_each(seed, n, count):
     awake = rng.random(n) < 0.4
     moved, chosen = rng.permutation(np.flatnonzero(awake)), np.empty(len(pairs) + 1, np.int64)
     group, strayed = np.zeros(n, np.int64), np.array([False, False, True])
-    found = chosen[: pairs_of(moved, awake, pairs, start, own, chosen, group, strayed)]
+    found = chosen[: list_pairs_of(moved, awake, pairs, start, own, chosen, group, strayed)]
     assert sorted(found.tolist()) == np.flatnonzero(awake[pairs].any(axis=1)).tolist()
-    assert pairs_of(moved, awake, pairs, start, own, chosen, np.full(n, 2), strayed) == 0
+    assert list_pairs_of(moved, awake, pairs, start, own, chosen, np.full(n, 2), strayed) == 0
 
 
 @pytest.mark.parametrize("threads", [1, 2])
