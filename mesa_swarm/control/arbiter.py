@@ -87,7 +87,7 @@ class Arbiter:
 
     @property
     def noted(self) -> tuple[str, ...]:
-        """The columns of its memory that explain its decisions, see `explained`."""
+        """The columns of its memory that explain its decisions, see `explain`."""
         return ()
 
     def arbiter_of(self, index: int) -> "Arbiter":
@@ -153,7 +153,7 @@ class Arbiter:
         """Write the command (n, w) and the winning layer (n,) of every robot."""
         raise NotImplementedError
 
-    def explained(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
+    def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return the reason that a layer gives, with what the arbiter adds; `row` holds a robot's columns `noted`."""
         return reason
 

@@ -47,7 +47,7 @@ def explanation(
     layer = control.layers[winner] if winner >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)
     if winner >= 0:
-        reason = control.arbiter_of(winner).explained(reason, moment.columns)
+        reason = control.arbiter_of(winner).explain(reason, moment.columns)
     if layer is not None and control.arbiter_of(winner).sums:
         # What the robot did is the sum of all that were active; the reason is that of one of them.
         detail = f" ({reason.words})" if reason.sensors else ""

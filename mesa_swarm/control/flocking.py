@@ -54,7 +54,7 @@ class VelocityMatching:
         swarm.remember(f"{prefix}.seen", (), np.int64, 0)
         swarm.remember(f"{prefix}.compared", (), np.int64, 0)
 
-    def _estimated(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
+    def _update_estimates(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
         """Take in this step's readings; return velocity (n, 2) in the robot's frame, and steps compared (n,)."""
         centroid, count = centroids(senses)
         columns = self._swarm.columns
@@ -137,7 +137,7 @@ class MatchVelocity(VelocityMatching):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that know how others move."""
-        velocity, compared = self._estimated(senses)
+        velocity, compared = self._update_estimates(senses)
         drive_arcs(
             velocity, compared, FEWEST, float(self.slowest), senses.max_speed, senses.radius, command, layer, index
         )
@@ -258,7 +258,7 @@ class Align(VelocityMatching):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write the neighbours' velocities."""
-        velocity, compared = self._estimated(senses)
+        velocity, compared = self._update_estimates(senses)
         align(velocity, compared, FEWEST, senses.max_speed, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:

@@ -119,11 +119,11 @@ class HeadOn:
             draws = float(self.slowest) ** self._rng.random(len(layer))
             meet_head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
         else:
-            heard = self._exchanged(senses, nearest)
+            heard = self._exchange_numbers(senses, nearest)
             rule = float(self.tolerance), self.leader == "chain"
             lead_by_number(*sensed, *robots, *heard, *limits, *rule, *memory, command, layer, index)
 
-    def _exchanged(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _exchange_numbers(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
         """Send this robot's number and how far what it follows is; return what is heard, and the number sent."""
         if not set(NUMBERS) <= senses.send.keys():
             raise InvalidValueError(

@@ -241,7 +241,7 @@ class StateMachine(Arbiter):
         read = senses.distance, senses.kind, senses.line, senses.radiation
         change_states(*read, own, self._out, self._targets, self._order, self._rows, draws, layer, now, fired)
 
-    def explained(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
+    def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return a layer's reason, after the transition that was taken in that step, if there was one.
 
         `row` holds the columns `noted` of one robot.

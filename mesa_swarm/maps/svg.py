@@ -603,7 +603,7 @@ class _Walk(ContentHandler):
         with name_file_in_errors(self.source, place):
             _check_size(self._count, len(self._open))
             is_svg = space in (None, SVG)
-            self._open.append((tag, self._entered(tag, attributes, place) if is_svg else None))
+            self._open.append((tag, self._enter(tag, attributes, place) if is_svg else None))
 
     def endElementNS(self, name: tuple[str | None, str], qname: str | None) -> None:  # noqa: N802 (SAX's name)
         """Leave an element."""
@@ -618,7 +618,7 @@ class _Walk(ContentHandler):
         identity = f" {attributes['id'][:40]!r}" if "id" in attributes else ""
         return f"<{tag[:40]}>{identity} on line {self._locator.getLineNumber()}"
 
-    def _entered(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+    def _enter(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
         """Return what the children inherit; None where they are ignored."""
         if not self._open:
             return self._root(tag, attributes, place)

@@ -274,7 +274,7 @@ class EngineModel(MesaModel):
     @property
     def robots(self) -> Agents[Robot]:
         """The robots as Mesa agents, in the order of the swarm's rows."""
-        found = Agents.listed(self.swarm.agents, self.random)
+        found = Agents.of_list(self.swarm.agents, self.random)
         self.swarm.listed[id(found)] = found
         return found
 

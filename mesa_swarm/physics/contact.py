@@ -43,7 +43,7 @@ class StaticArrays(NamedTuple):
     owner: Integers
     body: Codes
     bounds: Reals
-    touched: CellLists
+    touch_cells: CellLists
     movers: MoverArrays | None
 
 
@@ -69,14 +69,15 @@ class ContactArrays(NamedTuple):
 def unpack_solids(statics, movers):
     """Return the `StaticArrays` in a block, with the movers in another one, or None."""
     s = unpack(statics, StaticArrays)
-    return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, unpack(movers, MoverArrays))
+    return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touch_cells, unpack(movers, MoverArrays))
 
 
 @compiled
 def deepest_static(x, y, radius, statics):
     """Return depth, normal, flatness and item of the deepest overlap of a disc with static bodies."""
     edges, discs = statics.edges, statics.discs
-    deepest = deepest_listed(x, y, radius, edges, discs, statics.touched, _deepest_border(x, y, radius, statics.bounds))
+    border = _deepest_border(x, y, radius, statics.bounds)
+    deepest = deepest_listed(x, y, radius, edges, discs, statics.touch_cells, border)
     return deepest_moving(x, y, radius, edges, discs, statics.movers, deepest)
 
 
@@ -85,7 +86,7 @@ def deepest_moving(x, y, radius, edges, discs, movers, deepest):
     """Return the deepest overlap with driven bodies if it is deeper than what was found."""
     if movers is None:
         return deepest
-    return deepest_listed(x, y, radius, edges, discs, movers.touched, deepest)
+    return deepest_listed(x, y, radius, edges, discs, movers.touch_cells, deepest)
 
 
 @compiled
@@ -190,7 +191,7 @@ class Contacts:
 @compiled(apart=True)
 def push_all_from_statics(rows, position, radius, statics, contacts, free):
     """Move the robots in these rows out of static bodies, and write for which ones that was possible."""
-    bounds, movers, grid, start = statics.bounds, statics.movers, statics.touched.grid, statics.touched.start
+    bounds, movers, grid, start = statics.bounds, statics.movers, statics.touch_cells.grid, statics.touch_cells.start
     for i in rows:
         x, y, r = position[i, 0], position[i, 1], radius[i]
         cell = cell_at(x, y, grid)
@@ -206,7 +207,7 @@ def is_clear_of_bodies(x, y, movers):
     """Return whether no driven body can be touched from a place."""
     if movers is None:
         return True
-    start, cell = movers.touched.start, cell_at(x, y, movers.touched.grid)
+    start, cell = movers.touch_cells.start, cell_at(x, y, movers.touch_cells.grid)
     return start[cell] == start[cell + 1]
 
 

@@ -298,7 +298,7 @@ class CompiledEngine(Engine):
                 edges=statics.edges,
                 discs=statics.discs,
                 static_kind=statics.kind,
-                seen=statics.seen,
+                sight_cells=statics.sight_cells,
                 distance=columns["distance"],
                 kind=columns["kind"],
             )

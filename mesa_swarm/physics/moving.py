@@ -62,9 +62,9 @@ class MoverArrays(NamedTuple):
     outlines: MovingItems
     items: Integers
     body_of: Integers
-    touched: CellLists
+    touch_cells: CellLists
     touch: float
-    seen: CellLists
+    sight_cells: CellLists
     sight: float
 
 
@@ -122,9 +122,9 @@ class Moving:
             outlines=outlines,
             items=self.items,
             body_of=self.body_of,
-            touched=self._lists(bounds, touch),
+            touch_cells=self._lists(bounds, touch),
             touch=float(touch),
-            seen=self._lists(bounds, sight),
+            sight_cells=self._lists(bounds, sight),
             sight=float(sight),
         )
         self._block = Block(self.arrays)
@@ -167,7 +167,7 @@ class Moving:
             t.position[rows], t.heading[rows] = self.start[rows], self.start_heading[rows]
             self.place()
         t.blocked[rows] = blocked()
-        if t.asked(rows).any():
+        if t.are_to_move(rows).any():
             self._listed_for_sight = False
 
     def go_freely(self) -> None:
@@ -188,7 +188,7 @@ def place_bodies(block, edges, discs):
 def list_seen(block, edges, discs):
     """List the items of all bodies by the cells from which they can be seen."""
     movers = unpack(block, MoverArrays)
-    list_items(edges, discs, movers.items, movers.sight, movers.seen)
+    list_items(edges, discs, movers.items, movers.sight, movers.sight_cells)
 
 
 @compiled
@@ -310,7 +310,7 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
 def follow_bodies(movers, edges, discs):
     """Write and list the items of all bodies where these are now."""
     place_items(movers.position, movers.heading, movers.outlines, edges, discs)
-    list_items(edges, discs, movers.items, movers.touch, movers.touched)
+    list_items(edges, discs, movers.items, movers.touch, movers.touch_cells)
 
 
 @compiled

@@ -187,6 +187,6 @@ def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
     """Return the same of the bodies of a kind, without those that robots carry and those that are out."""
     table, kinds = model.parts.bodies.table, model.kinds
     code = kinds.index(kind) if kind in kinds else NOTHING
-    rows = np.flatnonzero((table.kind == code) & (table.seen == code) & (table.mode != CARRIED))
+    rows = np.flatnonzero((table.kind == code) & (table.visible_kinds == code) & (table.mode != CARRIED))
     number = table.numbers[rows]
     return {"places": table.position[rows], "number": number, "bodies": number, "lamps": np.empty(0)}

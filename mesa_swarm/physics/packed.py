@@ -177,7 +177,7 @@ def _move(m, movers, n):
         if not near.state[LISTED]:
             sort_by_cell(crowd)
             c = unpack(crowd, CrowdArrays)
-            if not put_pairs(near_pairs(c.listed, c.radii, m.margin, c.grid), near):
+            if not put_pairs(near_pairs(c.reference, c.radii, m.margin, c.grid), near):
                 return LIST
         wheels_to_motion(driven, r.radius, motion)
         copy_places(r.position, start)

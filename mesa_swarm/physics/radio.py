@@ -37,7 +37,7 @@ class HearArrays(NamedTuple):
     grid: GridNumbers
     edges: RealRows
     discs: RealRows
-    touched: CellLists
+    touch_cells: CellLists
     heard_layer: Integers
     heard_task: Integers
     heard_from: RealRows
@@ -104,7 +104,7 @@ class Channel:
                     grid=self._grid,
                     edges=statics.edges,
                     discs=statics.discs[: statics.first_apart],
-                    touched=statics.touched,
+                    touch_cells=statics.touch_cells,
                     states=radio.state,
                     goals=radio.goal,
                     **columns,
@@ -144,8 +144,8 @@ class Channel:
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
     statics, moving = surroundings.statics, surroundings.moving
-    driven = None if moving is None else tuple(moving.arrays.touched)
-    return statics.edges, statics.discs[: statics.first_apart], *statics.touched, driven
+    driven = None if moving is None else tuple(moving.arrays.touch_cells)
+    return statics.edges, statics.discs[: statics.first_apart], *statics.touch_cells, driven
 
 
 @compiled(nogil=True)
@@ -156,7 +156,7 @@ def hear_all(block, step, first, last):
     h = unpack(block, HearArrays)
     position, heading, number, grid = h.position, h.heading, h.number, h.grid
     limits = h.reach, 0.0, NO_WORD, h.occlusion
-    obstacles = h.edges, h.discs, h.touched.grid, h.touched.start, h.touched.items, None
+    obstacles = h.edges, h.discs, h.touch_cells.grid, h.touch_cells.start, h.touch_cells.items, None
     if h.states:
         heard = h.heard_layer, h.heard_task, h.heard_from
         hear_states(position, heading, number, h.layer, h.task, limits, grid, obstacles, *heard)

@@ -58,7 +58,7 @@ class EyeArrays(NamedTuple):
     edges: RealRows
     discs: RealRows
     static_kind: Codes
-    seen: CellLists
+    sight_cells: CellLists
     distance: RealRows
     kind: CodeRows
 
@@ -107,7 +107,7 @@ def sense_proximity(eyes, crowd, movers, first, last, pairs):
     e, c = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays)
     heading, design, sensors, counts, reach = e.heading, e.design, e.sensors, e.counts, e.reach
     edges, discs, static_kind, distance, kind = e.edges, e.discs, e.static_kind, e.distance, e.kind
-    order, places, radii = c.order, c.listed, c.radii
+    order, places, radii = c.order, c.reference, c.radii
     near, kinds = np.empty((CHUNK, distance.shape[1])), np.empty((CHUNK, distance.shape[1]), np.int8)
     axes, designs = np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64)
     near_items, count = np.empty((MOST_FOUND, 2), np.int64), NONE
@@ -117,9 +117,9 @@ def sense_proximity(eyes, crowd, movers, first, last, pairs):
         chunk = ChunkArrays(
             begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, kinds
         )
-        m = _find_statics(chunk, reach, edges, static_kind, e.seen, near_items, NONE)
+        m = _find_statics(chunk, reach, edges, static_kind, e.sight_cells, near_items, NONE)
         if movers is not None:
-            m = _find_statics(chunk, reach, edges, static_kind, unpack(movers, MoverArrays).seen, near_items, m)
+            m = _find_statics(chunk, reach, edges, static_kind, unpack(movers, MoverArrays).sight_cells, near_items, m)
         m, count = _find_robots(chunk, e.largest_radius, e.margin, reach, c.grid, c.start, pairs, count, near_items, m)
         _see_discs(chunk, near_items, m)
         _write_chunk(begin, end, order, near, kinds, distance, kind)

@@ -66,19 +66,19 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
     """Push until no two robots overlap, at most `most_sweeps` times, and return whether that succeeded, and the pairs.
 
     They are out of static bodies where that is possible; which ones are clear of them is kept in `free`. `pairs` are
-    those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs are
-    listed anew, and the places written.
+    those that were within the margin at the places `reference`. Where robots have gone too far from these, the pairs
+    are listed anew, and the places written.
     """
     c, solids = unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
-    position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
+    position, radius, number, contacts, free, reference = c.places, c.radii, c.numbers, c.contacts, c.free, c.reference
     n, margin, begins = len(radius), MARGIN * least_radius(radius), True
     push, awake, moved_rows = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
-    group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(listed, position)
+    group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(reference, position)
     for _ in range(most_sweeps):
         anew = 2.0 * far > margin
         if anew:
             pairs = near_pairs(position, radius, margin, c.grid)
-            copy_places(position, listed)
+            copy_places(position, reference)
         if anew or begins:
             start, own = pairs_by_robot(pairs, n)
             selection, count, begins = np.arange(len(pairs) + 1), len(pairs), False
@@ -87,7 +87,7 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
             return free.all(), pairs
         moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
         push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
-        far = farthest_from(listed, position, moved_rows[:moving])
+        far = farthest_from(reference, position, moved_rows[:moving])
         count = list_pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
             awake[moved_rows[k]] = False
@@ -116,7 +116,7 @@ def check_overlaps(crowd, pairs):
     """Return `STRAYED` if robots went too far since pairs were listed, else `SETTLED`, and which pairs overlap."""
     c = unpack(crowd, CrowdArrays)
     position, radius = c.places, c.radii
-    if 2.0 * farthest_of_all(c.listed, position) > MARGIN * least_radius(radius):
+    if 2.0 * farthest_of_all(c.reference, position) > MARGIN * least_radius(radius):
         return STRAYED, find_overlaps(position, radius, pairs[:0])
     return SETTLED, find_overlaps(position, radius, pairs)
 
@@ -142,7 +142,7 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, 
     robots beyond its group, which is then left as it is.
     """
     c, solids, margin = unpack(crowd, CrowdArrays), unpack_solids(statics, movers), groups.margin
-    position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
+    position, radius, number, contacts, free, reference = c.places, c.radii, c.numbers, c.contacts, c.free, c.reference
     start, own, push, awake, group = groups.start, groups.own, groups.push, groups.awake, groups.group
     selection, count, later = collect_groups(first, last, begin, all_overlaps, pairs, start, own, group)
     moved_rows, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
@@ -152,8 +152,8 @@ def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, 
             return later, worst
         moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
         push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
-        if 2.0 * farthest_from(listed, position, moved_rows[:moving]) > margin:
-            mark_strayed(listed, position, moved_rows[:moving], margin, group, strayed)
+        if 2.0 * farthest_from(reference, position, moved_rows[:moving]) > margin:
+            mark_strayed(reference, position, moved_rows[:moving], margin, group, strayed)
             worst = STRAYED
         count = list_pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
@@ -200,10 +200,10 @@ def collect_groups(first, last, begin, overlaps, pairs, start, own, group):
 
 
 @compiled
-def mark_strayed(listed, position, moved_rows, margin, group, strayed):
+def mark_strayed(reference, position, moved_rows, margin, group, strayed):
     """Mark the groups of which a robot has gone farther than half the margin."""
     for i in moved_rows:
-        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        dx, dy = position[i, 0] - reference[i, 0], position[i, 1] - reference[i, 1]
         if 2.0 * math.sqrt(dx * dx + dy * dy) > margin:
             strayed[group[i]] = True
 
@@ -227,21 +227,21 @@ def finish_separation(crowd, statics, movers, pairs, groups, overlaps, later, mo
 
 
 @compiled
-def farthest_of_all(listed, position):
+def farthest_of_all(reference, position):
     """Return the largest distance of robots from where they were listed."""
     square = 0.0
     for i in range(position.shape[0]):
-        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        dx, dy = position[i, 0] - reference[i, 0], position[i, 1] - reference[i, 1]
         square = max(square, dx * dx + dy * dy)
     return math.sqrt(square)
 
 
 @compiled
-def farthest_from(listed, position, moved_rows):
+def farthest_from(reference, position, moved_rows):
     """Return the largest distance of the robots that were moved from where they were listed."""
     square = 0.0
     for i in moved_rows:
-        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        dx, dy = position[i, 0] - reference[i, 0], position[i, 1] - reference[i, 1]
         square = max(square, dx * dx + dy * dy)
     return math.sqrt(square)
 
@@ -348,13 +348,13 @@ def apply_pushes(position, push, radius, pairs, overlaps, awake, moved_rows):
 def return_to_free_places(crowd, statics, movers, pairs):
     """Return to their last free place the robots that overlap, and those that then overlap them."""
     c, solids = unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
-    position, before, radius, listed, contacts, free = c.places, c.before, c.radii, c.listed, c.contacts, c.free
+    position, before, radius, reference, contacts, free = c.places, c.before, c.radii, c.reference, c.contacts, c.free
     n = len(radius)
     back = np.zeros(n, np.bool_)
-    farthest = max(farthest_of_all(listed, position), farthest_of_all(listed, before))
+    farthest = max(farthest_of_all(reference, position), farthest_of_all(reference, before))
     # All pairs that can overlap, at whichever of its two places each robot ends.
     if n and 2.0 * farthest > MARGIN * least_radius(radius):
-        pairs = near_pairs(listed, radius, 2.0 * farthest, c.grid)
+        pairs = near_pairs(reference, radius, 2.0 * farthest, c.grid)
     goes = np.zeros(n, np.bool_)
     for i in range(n):
         if not free[i]:  # the last push may have freed it
@@ -418,8 +418,8 @@ def _return_bodies(position, radius, edges, discs, movers, goes):
 @compiled
 def mark_overlapped(x, y, radius, edges, discs, movers, bodies):
     """Mark the driven bodies that overlap a disc, and return whether there is one."""
-    body_of, start, items = movers.body_of, movers.touched.start, movers.touched.items
-    cell = cell_at(x, y, movers.touched.grid)
+    body_of, start, items = movers.body_of, movers.touch_cells.start, movers.touch_cells.items
+    cell = cell_at(x, y, movers.touch_cells.grid)
     any_marked = False
     for k in range(start[cell], start[cell + 1]):
         item = items[k]

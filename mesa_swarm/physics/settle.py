@@ -32,7 +32,7 @@ def settle_robots(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -
     leave_solids(position, radius, solids, rings)
     crowd = CrowdArrays.of(grid, position, radius, number)._replace(places=position, radii=radius, numbers=number)
     push_all_from_statics(crowd.rows, position, radius, solids, crowd.contacts, crowd.free)
-    crowd.listed[:] = position
+    crowd.reference[:] = position
     pairs = near_pairs(position, radius, MARGIN * radius.min(), grid)
     blocks = Block(crowd), Block(surroundings.still)
     bodies = *(block.numbers for block in blocks), None if moving is None else moving.block

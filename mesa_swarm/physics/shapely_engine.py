@@ -108,7 +108,7 @@ def sense_proximity_by_shapely(
     """Write the readings of all proximity sensors, without error; -1 where no body is seen."""
     centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
     radii = np.concatenate([solids.radii, swarm.radius])
-    body_kinds = surroundings.bodies.seen[surroundings.rows[solids.disc_shape]]
+    body_kinds = surroundings.bodies.visible_kinds[surroundings.rows[solids.disc_shape]]
     kinds = np.concatenate([body_kinds, np.full(len(swarm), ROBOT)])
     distance[:], kind[:] = -1.0, NOTHING
     for i in range(len(swarm)):

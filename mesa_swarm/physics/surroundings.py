@@ -29,8 +29,8 @@ class Surroundings:
     """The world without its robots: all bodies, as they are now.
 
     `rows` are those of its shapes in the table of `bodies`, the last `apart` of them numbered apart (see `Statics`);
-    `loads` and `driven` those of the bodies that robots push, and that `moving` moves. `listed` (m, 3) are the poses of
-    the loads when the tables were made; they may move by `slack` from there. `items` is what `place_items` takes, and
+    `loads` and `driven` those of the bodies that robots push, and that `moving` moves. `reference` (m, 3) has the poses
+    of the loads when the tables were made; they may move by `slack` from there. `items` is what `place_items` takes, and
     `room` what loads may not overlap: None without loads.
     """
 
@@ -43,7 +43,7 @@ class Surroundings:
     loads: np.ndarray
     driven: np.ndarray
     poses: Poses
-    listed: np.ndarray
+    reference: np.ndarray
     slack: float
     items: MovingItems
     radiating: Radiating
@@ -73,7 +73,7 @@ class Surroundings:
         # Corners in the same order at every pose, which those of shapes, in normal form, are not.
         shapes = [bodies.body_of(row) for row in rows.tolist()]
         statics = Statics.of(bounds, shapes, bodies.kind[rows], loads=pushed, driven=sent, **tables)  # type: ignore[arg-type]
-        statics.show(bodies.seen[rows])
+        statics.show(bodies.visible_kinds[rows])
         loads, driven = rows[pushed], rows[sent]
         moving = Moving(bodies, driven, sent, statics, bounds, sight, touch) if len(driven) else None
         return cls(
@@ -86,7 +86,7 @@ class Surroundings:
             loads=loads,
             driven=driven,
             poses=Poses(bodies.position, bodies.heading, bodies.mode, loads, driven),
-            listed=np.column_stack([bodies.position[loads], bodies.heading[loads]]),
+            reference=np.column_stack([bodies.position[loads], bodies.heading[loads]]),
             slack=slack - STEP * touch,
             items=list_items_of(statics, bodies, rows, pushed),
             radiating=list_radiating(statics, bodies, rows),
@@ -108,7 +108,7 @@ class Surroundings:
     def still(self) -> StaticArrays:
         """What robots can touch besides each other and driven bodies, as compiled functions take it."""
         s = self.statics
-        return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, None)
+        return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touch_cells, None)
 
     @property
     def solids(self) -> StaticArrays:
@@ -119,7 +119,7 @@ class Surroundings:
         """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
         blocked = np.zeros(len(self.driven), bool)
         if len(self.loads):
-            for place in np.flatnonzero(self.bodies.asked(self.driven)).tolist():
+            for place in np.flatnonzero(self.bodies.are_to_move(self.driven)).tolist():
                 blocked[place] = any(self._is_in_the_way(load, self.driven[place]) for load in self.loads.tolist())
         return blocked
 
@@ -143,8 +143,8 @@ class Surroundings:
         if self.room is None:
             return False
         t, loads = self.bodies, self.loads
-        shift = t.position[loads] - self.listed[:, :2]
-        chord = 2.0 * np.abs(np.sin((t.heading[loads] - self.listed[:, 2]) / 2.0))
+        shift = t.position[loads] - self.reference[:, :2]
+        chord = 2.0 * np.abs(np.sin((t.heading[loads] - self.reference[:, 2]) / 2.0))
         return bool((np.hypot(shift[:, 0], shift[:, 1]) + self.room.forms.reach * chord > self.slack).any())
 
     def follow(self) -> None:

@@ -72,7 +72,7 @@ class RowThread:
 
     def __init__(self) -> None:
         # Numbers of the last job that was given and done, each in a cache line of its own.
-        self._given, self._done = np.zeros(8, np.int64), np.zeros(8, np.int64)
+        self._begun, self._done = np.zeros(8, np.int64), np.zeros(8, np.int64)
         self._wake: SimpleQueue = SimpleQueue()
         self._finished: SimpleQueue = SimpleQueue()
         self._asleep = self._awaited = False
@@ -85,7 +85,7 @@ class RowThread:
         """Give the thread a job."""
         self._job, self._error = job, None
         self._last += 1
-        self._given[0] = self._last
+        self._begun[0] = self._last
         if self._asleep:
             self._wake.put(None)
 
@@ -105,10 +105,10 @@ class RowThread:
     def _serve(self) -> None:
         number = 0
         while True:
-            wait_while(self._given, number, LOOKS)
+            wait_while(self._begun, number, LOOKS)
             self._asleep = True
             # Written before it is looked at, here and by the other thread: one of the two sees the other's word.
-            while self._given[0] == number:
+            while self._begun[0] == number:
                 self._wake.get()
             self._asleep = False
             number += 1

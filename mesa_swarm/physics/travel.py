@@ -98,7 +98,7 @@ def travel_pieces(piece, pieces, pairs, turn_angle, robots, crowd, statics, move
 def travel(pairs: np.ndarray, turn_angle: float, blocks: Blocks) -> np.ndarray:
     """Move all robots through one step, resolve every contact, and write the contact columns.
 
-    `pairs` are those near each other at `listed`. Return them; where robots have gone too far from there, both are
+    `pairs` are those near each other at `reference`. Return them; where robots have gone too far from there, both are
     renewed. A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face.
     For how bodies move see `moving`.
     """

@@ -261,7 +261,7 @@ class Agents(AgentSet, Generic[Kind]):
         self._model = getattr(next(iter(agents), None), "model", None)
 
     @classmethod
-    def listed(cls, agents: list[Kind], random: Random) -> "Agents[Kind]":
+    def of_list(cls, agents: list[Kind], random: Random) -> "Agents[Kind]":
         """Return the agents of a list, of which a set is made when it is needed: not for their number or one of them.
 
         Before an agent is removed, call `settle`; the list may not change before.
@@ -446,18 +446,18 @@ class ArenaAgent(ContinuousSpaceAgent):
         """Return the other agents whose positions are within `radius`, and their distances."""
         # All of them are within an infinite radius.
         limit = radius if isinstance(radius, float) and radius == math.inf else check_number("radius", radius)
-        distances, agents = self._others()
+        distances, agents = self._distances_to_others()
         near = np.flatnonzero(distances <= limit)
         return [agents[i] for i in near], distances[near]
 
     def get_nearest_neighbors(self, k: int = 1) -> Neighbours:
         """Return the k nearest other agents, all if there are fewer, and their distances."""
         number = _check_k(k)
-        distances, agents = self._others()
+        distances, agents = self._distances_to_others()
         nearest = np.argsort(distances, kind="stable")[:number]
         return [agents[i] for i in nearest], distances[nearest]
 
-    def _others(self) -> tuple[np.ndarray, list[Agent]]:
+    def _distances_to_others(self) -> tuple[np.ndarray, list[Agent]]:
         position = self.position  # first: a removed agent raises here
         distances, agents = self.space.calculate_distances(position)
         index = self.space._agent_to_index[self]

@@ -336,7 +336,7 @@ class BodyTable:
         return np.where(is_fire, len(self) + np.arange(len(self)), np.cumsum(~is_fire) - 1)
 
     @property
-    def seen(self) -> np.ndarray:
+    def visible_kinds(self) -> np.ndarray:
         """Codes of the kinds as sensors see them, int8 (m,): a fire that is out is an obstacle."""
         return np.where((self.kind == FIRE) & ~(self.temperature > 0.0), np.int8(OBSTACLE), self.kind)
 
@@ -361,7 +361,7 @@ class BodyTable:
         codes = np.array([kinds.index(name) if name in kinds else -1 for name in self.kinds], np.int8)
         self.kind[:], self.kinds = codes[self.kind], kinds
 
-    def asked(self, rows: np.ndarray) -> np.ndarray:
+    def are_to_move(self, rows: np.ndarray) -> np.ndarray:
         """Return whether each of some driven bodies is to move in the next step."""
         moves = (self.aim[rows] != self.position[rows]).any(axis=1)
         return moves | (self.aim_heading[rows] != self.heading[rows])

@@ -204,10 +204,10 @@ class ScalarField:
             raise InvalidValueError(
                 f"values of field {self.name} are {shortened(values)}; expected numbers of shape {self._values.shape}"
             )
-        _check_amounts(f"values of field {self.name}", numbers)
+        _check_limits(f"values of field {self.name}", numbers)
         self._values[...] = numbers
         self._values[self.blocked] = 0.0
-        self._changed(float(self._values.max()))
+        self._note_change(float(self._values.max()))
 
     @property
     def sides(self) -> np.ndarray:
@@ -248,8 +248,8 @@ class ScalarField:
         >>> field.values[30, 10].item(), field.total
         (3.0, 7.0)
         """
-        points = self._checked_points(positions)
-        self.add(points, self._checked_amounts(amounts, len(points)))
+        points = self._check_points(positions)
+        self.add(points, self._check_amounts(amounts, len(points)))
 
     def withdraw(self, positions: Any, amounts: Any) -> np.ndarray:
         """Take amounts from the cells in which positions lie, in their order, of each at most what it has.
@@ -269,11 +269,11 @@ class ScalarField:
         >>> food.withdraw([(101, 305), (101, 305)], 3.0)
         array([3., 2.])
         """
-        points = self._checked_points(positions)
-        limits = self._checked_amounts(amounts, len(points))
+        points = self._check_points(positions)
+        limits = self._check_amounts(amounts, len(points))
         withdrawn = np.empty(len(points))
         withdraw(self._values.reshape(-1), self._cells(points), limits, withdrawn)
-        self._changed(0.0)
+        self._note_change(0.0)
         return withdrawn
 
     def at(self, positions: Any) -> np.ndarray:
@@ -349,7 +349,7 @@ class ScalarField:
         """Add amounts at points of which the model knows that they are valid; beyond the border at the nearest cell."""
         if len(points):
             largest = deposit(self._values.reshape(-1), self._cells(points), amounts)
-            self._changed(largest)
+            self._note_change(largest)
 
     def look_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `at` and `gradient` of an array of finite points, shapes (n,) and (n, 2)."""
@@ -385,7 +385,7 @@ class ScalarField:
         values, peak = as_numbers(state["values"]), check_number("peak", state["peak"], minimum=0)
         if values.shape != self._values.shape:
             raise InvalidValueError(f"field {self.name} is stored with shape {values.shape}; expected another map")
-        _check_amounts(f"values of field {self.name}", values, np.finfo(float).max)
+        _check_limits(f"values of field {self.name}", values, np.finfo(float).max)
         self._values[...] = values
         self.peak = peak
         self._walls, self._empty[0] = None, not values.any()
@@ -394,7 +394,7 @@ class ScalarField:
         if self.removed:
             raise InvalidValueError(f"field {self.name} was removed; expected one of model.fields")
 
-    def _changed(self, largest: float) -> None:
+    def _note_change(self, largest: float) -> None:
         self.changes += 1
         self._empty[0] &= largest == 0.0
         self.peak = max(self.peak, largest)
@@ -407,7 +407,7 @@ class ScalarField:
     def _cells(self, points: np.ndarray) -> np.ndarray:
         return cells_at(self._values.shape, self._current_walls().sides, self.frame, points)
 
-    def _checked_points(self, positions: Any) -> np.ndarray:
+    def _check_points(self, positions: Any) -> np.ndarray:
         self._check_present()
         points = _check_positions(positions)
         x_min, y_min, x_max, y_max = self.bounds
@@ -419,13 +419,13 @@ class ScalarField:
             )
         return points
 
-    def _checked_amounts(self, amounts: Any, n: int) -> np.ndarray:
+    def _check_amounts(self, amounts: Any, n: int) -> np.ndarray:
         numbers = as_numbers(amounts)
         if numbers.shape not in ((), (n,)):
             raise InvalidValueError(
                 f"amounts are {shortened(amounts)}; expected a number, or {n} of them, one for each position"
             )
-        _check_amounts("amounts", numbers)
+        _check_limits("amounts", numbers)
         return np.ascontiguousarray(np.broadcast_to(numbers, n))
 
 
@@ -557,7 +557,7 @@ def _check_positions(positions: Any) -> np.ndarray:
     return np.ascontiguousarray(points)
 
 
-def _check_amounts(subject: str, amounts: np.ndarray, most: float = LARGEST_AMOUNT) -> None:
+def _check_limits(subject: str, amounts: np.ndarray, most: float = LARGEST_AMOUNT) -> None:
     wrong = ~((amounts >= 0) & (amounts <= most))
     if wrong.any():
         raise InvalidValueError(f"{subject} contain {amounts[wrong].flat[0]:g}; expected numbers from 0 to {most:g}")

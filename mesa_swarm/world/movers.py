@@ -79,7 +79,7 @@ class Movers:
     @property
     def asked(self) -> np.ndarray:
         """Whether each is to move in the next step, shape (m,)."""
-        return self._table.asked(self.rows)
+        return self._table.are_to_move(self.rows)
 
     @property
     def poses(self) -> tuple[np.ndarray, ...]:

@@ -47,7 +47,7 @@ class Statics:
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
     grid : Grid
-    seen, touched : CellLists
+    sight_cells, touch_cells : CellLists
         The items that can be seen, or touched, from each cell of the grid.
     """
 
@@ -60,8 +60,8 @@ class Statics:
     rings: np.ndarray
     bounds: np.ndarray
     grid: Grid
-    seen: CellLists
-    touched: CellLists
+    sight_cells: CellLists
+    touch_cells: CellLists
     first_apart: int
 
     @classmethod
@@ -108,8 +108,8 @@ class Statics:
             rings=rings,
             bounds=np.array(bounds, dtype=float),
             grid=grid,
-            seen=CellLists(grid.numbers, seen_start, still[seen_items]),
-            touched=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
+            sight_cells=CellLists(grid.numbers, seen_start, still[seen_items]),
+            touch_cells=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
             first_apart=int(np.count_nonzero(disc_shape < first)),
         )
 

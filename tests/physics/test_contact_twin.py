@@ -221,12 +221,12 @@ def test_a_push_along_one_axis_moves_a_robot_too():
 
 
 def test_the_farthest_of_the_rows_that_moved_counts():
-    listed = np.full((4, 2), [7.0, -3.0])
-    position = listed + np.array([[3.0, 4.0], [0.0, 2.0], [9.0, 9.0], [-1.0, 0.0]])
-    assert separation.farthest_from(listed, position, np.array([0, 1, 3])) == 5.0
-    assert separation.farthest_from(listed, position, np.array([1, 3])) == 2.0
-    assert separation.farthest_from(position, listed, np.array([3])) == 1.0
-    assert separation.farthest_from(listed, position, np.empty(0, np.int64)) == 0.0
+    reference = np.full((4, 2), [7.0, -3.0])
+    position = reference + np.array([[3.0, 4.0], [0.0, 2.0], [9.0, 9.0], [-1.0, 0.0]])
+    assert separation.farthest_from(reference, position, np.array([0, 1, 3])) == 5.0
+    assert separation.farthest_from(reference, position, np.array([1, 3])) == 2.0
+    assert separation.farthest_from(position, reference, np.array([3])) == 1.0
+    assert separation.farthest_from(reference, position, np.empty(0, np.int64)) == 0.0
 
 
 @few
@@ -236,7 +236,7 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     assume((WORLD.solids.gaps(position) > 0.2 * radius).all())
     (ours, twin), place, other = contacts_of(n), position.copy(), position.copy()
     robots, bodies = crowd_in(WORLD, place, radius, contacts=ours)
-    free, listed = robots.free, robots.listed
+    free, reference = robots.free, robots.reference
     contact.push_all_from_statics(np.arange(n), place, radius, WORLD.statics, ours, free)
     near = near_pairs(position, radius, radius.min(), WORLD.grid)
     settled, pairs = separation.separate(*bodies, near, MOST_SWEEPS)
@@ -247,8 +247,8 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     assert place == pytest.approx(other, abs=1e-6)
     assert ours.depth == pytest.approx(twin.depth, abs=1e-6)
     assert len(shapely_engine.overlapping_pairs(place, radius)) == 0
-    assert 2 * np.hypot(*(listed - place).T).max() <= radius.min() + 1e-9
-    assert len(pairs) == len(near_pairs(listed, radius, radius.min(), WORLD.grid))
+    assert 2 * np.hypot(*(reference - place).T).max() <= radius.min() + 1e-9
+    assert len(pairs) == len(near_pairs(reference, radius, radius.min(), WORLD.grid))
 
 
 @few
@@ -259,11 +259,11 @@ def test_robots_that_overlap_return_to_where_they_were_as_those_of_the_twin_do(s
     place = before + rng.uniform(-3, 3, (n, 2))
     assume((WORLD.solids.gaps(place) > 0.2 * radius).all())
     other, (ours, twin) = place.copy(), contacts_of(n)
-    listed, free = place + rng.uniform(-0.5, 0.5, (n, 2)), rng.random(n) < 0.5
+    reference, free = place + rng.uniform(-0.5, 0.5, (n, 2)), rng.random(n) < 0.5
     for i in range(n):
         free[i] &= shapely_engine.deepest_solid(place[i], radius[i], WORLD.solids) is None
-    pairs = near_pairs(listed, radius, radius.min(), WORLD.grid)
-    _robots, bodies = crowd_in(WORLD, place, radius, before=before, listed=listed, free=free, contacts=ours)
+    pairs = near_pairs(reference, radius, radius.min(), WORLD.grid)
+    _robots, bodies = crowd_in(WORLD, place, radius, before=before, reference=reference, free=free, contacts=ours)
     separation.return_to_free_places(*bodies, pairs)
     shapely_engine.return_overlapping(other, before, radius, WORLD.solids, twin)
     assert (place == other).all()

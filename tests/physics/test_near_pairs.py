@@ -52,7 +52,7 @@ def test_a_crowd_is_in_the_order_of_cells_and_within_a_cell_in_that_of_rows(seed
     x, y, per_unit, columns, rows = grid.numbers
     cells = [cell_index(a, x, per_unit, columns) + columns * cell_index(b, y, per_unit, rows) for a, b in position]
     assert order.tolist() == sorted(range(n), key=lambda i: (cells[i], i))
-    assert (crowd.arrays.listed == position[order]).all()
+    assert (crowd.arrays.reference == position[order]).all()
     assert (crowd.arrays.radii == radius[order]).all()
     assert (crowd.arrays.numbers == number[order]).all()
     assert all(order[start[c] : start[c + 1]].tolist() == sorted(
@@ -89,11 +89,11 @@ def test_after_a_step_the_pairs_are_those_at_the_places_listed_also_where_robots
         model.step()
         crowd = model.parts.robots.engine._crowd
         model.sense()
-        arrays, listed = crowd.arrays, crowd.arrays.listed.copy()
+        arrays, listed = crowd.arrays, crowd.arrays.reference.copy()
         model.parts.robots.engine.move(
             model.swarm, model.parts.bodies.scene(), model.swarm.columns["command"], 0.5, None
         )
-        anew += not (arrays.listed == listed).all()
-        expected = near_pairs(arrays.listed, arrays.radii, model.parts.robots.engine._margin, arrays.grid)
+        anew += not (arrays.reference == listed).all()
+        expected = near_pairs(arrays.reference, arrays.radii, model.parts.robots.engine._margin, arrays.grid)
         assert ascending(crowd.pairs) == ascending(expected)
     assert anew == 5

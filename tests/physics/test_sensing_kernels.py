@@ -276,7 +276,7 @@ def test_all_solids_of_the_twin_are_listed_with_owner_and_kind():
     assert (solids.polygon_body.tolist(), solids.disc_body.tolist()) == ([0, 0, 0], [0, 0, FIRE, FIRE])
     assert solids.radii.tolist() == [8, 5, 4, 3]
     around = WORLD.surroundings
-    assert around.bodies.seen[around.rows[solids.disc_shape]].tolist() == [OBSTACLE, OBSTACLE, FIRE, OBSTACLE]
+    assert around.bodies.visible_kinds[around.rows[solids.disc_shape]].tolist() == [OBSTACLE, OBSTACLE, FIRE, OBSTACLE]
     places = np.array([[50.0, 40.0], [85.0, 66.0], [15.0, 30.0], [50.0, 30.0]])
     assert solids.gaps(places) == pytest.approx([5.0, 3.0, 5.0, 0.0])
 
