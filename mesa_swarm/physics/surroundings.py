@@ -30,8 +30,8 @@ class Surroundings:
 
     `rows` are those of its shapes in the table of `bodies`, the last `apart` of them numbered apart (see `Statics`);
     `loads` and `driven` those of the bodies that robots push, and that `moving` moves. `reference` (m, 3) has the poses
-    of the loads when the tables were made; they may move by `slack` from there. `items` is what `place_items` takes, and
-    `room` what loads may not overlap: None without loads.
+    of the loads when the tables were made; they may move by `slack` from there. `items` is what `place_items` takes,
+    and `room` what loads may not overlap: None without loads.
     """
 
     bounds: tuple[float, float, float, float]
