@@ -12,6 +12,7 @@ from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
 from mesa_swarm.geometry.masks import fill_masked, holds_masked
 from mesa_swarm.robots.devices import check_identifier, reserve_names
+from mesa_swarm.world.read_only import locked_view
 
 # What a rule may write, each a record with a field a name.
 WRITTEN = ("act", "memory", "send")
@@ -70,7 +71,7 @@ class RuleFields:
         self._records = tuple(records.values())
         kinds = tuple((name, record.array.dtype) for name, record in records.items())
         self.form = FieldForm(tuple(readings), kinds, tuple(heard))
-        inputs = tuple(map(_read_only, readings.values())), tuple(map(_read_only, heard.values()))
+        inputs = tuple(map(locked_view, readings.values())), tuple(map(locked_view, heard.values()))
         self.arrays = (*inputs[0], *(record.array for record in self._records), *inputs[1])
 
     def load(self) -> None:
@@ -82,12 +83,6 @@ class RuleFields:
         """Write what the rule has written."""
         for records in self._records:
             records.store()
-
-
-def _read_only(column: np.ndarray) -> np.ndarray:
-    view = column.view()
-    view.flags.writeable = False
-    return view
 
 
 class RecordEntry:

@@ -37,6 +37,7 @@ from mesa_swarm.kernels.custom_code import digest_function, rename_function, sto
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import extract_reason, reserve_names
 from mesa_swarm.robots.drive import speeds_in_words
+from mesa_swarm.world.read_only import locked_view
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
 # that a rule would steer by what is behind the robot. Arrays of a type of their own read "nothing" instead.
@@ -323,10 +324,7 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
         senses.fire, senses.design, senses.heard_layer, senses.heard_task, senses.heard_from, senses.heard_goal,
         np.array(counts, np.int64).reshape(-1, 4),
     )  # fmt: skip
-    views = tuple(column.view() for column in columns)
-    for view in views:
-        view.flags.writeable = False
-    return views
+    return tuple(map(locked_view, columns))
 
 
 def _with_names(function: FunctionType, **names: Any) -> FunctionType:

@@ -29,6 +29,7 @@ from mesa_swarm.control.respond import Respond
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.read_only import locked_view
 
 # Names of states: words, between which may be single spaces or hyphens.
 STATE_NAME = re.compile(r"\w+(?:[ -]\w+)*")
@@ -189,9 +190,7 @@ class StateMachine(Arbiter):
         """
         if self._swarm is None:
             raise InvalidValueError("this machine drives no robots; read it from model.control after setting it there")
-        column = self._swarm.columns[f"{self._prefix}.now"].view()
-        column.flags.writeable = False
-        return column
+        return locked_view(self._swarm.columns[f"{self._prefix}.now"])
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, StateMachine):

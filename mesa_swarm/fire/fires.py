@@ -10,7 +10,7 @@ from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_n
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.world.arena import Arena, Model
 from mesa_swarm.world.bodies import Body, BodyTable
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
 from mesa_swarm.world.statics import FIRE, FIXED, KINDS
 
@@ -82,9 +82,7 @@ class Fires:
         """Return a column of the table of bodies in the rows of fires."""
         if name not in OF_BODIES:
             raise AttributeError(f"Fires has no attribute {name}")
-        column = getattr(self.table, name)[self.rows]
-        column.flags.writeable = False
-        return column
+        return locked_view(getattr(self.table, name)[self.rows])
 
     @property
     def rows(self) -> np.ndarray:
@@ -136,9 +134,7 @@ class Fires:
 
     def _publish(self) -> None:
         for name, column in self.own.items():
-            view = column.view()
-            view.flags.writeable = False
-            setattr(self, name, view)
+            setattr(self, name, locked_view(column))
 
 
 class Fire(Body):

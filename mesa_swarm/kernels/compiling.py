@@ -96,7 +96,7 @@ class Compilation(event.Listener):
             self._exact = self._exact and exact
         if not self.alone and not why_not_stored():
             self.alone = True
-            import_module(PRECOMPILE).start(list(self.expected))
+            import_module(PRECOMPILE).start_compiling(list(self.expected))
 
     def _show(self) -> None:
         note(self.text())
@@ -107,7 +107,7 @@ def compiling_progress(done: int, total: int, exact: bool = True) -> str:
 
     Examples
     --------
-    >>> compiling_progress(34, 60), in_words(34, 60, exact=False)
+    >>> compiling_progress(34, 60), compiling_progress(34, 60, exact=False)
     ('compiling, once per installation: 34 of 60', 'compiling, once per installation: 34 of at least 60')
     """
     return f"compiling, once per installation: {done} of {'' if exact else 'at least '}{total}"

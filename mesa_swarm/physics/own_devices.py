@@ -13,6 +13,7 @@ from mesa_swarm.robots.design import places_of_custom_sensors
 from mesa_swarm.robots.devices import Device, DeviceFunction, device_function_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.read_only import locked_view
 
 # What functions may take of the surroundings.
 OF_SCENE: dict[str, Callable] = {"obstacles": obstacles_of, "owners": lambda scene: scene.statics.owner}
@@ -107,7 +108,7 @@ class Doer:
     def act(self, model: Any, scene: Surroundings) -> None:
         """Do what the robots in these rows have set."""
         if self._call is not None:
-            self._call(model, scene, {"value": _read_only(self._column[self.rows])})
+            self._call(model, scene, {"value": locked_view(self._column[self.rows])})
         self.actuator.apply(model, self.rows)
 
 
@@ -150,20 +151,15 @@ class Call:
         if hasattr(self._device, name):
             value = getattr(self._device, name)
             return lambda arguments, scene: value
-        column = _read_only(self._swarm.columns[name].view())
+        column = locked_view(self._swarm.columns[name])
         if self._all:
             return lambda arguments, scene: column
-        return lambda arguments, scene: _read_only(column[self._rows])
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array
+        return lambda arguments, scene: locked_view(column[self._rows])
 
 
 def _rows_with(swarm: Swarm, has: list[bool]) -> np.ndarray:
     """Return the rows of the robots whose designs have something, in ascending order."""
-    return _read_only(np.flatnonzero(np.array(has, np.bool_)[swarm.columns["design"]]))
+    return locked_view(np.flatnonzero(np.array(has, np.bool_)[swarm.columns["design"]]))
 
 
 def _sensors_by_rows(swarm: Swarm) -> Iterator[tuple[Sensor, int, np.ndarray]]:

@@ -15,7 +15,7 @@ from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.devices import RESERVED, Device, argument_names, check_identifier, own_function, reserve_names
 from mesa_swarm.world.arena import Agents
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
@@ -421,9 +421,7 @@ class Swarm:
 
     def _publish(self, name: str, column: np.ndarray) -> None:
         self.columns[name] = column
-        view = column.view()
-        view.flags.writeable = False
-        self.__dict__[name] = view
+        self.__dict__[name] = locked_view(column)
 
 
 def _make_column(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:

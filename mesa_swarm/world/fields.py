@@ -42,7 +42,7 @@ from mesa_swarm.geometry.diffusion import (
     withdraw,
 )
 from mesa_swarm.kernels.block import Block
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Shape, as_numbers
 
 MOST_CELLS = 50_000_000
@@ -192,9 +192,7 @@ class ScalarField:
         >>> field.total
         48.0
         """
-        view = self._values.view()
-        view.flags.writeable = False
-        return view
+        return locked_view(self._values)
 
     @values.setter
     def values(self, values: Any) -> None:

@@ -13,7 +13,7 @@ from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_n
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.world.arena import Arena
 from mesa_swarm.world.bodies import LARGEST_HEADING, Body, BodyTable, Pose, check_pose
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
 from mesa_swarm.world.statics import CARRIED, DRIVEN
 
@@ -57,9 +57,7 @@ class Movers:
         """Return a column of the table in the rows of driven bodies."""
         if name not in BodyTable.columns:
             raise AttributeError(f"Movers has no attribute {name}")
-        column = getattr(self._table, name)[self.rows]
-        column.flags.writeable = False
-        return column
+        return locked_view(getattr(self._table, name)[self.rows])
 
     @property
     def rows(self) -> np.ndarray:
