@@ -229,13 +229,7 @@ def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
     heads = heads[np.lexsort((heads, -size[part[heads]]))]
     label_of_head = np.full(len(leader), -1)
     label_of_head[heads] = np.arange(len(heads))
-    return Chains(
-        leader=leader,
-        label=label_of_head[head],
-        place=place,
-        lengths=size[part[heads]],
-        closed=ring[heads],
-    )
+    return Chains(leader=leader, label=label_of_head[head], place=place, lengths=size[part[heads]], closed=ring[heads])
 
 
 def _parts(leader: np.ndarray) -> np.ndarray:

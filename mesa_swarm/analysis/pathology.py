@@ -321,10 +321,7 @@ def _facing(track: Track, limits: Thresholds, frame: np.ndarray, robot: np.ndarr
 
 # In order of precedence: the function that finds each kind, and its description.
 FINDERS = {
-    "corridor flip": (
-        corridor_flips,
-        "turned alternately away from things near on its left and right, {flips} times",
-    ),
+    "corridor flip": (corridor_flips, "turned alternately away from things near on its left and right, {flips} times"),
     "centroid flip": (
         centroid_flips,
         "turned alternately left and right, {flips} times, towards robots that changed from sensor to sensor",

@@ -398,12 +398,12 @@ def count_loops() -> Iterator[None]:
         sys.settrace(None)
 
 
-def make_plain(function: FunctionType) -> FunctionType:
-    """Return a function in which compiled functions, whose loops could not be counted, are as they were written."""
-    return _make_plain(function, {})
+def make_plain(function: FunctionType, copies: dict[FunctionType, FunctionType] | None = None) -> FunctionType:
+    """Return a function in which compiled functions, whose loops could not be counted, are as they were written.
 
-
-def _make_plain(function: FunctionType, copies: dict[FunctionType, FunctionType]) -> FunctionType:
+    `copies` has those that are made already: functions may call each other.
+    """
+    copies = {} if copies is None else copies
     if function in copies:
         return copies[function]
     compiled = {name: value for name, value in function.__globals__.items() if _is_users(value)}
@@ -414,7 +414,7 @@ def _make_plain(function: FunctionType, copies: dict[FunctionType, FunctionType]
     code, closure = function.__code__, function.__closure__
     copy = copies[function] = FunctionType(code, around, function.__name__, function.__defaults__, closure)
     copy.__kwdefaults__ = function.__kwdefaults__
-    around.update({name: _make_plain(value.py_func, copies) for name, value in plain_values.items()})
+    around.update({name: make_plain(value.py_func, copies) for name, value in plain_values.items()})
     return copy
 
 

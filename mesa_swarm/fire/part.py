@@ -172,7 +172,7 @@ class FiresPart(Part):
     def release_robots(self, index: int) -> None:
         """Release all robots from fires after one was put out by hand or removed."""
         swarm = self.model.swarm
-        swarm.forget_contact(FIRE, index)
+        swarm.forget_contacts(FIRE, np.array([index]))
         swarm.columns["fire"].fill(-1)
         self.model.parts.bodies.changed()
 

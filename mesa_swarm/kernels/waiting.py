@@ -1,5 +1,6 @@
-"""Waiting for a number that another thread writes, in compiled code, without holding the GIL."""
+"""Waiting for a number that another thread writes, in compiled code, without holding the GIL; how many may work."""
 
+import os
 from typing import Any
 
 from numba.core import types
@@ -9,6 +10,13 @@ from mesa_swarm.kernels.compiled import compiled
 
 # Multiplications between two looks, so that a thread that waits does not slow down the one beside it.
 PAUSE = 16
+
+
+def count_processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @intrinsic

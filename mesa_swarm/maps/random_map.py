@@ -117,11 +117,7 @@ def _draw_shape(extent: tuple[float, float], rng: np.random.Generator) -> Shape 
 
 
 def _draw_fire(
-    spots: list[FireSpot],
-    shapes: list[Shape],
-    extent: tuple[float, float],
-    passage: float,
-    rng: np.random.Generator,
+    spots: list[FireSpot], shapes: list[Shape], extent: tuple[float, float], passage: float, rng: np.random.Generator
 ) -> list[FireSpot]:
     """Return one fire with a passage all round, or an empty list if none is found."""
     radius = rng.uniform(*RADII_OF_FIRES) if spots else LARGEST_FIRE

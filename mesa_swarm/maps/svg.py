@@ -99,7 +99,9 @@ def numbers(name: str, text: str) -> list[float]:
     try:
         return [float(word) for word in words]
     except ValueError:  # tightly written, such as 3-4 or .5.5
-        return _tight_numbers(name, text)
+        if _NUMBERS.sub("", text).strip(" \t\r\n,"):
+            raise InvalidValueError(f"{name} is {shortened(text)}; expected numbers") from None
+        return [float(word) for word in _NUMBERS.findall(text)]
 
 
 def points(name: str, text: str) -> np.ndarray:
@@ -190,12 +192,6 @@ def move_points(at: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return points moved by a matrix; the identity leaves every bit as it is."""
     with np.errstate(all="ignore"):  # overflows are refused as shapes
         return at @ matrix[:2, :2].T + matrix[:2, 2]
-
-
-def _tight_numbers(name: str, text: str) -> list[float]:
-    if _NUMBERS.sub("", text).strip(" \t\r\n,"):
-        raise InvalidValueError(f"{name} is {shortened(text)}; expected numbers")
-    return [float(word) for word in _NUMBERS.findall(text)]
 
 
 def _drop_dust(matrix: np.ndarray) -> np.ndarray:

@@ -575,7 +575,7 @@ class BodiesPart(Part):
         for number, body in reversed([*zip(numbers, gone, strict=True)]):
             if number < len(self.listed):
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self.kinds))):
-                    self.swarm.forget_contact(kind, number)
+                    self.swarm.forget_contacts(kind, np.array([number]))
             self.table.drop(body)
         self.scene_changed()
 

@@ -85,12 +85,7 @@ class Engine(ABC):
         """Move robots that overlap anything to free room nearby."""
 
     def move(
-        self,
-        swarm: Swarm,
-        surroundings: Surroundings,
-        driven: np.ndarray,
-        turn_angle: float,
-        draws: np.ndarray | None,
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
     ) -> None:
         """Move loads, driven bodies and robots, and write position, heading, slip and the contact columns.
 
@@ -167,12 +162,7 @@ class CompiledEngine(Engine):
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
     def move(
-        self,
-        swarm: Swarm,
-        surroundings: Surroundings,
-        driven: np.ndarray,
-        turn_angle: float,
-        draws: np.ndarray | None,
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
     ) -> None:
         """Write position, heading, slip and the contact columns, of plain robots without loads in one call."""
         self._prepare(swarm, surroundings)

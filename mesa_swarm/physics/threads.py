@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.kernels.waiting import wait_while
+from mesa_swarm.kernels.waiting import count_processors, wait_while
 
 MOST_THREADS = 256
 VARIABLE = "MESA_SWARM_THREADS"
@@ -46,13 +46,6 @@ def check_threads(threads: int | None) -> int:
             f"the environment variable {VARIABLE} is {shortened(text)}; expected a whole number, 1 to {MOST_THREADS}"
         )
     return int(text)
-
-
-def count_processors() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def split_rows(n: int, parts: int) -> Iterator[tuple[int, int]]:

@@ -92,18 +92,17 @@ class RobotDesign:
             )
         check_number("battery", self.battery, minimum=0, maximum=LONGEST_CHARGE)
         check_name("name", self.name)
-        if not isinstance(self.sensors, (tuple, list)):
-            raise InvalidValueError(f"sensors is {shortened(self.sensors)}; expected a tuple of sensors")
-        object.__setattr__(self, "sensors", tuple(self.sensors))
-        if len(self.sensors) > MOST_SENSORS:
-            raise InvalidValueError(f"sensors has {len(self.sensors)} of them; expected at most {MOST_SENSORS}")
+        self._store_devices("sensors")
         for sensor in self.sensors:
             if not isinstance(sensor, Sensor):
                 raise InvalidValueError(
                     f"sensors holds {shortened(sensor)}; expected sensors such as ProximitySensor()"
                 )
             check_sensor(sensor)
-        self._check_actuators()
+        self._store_devices("actuators")
+        for actuator in self.actuators:
+            check_actuator(actuator)
+        check_actions(self.actuators)
         methods = [asked(self.drive, name) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
@@ -111,15 +110,14 @@ class RobotDesign:
         if self.acceleration != math.inf:
             check_number("acceleration of drive", self.acceleration, above=0)
 
-    def _check_actuators(self) -> None:
-        if not isinstance(self.actuators, (tuple, list)):
-            raise InvalidValueError(f"actuators is {shortened(self.actuators)}; expected a tuple of actuators")
-        object.__setattr__(self, "actuators", tuple(self.actuators))
-        if len(self.actuators) > MOST_SENSORS:
-            raise InvalidValueError(f"actuators has {len(self.actuators)} of them; expected at most {MOST_SENSORS}")
-        for actuator in self.actuators:
-            check_actuator(actuator)
-        check_actions(self.actuators)
+    def _store_devices(self, name: str) -> None:
+        """Store the devices of this name as a tuple, unless it is another value or too long."""
+        devices = getattr(self, name)
+        if not isinstance(devices, (tuple, list)):
+            raise InvalidValueError(f"{name} is {shortened(devices)}; expected a tuple of {name}")
+        if len(devices) > MOST_SENSORS:
+            raise InvalidValueError(f"{name} has {len(devices)} of them; expected at most {MOST_SENSORS}")
+        object.__setattr__(self, name, tuple(devices))
 
     @property
     def proximity(self) -> tuple[ProximitySensor, ...]:
@@ -337,11 +335,8 @@ class DesignTable:
         is_sensor = proximity[..., RANGE] >= 0.0
         mounts = np.where(is_sensor, np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
         radii = np.array([d.radius for d in designs])[:, None]
-        noise = _stack_devices(
-            [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs],
-            4,
-            pad=0.0,
-        )
+        noises = [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs]
+        noise = _stack_devices(noises, 4, pad=0.0)
         numbers = np.array([d.numbers for d in designs], np.int64)
         wheels = int(numbers.max(initial=2))
         acceleration = np.array([d.acceleration for d in designs], float)

@@ -236,12 +236,7 @@ class Swarm:
         self.remember(FAILED_WHEELS, ("wheels",), np.int8, 0)
 
     def add(
-        self,
-        design: RobotDesign,
-        position: np.ndarray,
-        heading: np.ndarray,
-        tendency: np.ndarray,
-        group: str = "",
+        self, design: RobotDesign, position: np.ndarray, heading: np.ndarray, tendency: np.ndarray, group: str = ""
     ) -> np.ndarray:
         """Append robots of one design and group and return their rows; their handles are set by the caller."""
         if design not in self.designs:
@@ -300,7 +295,7 @@ class Swarm:
         """Drop rows; the handles of the other robots get their new rows."""
         removed_rows = np.unique(np.array(rows, np.int64))
         others = np.delete(np.arange(len(self.agents)), removed_rows)
-        self._forget_contacts(ROBOT, removed_rows)
+        self.forget_contacts(ROBOT, removed_rows)
         for agent_set in list(self.listed.values()):
             agent_set.settle()
         for row in removed_rows.tolist():
@@ -310,12 +305,8 @@ class Swarm:
             agent.row = row
         self._resize(others, 0)
 
-    def forget_contact(self, kind: int, index: int) -> None:
-        """Adapt the indices of what robots met in the last step: a robot, obstacle or fire was removed."""
-        self._forget_contacts(kind, np.array([index]))
-
-    def _forget_contacts(self, kind: int, removed: np.ndarray) -> None:
-        """Do the same for several at once, their indices in ascending order."""
+    def forget_contacts(self, kind: int, removed: np.ndarray) -> None:
+        """Adapt the indices of what robots met in the last step: bodies of a kind, indices ascending, were removed."""
         index = self.columns["contact_index"]
         rows = np.flatnonzero((self.columns["contact_kind"] == kind) & (index >= removed[0]))
         before = index[rows]

@@ -72,7 +72,7 @@ def place_apart(
         raise PlacementError(_does_not_fit(n, radius, "one world, on which the limit is", MOST_ROBOTS))
     if not n:
         return np.empty((0, 2))
-    table = _Placed(others, other_radius, n, radius, space)
+    table = _DiscTable(others, other_radius, n, radius, space)
     draw = _points_of(space)
     while table.missing and table.tried < TRIES * n:
         number = min(max(2 * table.missing, 64), MOST_CANDIDATES)
@@ -95,13 +95,13 @@ def _pack_discs(
     if not room:
         return np.empty((0, 2))
     rng = np.random.default_rng(0)
-    table = _Placed(others, other_radius, room, radius, space)
+    table = _DiscTable(others, other_radius, room, radius, space)
     table.take(_lattice_in(space, radius, rng))
     table.take(_points_of(space)(FILLING_CROWD if isinstance(space, Crowded) else FILLING, rng))
     return table.new
 
 
-class _Placed:
+class _DiscTable:
     """Discs placed so far, those of others first, in linked lists by cell."""
 
     def __init__(
@@ -117,25 +117,21 @@ class _Placed:
         self._grid = Grid.over(bounds, cell, 64 + 4 * len(self._radius))
         self._head = np.full(self._grid.cells, -1, np.int64)
         self._following = np.full(len(self._radius), -1, np.int64)
-        self._link(others)
-
-    def _link(self, others: np.ndarray) -> None:
-        """List the discs that are there already, whatever they overlap."""
-        link_by_cell(others, self._grid.numbers, self._head, self._following)
-        self._taken = len(others)
+        link_by_cell(others, self._grid.numbers, self._head, self._following)  # whatever they overlap
+        self._count = len(others)
 
     @property
     def missing(self) -> int:
-        return len(self._position) - self._taken
+        return len(self._position) - self._count
 
     @property
     def new(self) -> np.ndarray:
-        return self._position[self._old : self._taken]
+        return self._position[self._old : self._count]
 
     def take(self, candidates: np.ndarray) -> None:
         radius = self._radius[-1] if len(self._radius) else 0.0
-        discs = self._position, self._radius, self._taken
-        self._taken = take_apart(candidates, radius, *discs, self._grid.numbers, self._head, self._following)
+        discs = self._position, self._radius, self._count
+        self._count = take_apart(candidates, radius, *discs, self._grid.numbers, self._head, self._following)
 
 
 def _outline(space: shapely.Geometry | Crowded) -> shapely.Geometry:

@@ -127,10 +127,7 @@ def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = Tru
 
 
 def polygon(
-    outline: Iterable[Coordinates],
-    holes: Iterable[Iterable[Coordinates]] = (),
-    *,
-    contact: bool = True,
+    outline: Iterable[Coordinates], holes: Iterable[Iterable[Coordinates]] = (), *, contact: bool = True
 ) -> Shape:
     """Return a simple polygon, convex or not, with or without holes.
 
