@@ -8,6 +8,7 @@ from numbers import Real
 import numpy as np
 
 from mesa_swarm.base.errors import DegreesWarning, InvalidValueError, check_number, shortened
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.masks import fill_masked
 
 # As far from the origin as a map may reach: squares of such lengths are far from overflow.
@@ -16,7 +17,6 @@ LARGEST_COORDINATE = 1e9
 LARGEST_HEADING = 4 * math.pi
 
 Axes = tuple[int | str, ...]
-Bounds = tuple[float, float, float, float]
 
 
 def check_array(name: str, value: object, *axes: Axes, finite: bool = True, missing: bool = False) -> np.ndarray:

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.analysis.arrays import Bounds, check_bounds, check_flags, check_length, check_points
+from mesa_swarm.analysis.arrays import check_bounds, check_flags, check_length, check_points
 from mesa_swarm.analysis.missing import Measure, Measures, without_position
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.room import (
     areas_by_cell,
     cells_of_nearest_parts,

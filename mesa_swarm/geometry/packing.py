@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import cell_index
+from mesa_swarm.geometry.grid import Bounds, cell_index
 from mesa_swarm.kernels.compiled import compiled
 
 
@@ -79,7 +79,7 @@ def link_by_cell(position, grid, head, following):
         head[cell] = k
 
 
-def hexagonal_lattice(bounds: tuple[float, float, float, float], spacing: float) -> np.ndarray:
+def hexagonal_lattice(bounds: Bounds, spacing: float) -> np.ndarray:
     """Return the points of a triangular lattice, the densest there is, that lie within bounds.
 
     Parameters

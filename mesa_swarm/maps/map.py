@@ -23,10 +23,10 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.base.files import check_present_format, shown_path, write_whole
 from mesa_swarm.base.wording import quantity
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.maps.map_parts import (
     LARGEST_FILE,
     RADIUS_OF_UNIT_AREA,
-    Bounds,
     FireSpot,
     bytes_of,
     check_inside,

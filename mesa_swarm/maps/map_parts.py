@@ -26,13 +26,12 @@ from mesa_swarm.base.errors import (
     without_middle,
 )
 from mesa_swarm.base.files import LONGEST_SHOWN
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
 
 RADIUS_OF_UNIT_AREA = 10.0
 LARGEST_FILE = 20_000_000
 LONGEST_NAME = 200
-
-Bounds = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

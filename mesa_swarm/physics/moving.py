@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
+from mesa_swarm.geometry.grid import Bounds, CellLists, Grid, cell_index
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
@@ -85,7 +85,7 @@ class Moving:
         rows: np.ndarray,
         indices: np.ndarray,
         statics: Statics,
-        bounds: tuple[float, float, float, float],
+        bounds: Bounds,
         sight: float,
         touch: float,
     ) -> None:
@@ -131,7 +131,7 @@ class Moving:
         self._listed_for_sight = False
         self.place()
 
-    def _lists(self, bounds: tuple[float, float, float, float], reach: float) -> CellLists:
+    def _lists(self, bounds: Bounds, reach: float) -> CellLists:
         """Return empty lists that have room for the items at any pose."""
         cell = max(2.0 * reach, float(self._extent.sum()) / max(len(self._extent), 1), 1e-9)
         grid = Grid.over(bounds, cell, FEWEST_CELLS + CELLS_PER_ITEM * len(self._extent))

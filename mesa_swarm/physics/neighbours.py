@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_number
-from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.geometry.grid import Bounds, Grid, cell_index
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.radio import is_cut_but, is_nearer_robot, sorted_senders
@@ -70,7 +70,7 @@ def read_neighbours(
 
 
 @lru_cache(maxsize=64)
-def _grid_of(bounds: tuple[float, float, float, float], reach: float, robots: int) -> tuple:
+def _grid_of(bounds: Bounds, reach: float, robots: int) -> tuple:
     return Grid.over(bounds, max(reach, 1e-9), FEWEST_CELLS + CELLS_PER_ROBOT * robots).numbers
 
 

@@ -19,6 +19,7 @@ from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
 from mesa_swarm.physics.engine import CONTACT_COLUMNS, Engine, begin_way, hold_readings
@@ -86,7 +87,7 @@ class Solids:
         return np.hstack([to_polygons, to_discs]).min(axis=1)
 
 
-def ring_around_map(bounds: tuple[float, float, float, float], margin: float) -> Polygon:
+def ring_around_map(bounds: Bounds, margin: float) -> Polygon:
     """Return the outside of a map as far as `margin` from it."""
     x_min, y_min, x_max, y_max = bounds
     around = shapely.box(x_min - margin, y_min - margin, x_max + margin, y_max + margin)

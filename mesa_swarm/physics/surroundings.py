@@ -6,6 +6,7 @@ from typing import cast
 
 import numpy as np
 
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.load_room import Poses, Room, room_of
@@ -34,7 +35,7 @@ class Surroundings:
     and `room` what loads may not overlap: None without loads.
     """
 
-    bounds: tuple[float, float, float, float]
+    bounds: Bounds
     bodies: BodyTable
     rows: np.ndarray
     apart: int
@@ -53,7 +54,7 @@ class Surroundings:
     @classmethod
     def of(
         cls,
-        bounds: tuple[float, float, float, float],
+        bounds: Bounds,
         bodies: BodyTable,
         rows: np.ndarray,
         *,

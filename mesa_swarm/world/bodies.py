@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
@@ -111,7 +112,7 @@ class Form:
         """Return whether it overlaps, by more than rounding, what lies within a radius of a geometry."""
         return bool(shapely.distance(placed(self.core, pose), geometry) <= self.core_radius + radius)
 
-    def is_within(self, pose: Pose, bounds: tuple[float, float, float, float]) -> bool:
+    def is_within(self, pose: Pose, bounds: Bounds) -> bool:
         """Return whether the body in this pose is within a map."""
         x_min, y_min, x_max, y_max = placed(self.core, pose).bounds
         r = self.core_radius

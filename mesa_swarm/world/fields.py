@@ -41,6 +41,7 @@ from mesa_swarm.geometry.diffusion import (
     interpolate_cells,
     withdraw,
 )
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Shape, as_numbers
@@ -53,7 +54,6 @@ LARGEST_AMOUNT = 1e15
 MOST_PIXELS = 120_000
 LEVELS = 255
 NO_SIDES = np.empty((0, 0), np.uint8)
-Bounds = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

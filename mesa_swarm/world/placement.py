@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from mesa_swarm.base.errors import PlacementError
-from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.geometry.grid import Bounds, Grid
 from mesa_swarm.geometry.packing import hexagonal_lattice, link_by_cell, take_apart
 from mesa_swarm.geometry.room import Crowded, circumscribed_ratio, room_for_disc, room_to_try
 from mesa_swarm.world.shapes import Shape
@@ -28,14 +28,12 @@ FILLING_CROWD = 2_000
 MOST_LATTICE_IN_CROWD = 2_000
 
 
-def free_space(bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float) -> shapely.Geometry:
+def free_space(bounds: Bounds, shapes: Sequence[Shape], radius: float) -> shapely.Geometry:
     """Return where the centre of a disc may be without overlapping a solid shape."""
     return room_for_disc(bounds, _solids(shapes), radius, QUARTER_SEGMENTS)
 
 
-def free_places(
-    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float
-) -> shapely.Geometry | Crowded:
+def free_places(bounds: Bounds, shapes: Sequence[Shape], radius: float) -> shapely.Geometry | Crowded:
     """Return what `free_space` does, or for `place_apart` a `Crowded` room where that would take very long.
 
     Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found only by trying: a map

@@ -9,6 +9,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.masks import fill_masked, holds_masked
 from mesa_swarm.world.read_only import read_only
 
@@ -53,7 +54,7 @@ class Shape:
         return "rectangle" if self.geometry.equals_exact(shapely.normalize(box)) else "polygon"
 
     @property
-    def bounds(self) -> tuple[float, float, float, float]:
+    def bounds(self) -> Bounds:
         """Smallest and largest x and y: (x_min, y_min, x_max, y_max)."""
         x_min, y_min, x_max, y_max = self.geometry.bounds
         return x_min - self.radius, y_min - self.radius, x_max + self.radius, y_max + self.radius

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.geometry.grid import CellLists, Grid, list_boxes_by_cell
+from mesa_swarm.geometry.grid import Bounds, CellLists, Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
@@ -67,7 +67,7 @@ class Statics:
     @classmethod
     def of(
         cls,
-        bounds: tuple[float, float, float, float],
+        bounds: Bounds,
         shapes: Sequence[Shape],
         codes: Sequence[int] | np.ndarray,
         *,
@@ -143,7 +143,7 @@ class Marks:
         return cls(edges=edges, rings=rings, discs=_discs_of(marks)[0])
 
 
-def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sight: float, touch: float) -> Grid:
+def _grid_for(boxes: np.ndarray, bounds: Bounds, sight: float, touch: float) -> Grid:
     """Return a grid whose cell count suits the number of items, smaller if they would be listed too often."""
     small = min(CELLS_PER_FEW_ITEMS * len(boxes), MOST_SMALL_CELLS)
     most = FEWEST_CELLS + max(CELLS_PER_ITEM * len(boxes), small)
