@@ -49,7 +49,7 @@ class Behaviour:
         self._prefix = ""
         self.name = rule.name
         self.__doc__ = rule.function.__doc__
-        self._known: tuple = NOT_KNOWN
+        self._views: tuple = NOT_KNOWN
         self._swarm: Any = None  # where it is bound
         self._read: Read | None = None
         self._version = -1
@@ -71,7 +71,7 @@ class Behaviour:
 
     def __getstate__(self) -> dict:
         """Leave out the views of columns: copies have columns of their own."""
-        return {**self.__dict__, "_known": NOT_KNOWN, "_version": -1}
+        return {**self.__dict__, "_views": NOT_KNOWN, "_version": -1}
 
     def __call__(self, **changes: float) -> "Behaviour":
         """Return the same rule with other parameters."""
@@ -128,11 +128,11 @@ class Behaviour:
 
     def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
-        if self._known[0] is not senses:
+        if self._views[0] is not senses:
             unused = np.full(len(self._swarm), np.nan)
             columns = (*columns_of(senses, self._swarm.designs), unused)
-            self._known = senses, columns, self._fields(senses)
-        _, arrays, fields = self._known
+            self._views = senses, columns, self._fields(senses)
+        _, arrays, fields = self._views
         return (arrays if self._rng is None else (*arrays[:-1], self._rng.random(len(self._swarm)))), fields
 
     def _fields(self, senses: Senses) -> RuleFields:

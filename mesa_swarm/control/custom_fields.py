@@ -23,18 +23,18 @@ KINDS = {"b": np.bool_, "i": np.int64, "u": np.int64, "f": np.float64}
 class FieldForm(NamedTuple):
     """Names of the fields that a model adds, in the order of `RuleFields.arrays`, and their types.
 
-    `readings` are names of custom sensors, `written` pairs of a record's name and its type, `heard` the names of what
+    `readings` are names of custom sensors, `outputs` pairs of a record's name and its type, `heard` the names of what
     messages hold.
     """
 
     readings: tuple[str, ...] = ()
-    written: tuple[tuple[str, np.dtype], ...] = ()
+    outputs: tuple[tuple[str, np.dtype], ...] = ()
     heard: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the fields."""
-        return (*self.readings, *(name for name, _ in self.written), *(("heard",) if self.heard else ()))
+        return (*self.readings, *(name for name, _ in self.outputs), *(("heard",) if self.heard else ()))
 
 
 class Records:
@@ -63,11 +63,11 @@ class RuleFields:
     def __init__(
         self,
         readings: Mapping[str, np.ndarray] | None = None,
-        written: Mapping[str, Mapping[str, np.ndarray]] | None = None,
+        outputs: Mapping[str, Mapping[str, np.ndarray]] | None = None,
         heard: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        readings, written, heard = readings or {}, written or {}, heard or {}
-        records = {name: Records(columns) for name, columns in written.items() if columns}
+        readings, outputs, heard = readings or {}, outputs or {}, heard or {}
+        records = {name: Records(columns) for name, columns in outputs.items() if columns}
         self._records = tuple(records.values())
         kinds = tuple((name, record.array.dtype) for name, record in records.items())
         self.form = FieldForm(tuple(readings), kinds, tuple(heard))
@@ -147,7 +147,7 @@ class RecordEntries:
 def plain_arrays(form: FieldForm, arrays: Sequence[np.ndarray]) -> tuple:
     """Return the values of the fields as plain Python needs them."""
     first = len(form.readings)
-    words = {first + place: name for place, (name, _) in enumerate(form.written)}
+    words = {first + place: name for place, (name, _) in enumerate(form.outputs)}
     return tuple(RecordEntries(array, words[k]) if k in words else array for k, array in enumerate(arrays))
 
 

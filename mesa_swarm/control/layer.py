@@ -109,7 +109,7 @@ class Senses:
         return cls(**columns, **of_designs, sideways=table.sideways, **more)
 
 
-reserve_names(one.name for one in fields(Senses))
+reserve_names(sense.name for sense in fields(Senses))
 
 
 class Layer(Protocol):

@@ -109,8 +109,8 @@ def _reading(nothing: float) -> tuple[Callable, Any]:
 
 # What index -1 reads: of distances and kinds -1, of radiation 0, of lines False; and a bearing that is not there
 # would make the wheels' speeds NaN, which is reported.
-seen, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
-READINGS = {"seen": seen, "sensed": sensed, "bearings": bearings}
+kinds, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
+READINGS = {"seen": kinds, "sensed": sensed, "bearings": bearings}
 
 
 @lower_builtin(operator.getitem, ReadingsType, types.Integer)
@@ -412,12 +412,12 @@ def _expressions(form: FieldForm) -> dict[str, str]:
     """Return how each field of `me` follows from the columns, those that a model adds too."""
     arrays = (f"array_{k}[i]" for k in range(_count_of_arrays(form)))
     readings = {name: f"bearings({next(arrays)})" for name in form.readings}
-    outputs = {name: next(arrays) for name, _ in form.written}
+    outputs = {name: next(arrays) for name, _ in form.outputs}
     return FIELDS | readings | outputs | ({"heard": f"Heard({', '.join(arrays)})"} if form.heard else {})
 
 
 def _count_of_arrays(form: FieldForm) -> int:
-    return len(form.readings) + len(form.written) + len(form.heard)
+    return len(form.readings) + len(form.outputs) + len(form.heard)
 
 
 def take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
@@ -545,7 +545,7 @@ def find_defect(problem: str, form: FieldForm, function: FunctionType, numbers: 
     if problem.startswith(UNKNOWN):
         name = problem.removeprefix(UNKNOWN).strip()
         record = record_of(function, name)
-        fields = [field for word, kind in form.written if f"me.{word}" == record for field in kind.names or ()]
+        fields = [field for word, kind in form.outputs if f"me.{word}" == record for field in kind.names or ()]
         return f"uses an {unknown_name(f'field of {record}', name, fields)}"
     if re.search(r"Cannot modify readonly|No definition for lowering Me\(.*\)\.\w+ =", problem):
         return CHANGES

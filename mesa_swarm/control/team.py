@@ -48,7 +48,7 @@ class Team(Arbiter, Mapping):
     """
 
     _swarm: Swarm | None = None
-    _seen: tuple[int, int] = (-1, -1)
+    _version: tuple[int, int] = (-1, -1)
     _owner: np.ndarray
 
     def __init__(self, arbiters: Mapping[Key, Arbiter | None]) -> None:
@@ -152,7 +152,7 @@ class Team(Arbiter, Mapping):
     def bound(self, swarm: Swarm, streams: Streams, **_: Any) -> "Team":
         """Return a copy whose arbiters and layers have their columns and random streams in this swarm."""
         team = copy(self)
-        team._arbiters, team._swarm, team._seen = dict(self._arbiters), swarm, (-1, -1)
+        team._arbiters, team._swarm, team._version = dict(self._arbiters), swarm, (-1, -1)
         for key, place in self._places.items():
             designs = tuple(d for d, group in robots_of(swarm) if self._key_of(d, group) == key)
             first, label = self._firsts[place], self._labels[place]
@@ -171,13 +171,13 @@ class Team(Arbiter, Mapping):
         command.fill(0.0)
         layer.fill(-1)
         for place, arbiter in enumerate(self.arbiters):
-            arbiter.decide(senses, self._wanted, self._won)
-            take_over_commands(owners, place, self._firsts[place], self._wanted, self._won, command, layer)
+            arbiter.decide(senses, self._commands, self._winners)
+            take_over_commands(owners, place, self._firsts[place], self._commands, self._winners, command, layer)
 
     def _owners(self) -> np.ndarray:
         """Return the place of each robot's arbiter (n,), -1 for none, and prepare for these robots."""
         swarm: Any = self._swarm
-        if self._seen == (swarm.version, swarm.regrouped):
+        if self._version == (swarm.version, swarm.regrouped):
             return self._owner
         columns, n = swarm.columns, len(swarm)
         kinds = list(robots_of(swarm))
@@ -186,12 +186,12 @@ class Team(Arbiter, Mapping):
         groups = (*swarm.groups, "")  # the index -1 is of none
         pairs = zip(columns["design"].tolist(), columns["group"].tolist(), strict=True)
         self._owner = np.array([places[swarm.designs[d], groups[g]] for d, g in pairs], np.int64)
-        self._wanted, self._won = np.zeros((n, columns["command"].shape[1])), np.full(n, -1)
+        self._commands, self._winners = np.zeros((n, columns["command"].shape[1])), np.full(n, -1)
         for place, arbiter in enumerate(self.arbiters):
             arbiter.others = np.flatnonzero(self._owner != place)
             driven = tuple(design for design, group in kinds if places[design, group] == place)
             arbiter.set_driven(driven)
-        self._seen = swarm.version, swarm.regrouped
+        self._version = swarm.version, swarm.regrouped
         return self._owner
 
 

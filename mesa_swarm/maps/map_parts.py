@@ -235,7 +235,7 @@ UNSEEN = 200.0
 MOST_PAIRS_AT_ONCE = 1_000_000
 ENOUGH_PAIRS = 100_000
 
-_given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambda: False)
+_is_given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambda: False)
 
 
 @contextmanager
@@ -244,11 +244,11 @@ def stop_reading_when(is_given_up: Callable[[], bool]) -> Iterator[None]:
 
     The reader then raises `concurrent.futures.CancelledError`.
     """
-    token = _given_up.set(is_given_up)
+    token = _is_given_up.set(is_given_up)
     try:
         yield
     finally:
-        _given_up.reset(token)
+        _is_given_up.reset(token)
 
 
 class Work:
@@ -256,14 +256,14 @@ class Work:
 
     def __init__(self, size: int) -> None:
         self.left = MOST_WORK * max(1.0, size / SMALL_FILE)
-        self._given_up = _given_up.get()
+        self._is_given_up = _is_given_up.get()
 
     def spend(self, cost: float) -> None:
         """Subtract the cost of work that is about to begin, and refuse it if that is more than is left.
 
         A `CancelledError` is raised once the map is no longer waited for, see `stop_reading_when`.
         """
-        if self._given_up():
+        if self._is_given_up():
             raise CancelledError("the map is no longer waited for")
         if not cost <= self.left:
             raise InvalidValueError(TOO_MUCH)

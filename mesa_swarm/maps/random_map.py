@@ -96,9 +96,9 @@ def _draw_obstacle(
 ) -> list[Shape]:
     """Return one obstacle that leaves the free space in one piece, or an empty list if none is found."""
     for _ in range(TRIES):
-        drawn = _draw_shape(extent, rng)
-        if drawn is not None and _is_whole([*shapes, drawn], extent, passage):
-            return [drawn]
+        shape = _draw_shape(extent, rng)
+        if shape is not None and _is_whole([*shapes, shape], extent, passage):
+            return [shape]
     return []
 
 

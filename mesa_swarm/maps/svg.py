@@ -366,7 +366,7 @@ IGNORED = (
 )
 
 
-class Drawn(NamedTuple):
+class SvgElement(NamedTuple):
     """An element to be made into shapes: `matrix` leads from its coordinates to the map's, errors name its `place`."""
 
     tag: str
@@ -385,12 +385,12 @@ class Drawn(NamedTuple):
         return self.stroked and not self.filled
 
 
-def fire_of(drawn: Drawn) -> FireSpot:
+def fire_of(element: SvgElement) -> FireSpot:
     """Return the fire of a circle, of the temperature `data-temperature`, by default 1."""
-    round_part = _disc(drawn) if drawn.tag in ("circle", "ellipse") else None
+    round_part = _disc(element) if element.tag in ("circle", "ellipse") else None
     if round_part is None:
         raise InvalidValueError("is a fire; fires are circles, and stay so when they are transformed")
-    text = drawn.attributes.get("data-temperature", "1")
+    text = element.attributes.get("data-temperature", "1")
     try:
         temperature = float(text)
     except ValueError:
@@ -398,91 +398,92 @@ def fire_of(drawn: Drawn) -> FireSpot:
     return FireSpot(tuple(round_part.position.tolist()), round_part.radius, temperature)
 
 
-def _round(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
+def _round(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a disc if the element is round in the map, else a polygon."""
-    round_part = None if drawn.is_ring else _disc(drawn)
+    round_part = None if element.is_ring else _disc(element)
     work.spend(CURVE if round_part is None else DISC)
-    yield round_part or _fill_or_stroke(drawn, work, _ellipse(drawn, tolerance))
+    yield round_part or _fill_or_stroke(element, work, _ellipse(element, tolerance))
 
 
-def _disc(drawn: Drawn) -> Shape | None:
+def _disc(element: SvgElement) -> Shape | None:
     """Return the element as a disc, or None if it is not round in the map."""
-    x, y, rx, ry = _centre_and_radii(drawn)
-    if rx != ry or not is_similarity(drawn.matrix):
+    x, y, rx, ry = _centre_and_radii(element)
+    if rx != ry or not is_similarity(element.matrix):
         return None
-    centre = move_points(np.array([x, y]), drawn.matrix)
+    centre = move_points(np.array([x, y]), element.matrix)
     # The root of the determinant is exactly 1 for the identity.
-    return disc(centre, rx * math.sqrt(abs(np.linalg.det(drawn.matrix[:2, :2]))), contact=_has_contact(drawn))
+    return disc(centre, rx * math.sqrt(abs(np.linalg.det(element.matrix[:2, :2]))), contact=_has_contact(element))
 
 
-def _centre_and_radii(drawn: Drawn) -> tuple[float, float, float, float]:
-    names = ("r", "r") if drawn.tag == "circle" else ("rx", "ry")
-    rx, ry = (check_number(name, _length(drawn, name), above=0) for name in names)
-    return _length(drawn, "cx"), _length(drawn, "cy"), rx, ry
+def _centre_and_radii(element: SvgElement) -> tuple[float, float, float, float]:
+    names = ("r", "r") if element.tag == "circle" else ("rx", "ry")
+    rx, ry = (check_number(name, _length(element, name), above=0) for name in names)
+    return _length(element, "cx"), _length(element, "cy"), rx, ry
 
 
-def _ellipse(drawn: Drawn, tolerance: float) -> np.ndarray:
-    x, y, rx, ry = _centre_and_radii(drawn)
-    return elliptic_arc((x, y), (rx, ry), 0.0, 2 * math.pi, _own_tolerance(drawn, tolerance))[:-1]
+def _ellipse(element: SvgElement, tolerance: float) -> np.ndarray:
+    x, y, rx, ry = _centre_and_radii(element)
+    return elliptic_arc((x, y), (rx, ry), 0.0, 2 * math.pi, _own_tolerance(element, tolerance))[:-1]
 
 
-def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    x, y = _length(drawn, "x"), _length(drawn, "y")
-    width = check_number("width", _length(drawn, "width"), above=0)
-    height = check_number("height", _length(drawn, "height"), above=0)
-    rx, ry = _corner_radii(drawn, width, height)
+def _rect(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
+    x, y = _length(element, "x"), _length(element, "y")
+    width = check_number("width", _length(element, "width"), above=0)
+    height = check_number("height", _length(element, "height"), above=0)
+    rx, ry = _corner_radii(element, width, height)
     if rx == 0 or ry == 0:
-        yield _fill_or_stroke(drawn, work, np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)]))
+        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+        yield _fill_or_stroke(element, work, np.array(corners))
         return
     left, right, low, high = x + rx, x + width - rx, y + ry, y + height - ry
     centres = [(right, high), (left, high), (left, low), (right, low)]
     work.spend(4 * ROUNDED_CORNER)
-    quarter, own = math.pi / 2, _own_tolerance(drawn, tolerance)
+    quarter, own = math.pi / 2, _own_tolerance(element, tolerance)
     arcs = [elliptic_arc(at, (rx, ry), i * quarter, quarter, own) for i, at in enumerate(centres)]
-    yield _fill_or_stroke(drawn, work, np.concatenate(arcs))
+    yield _fill_or_stroke(element, work, np.concatenate(arcs))
 
 
-def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, float]:
+def _corner_radii(element: SvgElement, width: float, height: float) -> tuple[float, float]:
     """Return the radii of rounded corners: a single one holds for both, and half the side is the limit."""
-    texts = [drawn.attributes.get(name, "auto") for name in ("rx", "ry")]
+    texts = [element.attributes.get(name, "auto") for name in ("rx", "ry")]
     radii = [None if text == "auto" else check_number("rx", length("rx", text), minimum=0) for text in texts]
     rx, ry = (own if own is not None else other or 0.0 for own, other in (radii, radii[::-1]))
     return min(rx, width / 2), min(ry, height / 2)
 
 
-def _outline(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
+def _outline(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a polygon, or a polyline, which is closed if it is filled, else a thick line."""
-    at = points("points", drawn.attributes.get("points", ""))
-    yield _fill_or_stroke(drawn, work, at) if drawn.filled or drawn.tag == "polygon" else _band(drawn, work, at)
+    at = points("points", element.attributes.get("points", ""))
+    yield _fill_or_stroke(element, work, at) if element.filled or element.tag == "polygon" else _band(element, work, at)
 
 
-def _line(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    ends = [[_length(drawn, "x1"), _length(drawn, "y1")], [_length(drawn, "x2"), _length(drawn, "y2")]]
-    yield _band(drawn, work, np.array(ends))
+def _line(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
+    ends = [[_length(element, "x1"), _length(element, "y1")], [_length(element, "x2"), _length(element, "y2")]]
+    yield _band(element, work, np.array(ends))
 
 
-def _path(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
+def _path(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield closed subpaths as outlines with holes, open ones too if filled, else as bands; without fill as rings."""
-    text = drawn.attributes.get("d", "")
+    text = element.attributes.get("d", "")
     closed: list[np.ndarray] = []
     bands: list[np.ndarray] = []
-    for is_closed, at in subpaths(text, _own_tolerance(drawn, tolerance)):
-        (closed if is_closed or drawn.filled else bands).append(at)
+    for is_closed, at in subpaths(text, _own_tolerance(element, tolerance)):
+        (closed if is_closed or element.filled else bands).append(at)
     if not closed and not bands:
         raise InvalidValueError("d draws nothing")
     if len(closed) > MOST_SUBPATHS:
         raise InvalidValueError(f"d has {len(closed)} parts; expected at most {MOST_SUBPATHS}")
-    if drawn.is_ring:
+    if element.is_ring:
         bands, closed = [*map(_close_ring, closed), *bands], []
-    for outline, holes in nest_outlines(closed, drawn.even_odd, work):
-        yield _solid(drawn, work, outline, holes)
+    for outline, holes in nest_outlines(closed, element.even_odd, work):
+        yield _solid(element, work, outline, holes)
     for at in bands:
-        yield _band(drawn, work, at)
+        yield _band(element, work, at)
 
 
-def _fill_or_stroke(drawn: Drawn, work: Work, outline: np.ndarray) -> Shape:
+def _fill_or_stroke(element: SvgElement, work: Work, outline: np.ndarray) -> Shape:
     """Return the area in an outline, or, where only its stroke is painted, a ring."""
-    return _band(drawn, work, _close_ring(outline)) if drawn.is_ring else _solid(drawn, work, outline)
+    return _band(element, work, _close_ring(outline)) if element.is_ring else _solid(element, work, outline)
 
 
 def _close_ring(outline: np.ndarray) -> np.ndarray:
@@ -491,20 +492,20 @@ def _close_ring(outline: np.ndarray) -> np.ndarray:
 
 
 def _solid(
-    drawn: Drawn, work: Work, outline: np.ndarray, holes: Iterable[np.ndarray] = (), are_apart: bool = False
+    element: SvgElement, work: Work, outline: np.ndarray, holes: Iterable[np.ndarray] = (), are_apart: bool = False
 ) -> Shape:
-    outline, *holes = (move_points(np.asarray(ring), drawn.matrix) for ring in (outline, *holes))
+    outline, *holes = (move_points(np.asarray(ring), element.matrix) for ring in (outline, *holes))
     rings = check_rings(outline, holes)
     work.spend_on_outlines(rings, are_apart)
-    return polygon(rings[0], rings[1:], contact=_has_contact(drawn))
+    return polygon(rings[0], rings[1:], contact=_has_contact(element))
 
 
-def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
+def _band(element: SvgElement, work: Work, at: np.ndarray) -> Shape:
     """Return a line as thick as its stroke, with square-cut ends and mitred corners as SVG draws it.
 
     One that ends where it begins is a ring, with a corner there.
     """
-    thickness = length("stroke-width", drawn.stroke_width)
+    thickness = length("stroke-width", element.stroke_width)
     width = check_number("stroke-width", thickness, above=0, maximum=LARGEST_COORDINATE)
     if not np.abs(at).max() <= LARGEST_ENTRY:
         raise InvalidValueError(f"is a line with a coordinate that is not within {LARGEST_ENTRY:g}")
@@ -515,23 +516,23 @@ def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
     if area.geom_type != "Polygon" or area.is_empty:
         raise InvalidValueError("is a line too thin for where it lies; give it a larger stroke-width")
     holes = [ring.coords for ring in area.interiors]
-    return _solid(drawn, work, area.exterior.coords, holes, are_apart=True)  # paid for with the line
+    return _solid(element, work, area.exterior.coords, holes, are_apart=True)  # paid for with the line
 
 
-def _length(drawn: Drawn, name: str) -> float:
-    return length(name, drawn.attributes.get(name, "0"))
+def _length(element: SvgElement, name: str) -> float:
+    return length(name, element.attributes.get(name, "0"))
 
 
-def _own_tolerance(drawn: Drawn, tolerance: float) -> float:
+def _own_tolerance(element: SvgElement, tolerance: float) -> float:
     """Return the tolerance in the element's own coordinates; never 0, by which chords are divided."""
-    return max(tolerance / scale_of(drawn.matrix), sys.float_info.min)
+    return max(tolerance / scale_of(element.matrix), sys.float_info.min)
 
 
-def _has_contact(drawn: Drawn) -> bool:
-    return drawn.role != "mark"
+def _has_contact(element: SvgElement) -> bool:
+    return element.role != "mark"
 
 
-_READERS: dict[str, Callable[[Drawn, float, Work], Iterator[Shape]]] = {
+_READERS: dict[str, Callable[[SvgElement, float, Work], Iterator[Shape]]] = {
     "rect": _rect,
     "circle": _round,
     "ellipse": _round,
@@ -568,13 +569,13 @@ class _Walk(ContentHandler):
         super().__init__()
         self.work = work
         self.source = source
-        self.drawn: list[Drawn] = []
+        self.elements: list[SvgElement] = []
         self.bounds: Bounds = (0.0, 0.0, 0.0, 0.0)
         self.begun = False
         self._titles: list[str] = []
         self._count = 0
         self._path_words = 0
-        self._open: list[tuple[str, Drawn | None]] = []
+        self._open: list[tuple[str, SvgElement | None]] = []
 
     @property
     def name(self) -> str:
@@ -614,7 +615,7 @@ class _Walk(ContentHandler):
         identity = f" {attributes['id'][:40]!r}" if "id" in attributes else ""
         return f"<{tag[:40]}>{identity} on line {self._locator.getLineNumber()}"
 
-    def _enter(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+    def _enter(self, tag: str, attributes: dict[str, str], place: str) -> SvgElement | None:
         """Return what the children inherit; None where they are ignored."""
         if not self._open:
             return self._root(tag, attributes, place)
@@ -634,10 +635,10 @@ class _Walk(ContentHandler):
         if self._path_words > MOST_PATH_WORDS:
             raise InvalidValueError(f"brings all paths to more than {MOST_PATH_WORDS} numbers; simplify them")
         self.work.spend(ELEMENT + (PATH if tag == "path" else 0.0) + PATH_WORD * words)
-        self.drawn.append(own)
+        self.elements.append(own)
         return None
 
-    def _root(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+    def _root(self, tag: str, attributes: dict[str, str], place: str) -> SvgElement | None:
         if tag != "svg":
             raise InvalidValueError("is not a drawing; expected <svg>")
         width, height = _size(attributes)
@@ -646,7 +647,7 @@ class _Walk(ContentHandler):
         box = attributes.get("viewBox")
         aspect = attributes.get("preserveAspectRatio", "")
         matrix = upright if box is None else check_matrix(upright @ viewbox(box, aspect, width, height))
-        return _inherit(Drawn(tag, {}, place, matrix), tag, attributes, place, self.work)
+        return _inherit(SvgElement(tag, {}, place, matrix), tag, attributes, place, self.work)
 
 
 def _walk(content: bytes, source: str, work: Work) -> _Walk:
@@ -710,7 +711,7 @@ def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bound
     return bounds
 
 
-def _inherit(parent: Drawn, tag: str, attributes: dict[str, str], place: str, work: Work) -> Drawn | None:
+def _inherit(parent: SvgElement, tag: str, attributes: dict[str, str], place: str, work: Work) -> SvgElement | None:
     """Return an element with what it inherits from its parent; None if it is invisible."""
     style = {key: value for key, value in properties(attributes).items() if value != "inherit"}
     role = _role(attributes) or parent.role
@@ -723,7 +724,7 @@ def _inherit(parent: Drawn, tag: str, attributes: dict[str, str], place: str, wo
     if "transform" in style:
         work.spend(TRANSFORM * (1 + style["transform"].count("(")))
         matrix = check_matrix(matrix @ transform(style["transform"]))
-    return Drawn(
+    return SvgElement(
         tag,
         style,
         place,
@@ -749,11 +750,11 @@ def _role(attributes: Mapping[str, str]) -> str | None:
 def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
     """Make the obstacles one by one, and refuse the drawing as soon as it becomes too large."""
     vertices = 0
-    for drawn in _place_elements(walk):
-        if drawn.role == "fire":
+    for element in _place_elements(walk):
+        if element.role == "fire":
             continue
-        with name_file_in_errors(walk.source, drawn.place):
-            for shape in list(_READERS[drawn.tag](drawn, tolerance, work)):
+        with name_file_in_errors(walk.source, element.place):
+            for shape in list(_READERS[element.tag](element, tolerance, work)):
                 vertices += len(shape.geometry.exterior.coords) if not shape.is_disc else 1
                 if vertices > MOST_VERTICES:
                     raise InvalidValueError(f"brings the drawing to more than {MOST_VERTICES} points; simplify it")
@@ -762,19 +763,19 @@ def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
 
 
 def _fires(walk: _Walk) -> Iterator[Any]:
-    for drawn in _place_elements(walk):
-        if drawn.role == "fire":
-            with name_file_in_errors(walk.source, drawn.place):
-                fire = fire_of(drawn)
+    for element in _place_elements(walk):
+        if element.role == "fire":
+            with name_file_in_errors(walk.source, element.place):
+                fire = fire_of(element)
                 check_inside("fire", fire, walk.bounds)
             yield fire
 
 
-def _place_elements(walk: _Walk) -> Iterator[Drawn]:
+def _place_elements(walk: _Walk) -> Iterator[SvgElement]:
     """Yield all elements, moved to the bounds; done last, where it undoes the move of `to_svg` to the bit."""
     move = np.array([[1.0, 0.0, walk.bounds[0]], [0.0, 1.0, walk.bounds[1]], [0.0, 0.0, 1.0]])
     before = after = move
-    for drawn in walk.drawn:
-        if drawn.matrix is not before:  # neighbours mostly share one
-            before, after = drawn.matrix, move @ drawn.matrix
-        yield drawn._replace(matrix=after)
+    for element in walk.elements:
+        if element.matrix is not before:  # neighbours mostly share one
+            before, after = element.matrix, move @ element.matrix
+        yield element._replace(matrix=after)

@@ -262,7 +262,7 @@ class Travelling:
     """The driven bodies on their way through a step, and all solids as they are in each piece of it."""
 
     def __init__(self, surroundings: Surroundings, make_solids: Callable[[], Solids], radius: np.ndarray) -> None:
-        self.solids, self._renewed = make_solids(), make_solids
+        self.solids, self._make_solids = make_solids(), make_solids
         self._bodies, self._rows = t, rows = surroundings.bodies, surroundings.driven
         self._begin = self._before = self._poses()
         self._longest = LONGEST_STEP * radius.min(initial=math.inf)
@@ -270,11 +270,11 @@ class Travelling:
         ways = self._end - self._begin
         self._turns = np.array([wrap_angle(turn) for turn in ways[:, 2]])
         far = np.hypot(ways[:, 0], ways[:, 1]) + t.reach[rows] * abs(self._turns)
-        self._needed = np.ceil(far / self._longest - 1e-9)
+        self._pieces_of = np.ceil(far / self._longest - 1e-9)
 
     def pieces(self, pieces: int) -> int:
         """Return the number of pieces of a step, more than those of the robots if bodies travel farther."""
-        travels = self._needed[self._under_way & (self._needed <= MOST_PIECES)]
+        travels = self._pieces_of[self._under_way & (self._pieces_of <= MOST_PIECES)]
         return max(pieces, int(travels.max(initial=0.0)))
 
     def advance(self, piece: int, pieces: int, position: np.ndarray, radius: np.ndarray) -> None:
@@ -282,7 +282,7 @@ class Travelling:
         self._before = self._poses()
         moves = self._under_way
         for b in np.flatnonzero(moves).tolist():
-            jumps = self._needed[b] > MOST_PIECES
+            jumps = self._pieces_of[b] > MOST_PIECES
             if jumps or piece == pieces - 1:
                 self._put(b, self._end[b])
             else:
@@ -291,7 +291,7 @@ class Travelling:
             if jumps and self._overlapped(b, position, radius).any():
                 self._stop(b)
         if moves.any():
-            self.solids = self._renewed()
+            self.solids = self._make_solids()
 
     def return_overlapping(self, position: np.ndarray, radius: np.ndarray, goes: np.ndarray) -> bool:
         """Return the bodies that overlap robots to where they were before this piece, and mark these robots.
@@ -310,12 +310,12 @@ class Travelling:
                 self._stop(b)
                 has_changed = True
         if has_changed:
-            self.solids = self._renewed()
+            self.solids = self._make_solids()
         return has_changed
 
     @property
     def _under_way(self) -> np.ndarray:
-        return (self._needed > 0) & ~self._bodies.blocked[self._rows]
+        return (self._pieces_of > 0) & ~self._bodies.blocked[self._rows]
 
     def _poses(self) -> np.ndarray:
         return np.column_stack([self._bodies.position[self._rows], self._bodies.heading[self._rows]])

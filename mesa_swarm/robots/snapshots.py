@@ -54,7 +54,7 @@ class Snapshots:
         self._stored: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
         self._numbers = swarm.number
         self._version = swarm.version
-        self._noted: dict[str, np.ndarray] = {}
+        self._heat_before: dict[str, np.ndarray] = {}
 
     def __len__(self) -> int:
         """How many steps are stored."""
@@ -67,7 +67,7 @@ class Snapshots:
 
     def note(self) -> None:
         """Store the heat that robots decided on, before a process overwrites it."""
-        self._noted = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
+        self._heat_before = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
 
     def forget(self) -> None:
         """Drop all steps."""
@@ -75,10 +75,10 @@ class Snapshots:
 
     def append(self, step: int) -> None:
         """Store the swarm as it is now."""
-        now, before = self._swarm.columns, self._noted
+        now, before = self._swarm.columns, self._heat_before
         names = dict.fromkeys((*self.columns, *self.noted))
         self._rows.append((step, {name: before[name] if name in before else now[name].copy() for name in names}))
-        self._noted = {}
+        self._heat_before = {}
 
     @property
     def steps(self) -> np.ndarray:

@@ -253,7 +253,7 @@ class BodyTable:
         self.agents: list[Any] = []
         # Of each body that may move its form, and where it was last shown; of one at rest its shape.
         self.forms: list[Form | None] = []
-        self._shown: list[tuple[Pose | None, Shape]] = []
+        self._shape_cache: list[tuple[Pose | None, Shape]] = []
         self._others: list[Any] | None = []
         self._room = {name: row[:0] for name, row in self.columns.items()}
         self._publish()
@@ -276,7 +276,7 @@ class BodyTable:
         body.table, body.row = self, row
         self.agents.append(body)
         self.forms.append(form)
-        self._shown.append((None, shape))
+        self._shape_cache.append((None, shape))
         self._others = None
         if row == len(self._room["mode"]):  # room for half as many again
             for name, usual in self.columns.items():
@@ -294,11 +294,11 @@ class BodyTable:
     def drop(self, body: Any) -> None:
         """Remove the row of a body, which keeps what it was in a table of its own."""
         row, alone = body.row, BodyTable(self.kinds)
-        alone.add(body, self._shown[row][1], self.forms[row], mode=0, kind=0)
+        alone.add(body, self._shape_cache[row][1], self.forms[row], mode=0, kind=0)
         for name, column in self._room.items():
             alone._room[name][0] = column[row]
             self._room[name] = np.delete(column, row, axis=0)
-        for rows in (self.agents, self.forms, self._shown):
+        for rows in (self.agents, self.forms, self._shape_cache):
             del rows[row]
         for later, agent in enumerate(self.agents[row:], row):
             agent.row = later
@@ -312,7 +312,7 @@ class BodyTable:
             return
         for name, column in self._room.items():
             self._room[name] = column[order]
-        for rows in cast(list[list], [self.agents, self.forms, self._shown]):
+        for rows in cast(list[list], [self.agents, self.forms, self._shape_cache]):
             rows[:] = [rows[row] for row in order]
         for row, agent in enumerate(self.agents):
             agent.row = row
@@ -384,13 +384,13 @@ class BodyTable:
 
     def shape_of(self, row: int) -> Shape:
         """Return the shape of a body where it is."""
-        form, (pose, shape) = self.forms[row], self._shown[row]
+        form, (pose, shape) = self.forms[row], self._shape_cache[row]
         if form is None and self.kind[row] != FIRE:
             return shape
         now = self.pose_of(row)
         if pose != now or shape.radius != self.radius[row]:
             shape = disc(now[:2], float(self.radius[row])) if form is None else form.shape_at(now)
-            self._shown[row] = now, shape
+            self._shape_cache[row] = now, shape
         return shape
 
 

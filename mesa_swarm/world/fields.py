@@ -159,7 +159,7 @@ class ScalarField:
         x_min, y_min, x_max, y_max = bounds
         self.frame = (float(x_min), float(y_min), (x_max - x_min) / columns, (y_max - y_min) / rows)
         self._sub_steps = declaration.sub_steps(*self.frame[2:])
-        self.declared = declaration
+        self.declaration = declaration
         self.bounds = bounds
         self.peak = 0.0
         self.changes = 0
@@ -176,7 +176,7 @@ class ScalarField:
     @property
     def name(self) -> str:
         """The name of the field."""
-        return self.declared.name
+        return self.declaration.name
 
     @property
     def values(self) -> np.ndarray:
@@ -326,7 +326,7 @@ class ScalarField:
 
     def block(self) -> Block:
         """Return what `advance_field` takes, which is valid as long as the walls are."""
-        declaration, (_, _, width, height), walls = self.declared, self.frame, self._current_walls()
+        declaration, (_, _, width, height), walls = self.declaration, self.frame, self._current_walls()
         remaining, share = 1.0 - declaration.evaporation, declaration.diffusion / self._sub_steps
         changes = remaining < 1.0 or declaration.diffusion > 0.0
         return Block(
@@ -357,7 +357,7 @@ class ScalarField:
 
     def walls_changed(self) -> None:
         """Find out anew which cells are blocked, and move what is in them to the nearest free ones; models call it."""
-        if not self.declared.walls or (self._walls is not None and self._walls.is_of(self._shapes())):
+        if not self.declaration.walls or (self._walls is not None and self._walls.is_of(self._shapes())):
             return
         self._walls = None
         if self._empty[0]:
