@@ -235,7 +235,7 @@ def _behaviour(rule: Callable, memory: Mapping[str, Any] | None) -> Behaviour:
     parameters = list(inspect.signature(function).parameters.values())
     if not parameters:
         raise InvalidValueError(f"rule {function.__name__} takes nothing; expected me as its first parameter")
-    values = {p.name: _default(function.__name__, p) for p in parameters[1:]}
+    values = {parameter.name: _default(function.__name__, parameter) for parameter in parameters[1:]}
     return Behaviour(rule_of(function), values, check_memory(function.__name__, memory))
 
 

@@ -111,7 +111,7 @@ class HeadOn:
         nearest = np.empty(len(layer), np.int64)
         find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
         columns = self._swarm.columns
-        memory = tuple(columns[f"{self._prefix}.{m}"] for m in ("front", "least", "speed", "left"))
+        memory = tuple(columns[f"{self._prefix}.{name}"] for name in ("front", "least", "speed", "left"))
         sensed = nearest, senses.distance, senses.kind, senses.design, senses.forward, senses.last_command
         robots = senses.max_speed, senses.radius, senses.tendency
         limits = float(self.distance), float(self.margin), float(self.parting)

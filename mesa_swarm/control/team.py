@@ -154,7 +154,7 @@ class Team(Arbiter, Mapping):
         team = copy(self)
         team._arbiters, team._swarm, team._version = dict(self._arbiters), swarm, (-1, -1)
         for key, place in self._places.items():
-            designs = tuple(d for d, group in robots_of(swarm) if self._key_of(d, group) == key)
+            designs = tuple(design for design, group in robots_of(swarm) if self._key_of(design, group) == key)
             first, label = self._firsts[place], self._labels[place]
             team._arbiters[key] = self.arbiters[place].bound(swarm, streams, first=first, label=label, driven=designs)
         team._arrange()

@@ -75,20 +75,20 @@ def _name_of(result: Any) -> str:
     return f"{result.fndesc.modname}.{result.fndesc.qualname}.{digest}"
 
 
-def _call_by_name(name: str, native: Any, reload: Reload) -> Any:
+def _call_by_name(name: str, fndesc: Any, reload: Reload) -> Any:
     """Return what Numba writes where a function is called: Numba's own code for this, with another name."""
 
     def implementation(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        kind = context.call_conv.get_function_type(native.restype, native.argtypes)
+        kind = context.call_conv.get_function_type(fndesc.restype, fndesc.argtypes)
         function = cgutils.get_or_insert_function(builder.module, kind, name)
         context.active_code_library._reload_init.add(reload)
-        status, value = context.call_conv.call_function(builder, function, native.restype, native.argtypes, args)
+        status, value = context.call_conv.call_function(builder, function, fndesc.restype, fndesc.argtypes, args)
         with cgutils.if_unlikely(builder, status.is_error):
             context.call_conv.return_status_propagate(builder, status)
         value = fix_returning_optional(context, builder, sig, status, value)
-        return impl_ret_new_ref(context, builder, native.restype, value)
+        return impl_ret_new_ref(context, builder, fndesc.restype, value)
 
-    implementation.signature = native.argtypes  # type: ignore[attr-defined]
+    implementation.signature = fndesc.argtypes  # type: ignore[attr-defined]
     implementation.libs = ()  # type: ignore[attr-defined]
     return implementation
 

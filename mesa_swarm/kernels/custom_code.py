@@ -70,7 +70,7 @@ def _function(function: FunctionType) -> Any:
 
 
 def _code(code: CodeType) -> Any:
-    constants = [_code(c) if isinstance(c, CodeType) else _value(c) for c in code.co_consts]
+    constants = [_code(constant) if isinstance(constant, CodeType) else _value(constant) for constant in code.co_consts]
     names = code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
     more = code.co_argcount, code.co_kwonlyargcount, code.co_flags, code.co_exceptiontable
     return code.co_code, constants, names, more
@@ -93,7 +93,7 @@ def _used_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
 
 def _names_in(code: CodeType) -> list[str]:
     """Return the names that a code may look up in its module, attributes among them."""
-    inner = [name for c in code.co_consts if isinstance(c, CodeType) for name in _names_in(c)]
+    inner = [name for constant in code.co_consts if isinstance(constant, CodeType) for name in _names_in(constant)]
     return [*code.co_names, *inner]
 
 

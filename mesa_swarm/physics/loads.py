@@ -76,12 +76,12 @@ class Pushes(NamedTuple):
 
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
-    t, rows, n = surroundings.bodies, surroundings.loads, len(motion)
-    old = np.column_stack([t.position[rows], t.heading[rows]])
+    table, rows, n = surroundings.bodies, surroundings.loads, len(motion)
+    old = np.column_stack([table.position[rows], table.heading[rows]])
     robots = Pushers(motion=motion, **{name: columns[name] for name in Pushers._fields[:-1]})
     pushes = Pushes(parts=np.empty(MOST_PARTS), **{name: np.empty(n) for name in Pushes._fields[:-1]})
-    push_loads(robots, surroundings.poses, t.resistance, room, pushes, t.pushers, t.moved)
-    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(t.moved[rows]).tolist()}
+    push_loads(robots, surroundings.poses, table.resistance, room, pushes, table.pushers, table.moved)
+    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(table.moved[rows]).tolist()}
     if before:
         surroundings.follow()
     return before
@@ -263,12 +263,12 @@ def is_overlapped(k, position, radius, poses, room):
 
 def return_loads(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
     """Return loads to where they were, and those that then overlap them; drop them from `before`."""
-    t, poses = surroundings.bodies, surroundings.poses
+    table, poses = surroundings.bodies, surroundings.poses
     while stuck:
         for k in stuck:
             row = surroundings.loads[k]
-            *t.position[row], t.heading[row] = before.pop(k)
-            t.moved[row] = False
+            *table.position[row], table.heading[row] = before.pop(k)
+            table.moved[row] = False
         place_outlines(poses, room)
         stuck = [k for k in before if not has_room_here(k, poses, room)]
     surroundings.follow()

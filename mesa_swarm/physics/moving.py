@@ -113,9 +113,9 @@ class Moving:
             [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[disc_row, 2]]
         )
         self.items = np.concatenate([edges, discs])
-        m = len(bodies)
+        count = len(bodies)
         columns = bodies.position, bodies.heading, bodies.aim, bodies.aim_heading, bodies.blocked, bodies.reach
-        scratch = np.empty((m, 2)), np.empty(m), np.zeros(m, np.bool_)
+        scratch = np.empty((count, 2)), np.empty(count), np.zeros(count, np.bool_)
         begun = *columns, rows, self.start, self.start_heading
         self.arrays = MoverArrays(
             *(*begun, *scratch),
@@ -161,20 +161,20 @@ class Moving:
 
     def return_to_start(self, blocked: Callable[[], np.ndarray]) -> None:
         """Put all bodies where they begin the step; those that are then `blocked` stay there."""
-        t, rows = self.bodies, self.rows
-        at_start = t.position[rows] == self.start[rows], t.heading[rows] == self.start_heading[rows]
+        table, rows = self.bodies, self.rows
+        at_start = table.position[rows] == self.start[rows], table.heading[rows] == self.start_heading[rows]
         if not (at_start[0].all() and at_start[1].all()):
-            t.position[rows], t.heading[rows] = self.start[rows], self.start_heading[rows]
+            table.position[rows], table.heading[rows] = self.start[rows], self.start_heading[rows]
             self.place()
-        t.blocked[rows] = blocked()
-        if t.are_to_move(rows).any():
+        table.blocked[rows] = blocked()
+        if table.are_to_move(rows).any():
             self._listed_for_sight = False
 
     def go_freely(self) -> None:
         """Put all bodies that are not blocked where they were asked to be, in a world without robots."""
-        t = self.bodies
-        free = self.rows[~t.blocked[self.rows]]
-        t.position[free], t.heading[free] = t.aim[free], t.aim_heading[free]
+        table = self.bodies
+        free = self.rows[~table.blocked[self.rows]]
+        table.position[free], table.heading[free] = table.aim[free], table.aim_heading[free]
         self.place()
 
 

@@ -263,13 +263,13 @@ class Travelling:
 
     def __init__(self, surroundings: Surroundings, make_solids: Callable[[], Solids], radius: np.ndarray) -> None:
         self.solids, self._make_solids = make_solids(), make_solids
-        self._bodies, self._rows = t, rows = surroundings.bodies, surroundings.driven
+        self._bodies, self._rows = table, rows = surroundings.bodies, surroundings.driven
         self._begin = self._before = self._poses()
         self._longest = LONGEST_STEP * radius.min(initial=math.inf)
-        self._end = np.column_stack([t.aim[rows], t.aim_heading[rows]])
+        self._end = np.column_stack([table.aim[rows], table.aim_heading[rows]])
         ways = self._end - self._begin
         self._turns = np.array([wrap_angle(turn) for turn in ways[:, 2]])
-        far = np.hypot(ways[:, 0], ways[:, 1]) + t.reach[rows] * abs(self._turns)
+        far = np.hypot(ways[:, 0], ways[:, 1]) + table.reach[rows] * abs(self._turns)
         self._pieces_of = np.ceil(far / self._longest - 1e-9)
 
     def pieces(self, pieces: int) -> int:

@@ -125,27 +125,27 @@ class Surroundings:
         return blocked
 
     def _is_in_the_way(self, load: int, b: int) -> bool:
-        t = self.bodies
-        start, aim = np.append(t.position[b], t.heading[b]), np.append(t.aim[b], t.aim_heading[b])
-        way, pose = aim - start, t.pose_of(load)
+        table = self.bodies
+        start, aim = np.append(table.position[b], table.heading[b]), np.append(table.aim[b], table.aim_heading[b])
+        way, pose = aim - start, table.pose_of(load)
         way[2] = wrap_angle(way[2])
-        far = t.reach[b] + t.reach[load]
+        far = table.reach[b] + table.reach[load]
         length = math.hypot(way[0], way[1])
         if math.hypot(start[0] - pose[0], start[1] - pose[1]) > far + length:
             return False
-        form, other = cast(Form, t.forms[b]), cast(Form, t.forms[load])
+        form, other = cast(Form, table.forms[b]), cast(Form, table.forms[load])
         count = math.ceil((length + form.reach * abs(way[2])) / (LOOK * min(form.thickness, other.thickness)))
         shares = np.arange(1, min(count, MOST_LOOKS) + 1) / min(count, MOST_LOOKS)
-        return any(other.overlaps(pose, form.shape_at(tuple((start + s * way).tolist()))) for s in shares)
+        return any(other.overlaps(pose, form.shape_at(tuple((start + share * way).tolist()))) for share in shares)
 
     @property
     def is_worn(self) -> bool:
         """Whether a load has moved so far that the tables have to be made anew before the next step."""
         if self.room is None:
             return False
-        t, loads = self.bodies, self.loads
-        shift = t.position[loads] - self.reference[:, :2]
-        chord = 2.0 * np.abs(np.sin((t.heading[loads] - self.reference[:, 2]) / 2.0))
+        table, loads = self.bodies, self.loads
+        shift = table.position[loads] - self.reference[:, :2]
+        chord = 2.0 * np.abs(np.sin((table.heading[loads] - self.reference[:, 2]) / 2.0))
         return bool((np.hypot(shift[:, 0], shift[:, 1]) + self.room.forms.reach * chord > self.slack).any())
 
     def follow(self) -> None:

@@ -122,22 +122,22 @@ class RobotDesign:
     @property
     def proximity(self) -> tuple[ProximitySensor, ...]:
         """The proximity sensors, in the order of the columns `distance` and `kind`."""
-        return tuple(s for s in self.sensors if isinstance(s, ProximitySensor))
+        return tuple(sensor for sensor in self.sensors if isinstance(sensor, ProximitySensor))
 
     @property
     def radiation(self) -> tuple[RadiationSensor, ...]:
         """The radiation sensors, in the order of the column `radiation`."""
-        return tuple(s for s in self.sensors if isinstance(s, RadiationSensor))
+        return tuple(sensor for sensor in self.sensors if isinstance(sensor, RadiationSensor))
 
     @property
     def line(self) -> tuple[LineSensor, ...]:
         """The line sensors, in the order of the column `line`."""
-        return tuple(s for s in self.sensors if isinstance(s, LineSensor))
+        return tuple(sensor for sensor in self.sensors if isinstance(sensor, LineSensor))
 
     @property
     def own(self) -> tuple[Sensor, ...]:
         """The sensors with a function of their own, in their order."""
-        return tuple(s for s in self.sensors if type(s) not in BUILT_IN)
+        return tuple(sensor for sensor in self.sensors if type(sensor) not in BUILT_IN)
 
     @property
     def turns(self) -> bool | None:
@@ -196,7 +196,7 @@ class RobotDesign:
 
     @property
     def _bearings(self) -> list[float]:
-        return [math.remainder(math.radians(s.bearing_degrees), 2 * math.pi) for s in self.proximity]
+        return [math.remainder(math.radians(sensor.bearing_degrees), 2 * math.pi) for sensor in self.proximity]
 
     def _beside(self, side: int) -> int:
         bearings, front = self._bearings, self.front

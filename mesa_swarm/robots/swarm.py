@@ -399,13 +399,13 @@ class Swarm:
         for name in [name for name in self.columns if name not in declarations]:
             del self.columns[name], self.__dict__[name]
         for name, (shape, dtype, initial) in declarations.items():
-            full = (len(rows) + new, *(widths.get(w, w) for w in shape))
+            full = (len(rows) + new, *(widths.get(width, width) for width in shape))
             old = self.columns.get(name)
             if old is not None and old.shape == full and old.dtype == dtype and not (new or is_shorter):
                 continue
             column = _make_column(full, initial, dtype)
             if old is not None and len(rows):
-                shared = tuple(slice(0, w) for w in old.shape[1:])
+                shared = tuple(slice(0, width) for width in old.shape[1:])
                 column[(slice(0, len(rows)), *shared)] = old[rows] if is_shorter else old
             self._publish(name, column)
         self.version += 1

@@ -171,7 +171,7 @@ def _border(bounds: Sequence[float]) -> np.ndarray:
 
 def _discs_of(shapes: Sequence[tuple[int, Shape]]) -> tuple[np.ndarray, np.ndarray]:
     """Return x, y, radius of the discs among numbered shapes, and their numbers."""
-    discs = [(i, s.geometry, s.radius) for i, s in shapes if s.is_disc]
+    discs = [(i, shape.geometry, shape.radius) for i, shape in shapes if shape.is_disc]
     if not discs:
         return np.empty((0, 3)), np.empty(0, np.int64)
     numbers, centres, radii = zip(*discs, strict=True)
@@ -186,7 +186,7 @@ def _edges_of(shapes: Sequence[tuple[int, Shape]], border: np.ndarray) -> tuple[
         if shape.is_disc:
             continue
         polygon = orient(shape.geometry)
-        segments = [_segments(shapely.get_coordinates(r)) for r in (polygon.exterior, *polygon.interiors)]
+        segments = [_segments(shapely.get_coordinates(ring)) for ring in (polygon.exterior, *polygon.interiors)]
         count = sum(map(len, segments))
         parts += segments
         owner.append(np.full(count, i))
