@@ -155,12 +155,9 @@ def _in_words(axes: Axes) -> str:
 
 def _fits(shape: tuple[int, ...], axes: Axes) -> bool:
     """Return whether a shape is an expected one."""
-    if len(shape) != len(axes):
-        return False
-    for axis, length in zip(axes, shape, strict=True):
-        if axis != length and not isinstance(axis, str):
-            return False
-    return True
+    return len(shape) == len(axes) and all(
+        isinstance(axis, str) or axis == length for axis, length in zip(axes, shape, strict=True)
+    )
 
 
 def _level_of_user() -> int:

@@ -528,40 +528,31 @@ def describe_expected(numbers: int) -> str:
     return f"expected {speeds_in_words(numbers)}{' (left, right)' if numbers == 2 else ''}, or PASS"
 
 
-def unknown_field(name: str, known_fields: Iterable[str]) -> str:
-    """Return what is wrong with a field of `me` that there is not: of a part that is missing, what has it."""
-    if name in MISSING_PARTS:
+def unknown_field(name: str, known_fields: Iterable[str], owner: str = "me") -> str:
+    """Return what is wrong with a field that `me`, or a part of it, does not have: if a device is missing, which."""
+    if owner == "me" and name in MISSING_PARTS:
         return f"uses me.{name}, {MISSING_PARTS[name]}"
-    return f"uses an {unknown_name('field of me', name, known_fields)}"
+    return f"uses an {unknown_name(f'field of {owner}', name, known_fields)}"
 
 
 def find_defect(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
     """Return what is wrong with a rule that Numba refused, or nothing if it is only slow."""
     field = re.search(r"Unknown attribute '(\w+)' of type (Me|Heard)\(", problem)
     if field:
-        if field[2] == "Me":
-            return unknown_field(field[1], (*Me._fields, *form.names))
-        return f"uses an {unknown_name('field of me.heard', field[1], form.heard)}"
+        is_me = field[2] == "Me"
+        known_fields = (*Me._fields, *form.names) if is_me else form.heard
+        return unknown_field(field[1], known_fields, "me" if is_me else "me.heard")
     if problem.startswith(UNKNOWN):
         name = problem.removeprefix(UNKNOWN).strip()
         record = record_of(function, name)
         fields = [field for word, kind in form.outputs if f"me.{word}" == record for field in kind.names or ()]
-        return f"uses an {unknown_name(f'field of {record}', name, fields)}"
+        return unknown_field(name, fields, record)
     if re.search(r"Cannot modify readonly|No definition for lowering Me\(.*\)\.\w+ =", problem):
         return CHANGES
     if UNLIKE in problem:
         speeds = speeds_in_words(numbers).replace(" finite", "")
         return f"does not return {speeds} in every branch; {describe_expected(numbers)}"
     return ""
-
-
-def _describe_unkept(name: str, value: float) -> str:
-    """Return what is wrong with a value that a rule's memory does not take."""
-    subject = f"me.memory.{name}" if name else "a number in a list of me.memory"
-    return (
-        f"set {subject} to {value:g}, which does not fit the type of its first value; begin a number with 0.0 to store "
-        "fractions"
-    )
 
 
 def _fields_of(owner: Any) -> tuple[str, tuple[str, ...]]:
@@ -580,17 +571,21 @@ def describe_failure(error: Exception, numbers: int) -> str:
         return f"returned {shortened(error.args[0])}{hint}; {describe_expected(numbers)}"
     if isinstance(error, LoopsError | MemoryKindError):
         return _describe_limit(error)
-    if isinstance(error, AttributeError) and error.name not in (known_fields := _fields_of(error.obj)[1]):
-        owner, name = _fields_of(error.obj)[0], str(error.name)
-        if owner == "me":
-            return unknown_field(name, known_fields)
-        return f"uses an {unknown_name(f'field of {owner}', name, known_fields)}"
+    if isinstance(error, AttributeError):
+        owner, known_fields = _fields_of(error.obj)
+        if error.name not in known_fields:
+            return unknown_field(str(error.name), known_fields, owner)
     return f"raised {type(error).__name__}: {error}"
 
 
 def _describe_limit(error: LoopsError | MemoryKindError) -> str:
-    """Return which limit a rule went beyond."""
+    """Return which limit a rule went beyond: that of its loops, or the type of what it remembers."""
     if isinstance(error, LoopsError):
         line, name = error.args
         return f"looped more than {MOST_LOOPS:,} times in one step, in {name}, line {line}; let the loop end"
-    return _describe_unkept(*error.args)
+    name, value = error.args
+    subject = f"me.memory.{name}" if name else "a number in a list of me.memory"
+    return (
+        f"set {subject} to {value:g}, which does not fit the type of its first value; begin a number with 0.0 to store "
+        "fractions"
+    )
