@@ -4,7 +4,6 @@ import math
 import operator
 import re
 import sys
-import warnings
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, reduce
@@ -16,7 +15,7 @@ from numba import literal_unroll, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
+from mesa_swarm.base.errors import BehaviourError, shortened, unknown_name
 from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, fields_used, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.limits import (
@@ -35,7 +34,7 @@ from mesa_swarm.control.limits import (
 from mesa_swarm.control.source import Read
 from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.devices import extract_reason, reserve_names
+from mesa_swarm.robots.devices import reserve_names, warn_of_plain
 from mesa_swarm.robots.drive import speeds_in_words
 from mesa_swarm.world.read_only import locked_view
 
@@ -299,14 +298,7 @@ class Rule:
         if defect:
             raise DefectError(defect)
         limits = f"; loops in {', '.join(names)} are not counted, and may not end" if names else ""
-        code = self.function.__code__
-        warnings.warn_explicit(
-            f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: "
-            f"{extract_reason(problem)}{limits}",
-            UncompiledBehaviourWarning,
-            code.co_filename,
-            code.co_firstlineno,
-        )
+        warn_of_plain(self.function, f"rule {self.name}", problem, limits)
 
 
 @cache

@@ -167,19 +167,16 @@ class DeviceFunction:
         except Exception as error:
             if self._run is self.function or not is_refused(self._run, values):
                 raise
-            self._warn(str(error) or type(error).__name__)
+            warn_of_plain(self.function, self.function.__qualname__, str(error) or type(error).__name__)
             self._run = self.function
             self._run(*values)
 
-    def _warn(self, problem: str) -> None:
-        code = self.function.__code__
-        warnings.warn_explicit(
-            f"{self.function.__qualname__} cannot be compiled and runs as plain Python, about 100 times slower: "
-            f"{extract_reason(problem)}",
-            UncompiledBehaviourWarning,
-            code.co_filename,
-            code.co_firstlineno,
-        )
+
+def warn_of_plain(function: Any, subject: str, problem: str, more: str = "") -> None:
+    """Warn, at its first line, that a user's function is not compiled because of a problem that Numba explains."""
+    text = f"{subject} cannot be compiled and runs as plain Python, about 100 times slower: {extract_reason(problem)}"
+    code = function.__code__
+    warnings.warn_explicit(f"{text}{more}", UncompiledBehaviourWarning, code.co_filename, code.co_firstlineno)
 
 
 def _compiled(function: Any) -> Any:

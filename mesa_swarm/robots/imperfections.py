@@ -206,15 +206,15 @@ def combine_imperfections(*sources: Imperfections | None) -> Imperfections | Non
 
 def _combine_two(a: Imperfections, b: Imperfections) -> Imperfections:
     return Imperfections(
-        sensing=_combined(a.sensing, b.sensing),
-        driving=_combined(a.driving, b.driving),
+        sensing=_combine_parts(a.sensing, b.sensing),
+        driving=_combine_parts(a.driving, b.driving),
         battery=min(charges) if (charges := [part for part in (a.battery, b.battery) if part]) else 0.0,
         slip_magnitude=max((part.slip_magnitude for part in (a, b) if part.slip_probability), default=b.slip_magnitude),
         **{name: _probability_of_either(getattr(a, name), getattr(b, name)) for name in PROBABILITIES},
     )
 
 
-def _combined(a: Imperfection, b: Imperfection) -> Imperfection:
+def _combine_parts(a: Imperfection, b: Imperfection) -> Imperfection:
     dropout = _probability_of_either(a.dropout, b.dropout)
     return Imperfection(
         error=min(math.hypot(a.error, b.error), LARGEST_ERROR),
