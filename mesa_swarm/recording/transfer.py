@@ -323,7 +323,7 @@ def _take_fields(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None
         new.remove_field(name)
     for name, field in old.fields.items():
         if name not in fresh.fields and name not in new.fields:
-            new.add_field(field.declared)
+            new.add_field(field.declaration)
         if name in new.fields and new.fields[name].values.shape == field.values.shape:
             new.fields[name].peak = field.peak
     live = new.parts.fields.live
