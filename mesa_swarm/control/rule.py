@@ -108,8 +108,8 @@ def _reading(nothing: float) -> tuple[Callable, Any]:
 
 # What index -1 reads: of distances and kinds -1, of radiation 0, of lines False; and a bearing that is not there
 # would make the wheels' speeds NaN, which is reported.
-kinds, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
-READINGS = {"seen": kinds, "sensed": sensed, "bearings": bearings}
+distances, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
+READINGS = {"seen": distances, "sensed": sensed, "bearings": bearings}
 
 
 @lower_builtin(operator.getitem, ReadingsType, types.Integer)

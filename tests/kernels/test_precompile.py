@@ -59,7 +59,7 @@ def test_such_a_process_ends_when_the_process_that_started_it_does(tmp_path):
 @pytest.mark.parametrize(("cores", "names", "processes"), [(1, 50, 0), (2, 19, 0), (2, 50, 1), (4, 50, 3), (64, 50, 3)])
 def test_processes_share_the_names_where_cores_are_free_and_there_are_many(monkeypatch, cores, names, processes):
     started, given = [], [f"a.b{k:02}" for k in range(names)]
-    monkeypatch.setattr(precompile, "_cores", lambda: cores)
+    monkeypatch.setattr(precompile, "count_processors", lambda: cores)
     monkeypatch.setattr(precompile, "_start_process", started.append)
     precompile.start_compiling(given)
     assert len(started) == processes
@@ -74,7 +74,7 @@ def test_where_no_process_can_be_started_all_is_compiled_by_this_one(monkeypatch
         refused.append(given)
         raise OSError("no processes here")
 
-    monkeypatch.setattr(precompile, "_cores", lambda: 2)
+    monkeypatch.setattr(precompile, "count_processors", lambda: 2)
     monkeypatch.setattr(precompile.subprocess, "Popen", refuse)
     precompile.start_compiling([f"a.b{k}" for k in range(30)])
     assert len(refused) == 1
