@@ -8,7 +8,8 @@ from numbers import Real
 import numpy as np
 
 from mesa_swarm.base.errors import DegreesWarning, InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry.masks import fill_masked
 
 # As far from the origin as a map may reach: squares of such lengths are far from overflow.
 LARGEST_COORDINATE = 1e9
@@ -16,7 +17,6 @@ LARGEST_COORDINATE = 1e9
 LARGEST_HEADING = 4 * math.pi
 
 Axes = tuple[int | str, ...]
-Bounds = tuple[float, float, float, float]
 
 
 def check_array(name: str, value: object, *axes: Axes, finite: bool = True, missing: bool = False) -> np.ndarray:
@@ -30,9 +30,9 @@ def check_array(name: str, value: object, *axes: Axes, finite: bool = True, miss
         raise InvalidValueError(f"{name} is an array of {array.dtype}; expected real numbers")
     array = array.astype(float)  # None, as a collector has it, is NaN
     if finite and (wrong := np.isinf(array) if missing else ~np.isfinite(array)).any():
-        where = tuple(np.argwhere(wrong)[0].tolist())
+        place = tuple(np.argwhere(wrong)[0].tolist())
         expected = "finite numbers, or NaN for missing ones" if missing else "finite numbers"
-        raise InvalidValueError(f"{name} is {array[where]:g} at {list(where)}; expected {expected}")
+        raise InvalidValueError(f"{name} is {array[place]:g} at {list(place)}; expected {expected}")
     return array
 
 
@@ -77,8 +77,8 @@ def check_flags(name: str, value: object, axes: Axes) -> np.ndarray:
     """Return `value` as an array of booleans, given as such or as 0 and 1."""
     flags, missing = check_flags_or_missing(name, value, axes)
     if missing.any():
-        where = np.argwhere(missing)[0].tolist()
-        raise InvalidValueError(f"{name} is NaN or masked at {where}; expected booleans, or 0 and 1 only")
+        place = np.argwhere(missing)[0].tolist()
+        raise InvalidValueError(f"{name} is NaN or masked at {place}; expected booleans, or 0 and 1 only")
     return flags
 
 
@@ -136,7 +136,7 @@ def check_length(name: str, value: object) -> float:
 
 def _table(name: str, value: object, shapes: tuple[Axes, ...]) -> np.ndarray:
     try:
-        array = value if type(value) is np.ndarray else unmasked(value)
+        array = value if type(value) is np.ndarray else fill_masked(value)
     except ValueError:  # lists of unequal length
         raise InvalidValueError(f"{name} is {shortened(value)}; expected {_wanted(shapes)}") from None
     for axes in shapes:
@@ -155,12 +155,9 @@ def _in_words(axes: Axes) -> str:
 
 def _fits(shape: tuple[int, ...], axes: Axes) -> bool:
     """Return whether a shape is an expected one."""
-    if len(shape) != len(axes):
-        return False
-    for axis, length in zip(axes, shape, strict=True):
-        if axis != length and not isinstance(axis, str):
-            return False
-    return True
+    return len(shape) == len(axes) and all(
+        isinstance(axis, str) or axis == length for axis, length in zip(axes, shape, strict=True)
+    )
 
 
 def _level_of_user() -> int:

@@ -72,33 +72,33 @@ class Lineage:
         self._together: dict[tuple[int, int], tuple[bool, int, int]] = {}
         self._reversed: dict[int, int] = {}
 
-    def advance(self, step: int, before: int, found: Chains) -> list[ChainEvent]:
+    def advance(self, step: int, before: int, new_chains: Chains) -> list[ChainEvent]:
         """Return the events of the chains in `step`, given that the last ones existed until `before`."""
         old = self.chains
-        shared = common(old, found.label)
-        numbers = self._numbers(shared, found.count)
+        shared = find_common_robots(old, new_chains.label)
+        numbers = self._numbers(shared, new_chains.count)
         self.chains = tuple(
             NumberedChain(number, tuple(rows.tolist()), bool(closed))
-            for number, rows, closed in zip(numbers, found.members(), found.closed, strict=True)
+            for number, rows, closed in zip(numbers, new_chains.members(), new_chains.closed, strict=True)
         )
-        known, still = set(old), set(self.chains)
+        old_numbers, still = set(old), set(self.chains)
         self._remember([chain for chain in old if chain not in still], before)
         parents = [[old[o].number for _, o, n in shared if n == index] for index in range(len(self.chains))]
         children = [[self.chains[n].number for _, o, n in shared if o == index] for index in range(len(old))]
         events = lineage_events(step, self.chains, parents, ("birth", "merge"))
         events += lineage_events(step, old, children, ("end", "split"))
         for chain in self.chains:
-            if chain not in known and not chain.closed:
+            if chain not in old_numbers and not chain.closed:
                 events += self._reversals(step, chain)
         return events
 
     def _numbers(self, shared: list[tuple[int, int, int]], count: int) -> list[int]:
         """Return each new chain's number: of the old one with which it has most robots in common, or a new one."""
-        numbers, given = [-1] * count, set()
+        numbers, used_numbers = [-1] * count, set()
         for _, old, new in sorted(shared, key=lambda s: (-s[0], self.chains[s[1]].number, s[2])):
-            if numbers[new] < 0 and old not in given:
+            if numbers[new] < 0 and old not in used_numbers:
                 numbers[new] = self.chains[old].number
-                given.add(old)
+                used_numbers.add(old)
         for new in range(count):
             if numbers[new] < 0:
                 numbers[new] = self._created
@@ -115,24 +115,24 @@ class Lineage:
 
     def _reversals(self, step: int, chain: NumberedChain) -> list[ChainEvent]:
         """Return the reversals of earlier chains of which robots are in this one in the opposite order."""
-        turned: dict[int, list[tuple[bool, int, int, int]]] = {}
+        reversals: dict[int, list[tuple[bool, int, int, int]]] = {}
         for ahead, behind in combinations(chain.robots, 2):
             earlier = self._together.get((min(ahead, behind), max(ahead, behind)))
             if earlier is not None and step - earlier[1] <= self._window:
-                turned.setdefault(earlier[2], []).append((earlier[0] != (ahead < behind), earlier[1], ahead, behind))
+                reversals.setdefault(earlier[2], []).append((earlier[0] != (ahead < behind), earlier[1], ahead, behind))
         events = []
-        for number, pairs in sorted(turned.items()):
+        for number, pairs in sorted(reversals.items()):
             fresh = max(until for _, until, _, _ in pairs) >= self._reversed.get(number, 0)
             if fresh and all(opposite for opposite, _, _, _ in pairs):
-                changed = {robot for _, _, *both in pairs for robot in both}
-                robots = tuple(robot for robot in chain.robots if robot in changed)
+                reversed_robots = {robot for _, _, *both in pairs for robot in both}
+                robots = tuple(robot for robot in chain.robots if robot in reversed_robots)
                 chains = tuple(sorted({number, chain.number}))
                 events.append(ChainEvent(kind="reversal", step=step, robots=robots, chains=chains))
                 self._reversed[number] = step
         return events
 
 
-def common(old: tuple[NumberedChain, ...], label: np.ndarray) -> list[tuple[int, int, int]]:
+def find_common_robots(old: tuple[NumberedChain, ...], label: np.ndarray) -> list[tuple[int, int, int]]:
     """Return (robots in common, index of the old chain, of the new one) where two or more robots are in both."""
     shared = []
     for index, chain in enumerate(old):
@@ -149,8 +149,8 @@ def lineage_events(
     events = []
     for chain, numbers in zip(chains, relatives, strict=True):
         if len(numbers) != 1:
-            kind, involved = kinds[bool(numbers)], tuple(sorted({chain.number, *numbers}))
-            events.append(ChainEvent(kind=kind, step=step, robots=chain.robots, chains=involved))
+            kind, chain_numbers = kinds[bool(numbers)], tuple(sorted({chain.number, *numbers}))
+            events.append(ChainEvent(kind=kind, step=step, robots=chain.robots, chains=chain_numbers))
     return events
 
 
@@ -177,30 +177,30 @@ class Meetings:
 
     def find(self, position: np.ndarray, heading: np.ndarray, chain: np.ndarray) -> list[tuple[int, int, int]]:
         """Return (frame, row, row) of every meeting, given each robot's chain (k, n), -1 for none."""
-        found, near = [], np.empty((0, 2), np.int64)
+        meetings, near = [], np.empty((0, 2), np.int64)
         for frame in range(1, len(position)):
             near = near[~(distances(position[frame], near) > self.parting_distance)]  # a missing one may be near
             pairs = facing_pairs(position[frame], heading[frame], self.distance, self.angle_degrees)
             first, second = pairs.T
             closing = distances(position[frame], pairs) < distances(position[frame - 1], pairs)
             apart = (chain[frame, first] != chain[frame, second]) | (chain[frame, first] < 0)
-            known = (pairs[:, None] == near).all(axis=2).any(axis=1)
-            new = pairs[closing & apart & ~known]
-            found += [(frame, int(i), int(j)) for i, j in new]
+            is_old = (pairs[:, None] == near).all(axis=2).any(axis=1)
+            new = pairs[closing & apart & ~is_old]
+            meetings += [(frame, int(i), int(j)) for i, j in new]
             near = np.concatenate([near, new])
-        return found
+        return meetings
 
     def outcome(self, meeting: tuple[int, int, int], steps: np.ndarray, position: np.ndarray, chain: np.ndarray) -> str:
         """Return the outcome of a meeting, one of `OUTCOMES`, whichever came first."""
         frame, i, j = meeting
         last = int(np.searchsorted(steps, steps[frame] + self.window, side="right"))
         together = (chain[frame:, i] == chain[frame:, j]) & (chain[frame:, i] >= 0)
-        merged = first_run(together, self.patience)
+        merging = first_run(together, self.patience)
         gap = np.hypot(*(position[frame:last, i] - position[frame:last, j]).T)
-        parted = first_run(gap > self.parting_distance, 1)
-        if min(merged, parted) >= last - frame:
+        parting = first_run(gap > self.parting_distance, 1)
+        if min(merging, parting) >= last - frame:
             return "unresolved"
-        return "merged" if merged < parted else "dispersed"
+        return "merged" if merging < parting else "dispersed"
 
 
 def facing_pairs(position: np.ndarray, heading: np.ndarray, reach: float, angle_degrees: float) -> np.ndarray:
@@ -418,12 +418,12 @@ def follow_chains(
         window=window,
         patience=patience,
     )
-    seen = [links.between(*frame)[0] for frame in zip(position, heading, strict=True)]
-    leader = settled(np.array(seen, np.int64).reshape(heading.shape), int(patience))
-    chain, place, events = _followed(leader, position, steps, window)
-    events += backings(position, heading, chain, steps, reversal_distance)
-    met = rule.find(position, heading, chain)
-    fates = [(meeting_event(m, steps, chain), rule.outcome(m, steps, position, chain)) for m in met]
+    leaders = [links.between(*frame)[0] for frame in zip(position, heading, strict=True)]
+    leader = settle_links(np.array(leaders, np.int64).reshape(heading.shape), int(patience))
+    chain, place, events = _follow_links(leader, position, steps, window)
+    events += find_backings(position, heading, chain, steps, reversal_distance)
+    meetings = rule.find(position, heading, chain)
+    fates = [(meeting_event(m, steps, chain), rule.outcome(m, steps, position, chain)) for m in meetings]
     events += [meeting for meeting, _ in fates]
     is_unknown = missing & (chain < 0)
     return ChainHistory(
@@ -437,7 +437,7 @@ def follow_chains(
     )
 
 
-def settled(leader: np.ndarray, patience: int) -> np.ndarray:
+def settle_links(leader: np.ndarray, patience: int) -> np.ndarray:
     """Return lasting links (k, n), -1 for none, without changes within `patience` frames.
 
     If no robot has two followers in any frame, none has among the lasting links: while the new one is seen
@@ -448,17 +448,17 @@ def settled(leader: np.ndarray, patience: int) -> np.ndarray:
     for frame, now in enumerate(leader):
         row = np.where(now == leader[frame - 1], row + 1, 1) if frame else row + 1
         missing = np.where(now == held, 0, missing + 1)
-        gone = (held >= 0) & (missing >= patience)
+        is_lost = (held >= 0) & (missing >= patience)
         come = (now >= 0) & (now != held) & (row >= patience)
-        held = np.where(come, now, np.where(gone, -1, held))
+        held = np.where(come, now, np.where(is_lost, -1, held))
         missing[come] = 0
         lasting[frame] = held
         since = slice(max(frame + 1 - patience, 0), frame + 1)
-        lasting[since, gone | come] = held[gone | come]
+        lasting[since, is_lost | come] = held[is_lost | come]
     return lasting
 
 
-def _followed(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, window: int) -> tuple:
+def _follow_links(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, window: int) -> tuple:
     """Return chain numbers (k, n), places (k, n) and the events that changes of links make."""
     chain, place = np.full_like(leader, -1), np.zeros_like(leader)
     lineage, events = Lineage(window), []
@@ -466,23 +466,23 @@ def _followed(leader: np.ndarray, position: np.ndarray, steps: np.ndarray, windo
         if frame and (leader[frame] == leader[frame - 1]).all():
             chain[frame], place[frame] = chain[frame - 1], place[frame - 1]
             continue
-        found = paths(leader[frame], position[frame])
-        happened = lineage.advance(int(steps[frame]), int(steps[max(frame - 1, 0)]), found)
+        chains = paths(leader[frame], position[frame])
+        happened = lineage.advance(int(steps[frame]), int(steps[max(frame - 1, 0)]), chains)
         events += happened if frame else []
         numbers = np.array([*(c.number for c in lineage.chains), -1])
-        chain[frame], place[frame] = numbers[found.label], found.place
+        chain[frame], place[frame] = numbers[chains.label], chains.place
     return chain, place, events
 
 
-def backings(
+def find_backings(
     position: np.ndarray, heading: np.ndarray, chain: np.ndarray, steps: np.ndarray, least: float
 ) -> list[ChainEvent]:
     """Return the reversals of chains that begin to drive backwards, or forwards again; see `follow_chains`."""
     if len(position) < 2:
         return []
-    moved, ahead = np.diff(position, axis=0), heading[1:]
+    shift, ahead = np.diff(position, axis=0), heading[1:]
     forward = np.zeros(heading.shape)
-    forward[1:] = moved[..., 0] * np.cos(ahead) + moved[..., 1] * np.sin(ahead)
+    forward[1:] = shift[..., 0] * np.cos(ahead) + shift[..., 1] * np.sin(ahead)
     events = []
     for number, frames, travel in _travels(forward, chain):
         for turn in turning_points(np.cumsum(travel), least):

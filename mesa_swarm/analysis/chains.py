@@ -136,9 +136,9 @@ def chains(
     heading = check_headings("heading", heading, (len(position),))
     links = Links(distance=link_distance, half_angle_degrees=half_angle_degrees, alignment_degrees=alignment_degrees)
     leader, _ = links.between(position, heading)
-    found, missing = paths(leader, position), without_position(position) | np.isnan(heading)
-    rows = {name: masked_where(missing, getattr(found, name)) for name in ("leader", "label", "place")}
-    return replace(found, **rows)
+    result, missing = paths(leader, position), without_position(position) | np.isnan(heading)
+    rows = {name: masked_where(missing, getattr(result, name)) for name in ("leader", "label", "place")}
+    return replace(result, **rows)
 
 
 def _check_moment(position: object) -> np.ndarray:
@@ -200,10 +200,10 @@ def nearest_ahead(
     unit_x, unit_y = np.cos(heading), np.sin(heading)
     sees = unit_x[first] * dx + unit_y[first] * dy >= least * distance
     is_seen = -unit_x[second] * dx - unit_y[second] * dy >= least * distance
-    here = np.concatenate([first[sees], second[is_seen]])
-    there = np.concatenate([second[sees], first[is_seen]])
+    followers = np.concatenate([first[sees], second[is_seen]])
+    leaders = np.concatenate([second[sees], first[is_seen]])
     distance = np.concatenate([distance[sees], distance[is_seen]])
-    return _least_of_each(here, distance, there, len(position))
+    return _least_of_each(followers, distance, leaders, len(position))
 
 
 def _least_of_each(group: np.ndarray, size: np.ndarray, row: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -211,9 +211,9 @@ def _least_of_each(group: np.ndarray, size: np.ndarray, row: np.ndarray, n: int)
     least = np.full(n, math.inf)
     np.minimum.at(least, group, size)
     candidate = size == least[group]
-    found = np.full(n, np.iinfo(np.int64).max)
-    np.minimum.at(found, group[candidate], row[candidate])
-    return np.where(least < math.inf, found, -1), least
+    best = np.full(n, np.iinfo(np.int64).max)
+    np.minimum.at(best, group[candidate], row[candidate])
+    return np.where(least < math.inf, best, -1), least
 
 
 def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
@@ -223,19 +223,13 @@ def paths(leader: np.ndarray, position: np.ndarray) -> Chains:
     """
     part = _parts(leader)
     ring = _rings(leader, part)
-    head, place = _places(_opened(leader, position, part, ring))
+    head, place = _places(_open_rings(leader, position, part, ring))
     size = np.bincount(part, minlength=1)
     heads = np.flatnonzero((head == np.arange(len(head))) & (size[part] >= 2)) if len(head) else head
     heads = heads[np.lexsort((heads, -size[part[heads]]))]
     label_of_head = np.full(len(leader), -1)
     label_of_head[heads] = np.arange(len(heads))
-    return Chains(
-        leader=leader,
-        label=label_of_head[head],
-        place=place,
-        lengths=size[part[heads]],
-        closed=ring[heads],
-    )
+    return Chains(leader=leader, label=label_of_head[head], place=place, lengths=size[part[heads]], closed=ring[heads])
 
 
 def _parts(leader: np.ndarray) -> np.ndarray:
@@ -254,7 +248,7 @@ def _rings(leader: np.ndarray, part: np.ndarray) -> np.ndarray:
     return ~headed[part]
 
 
-def _opened(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np.ndarray) -> np.ndarray:
+def _open_rings(leader: np.ndarray, position: np.ndarray, part: np.ndarray, ring: np.ndarray) -> np.ndarray:
     """Return the leaders without the longest link of each ring."""
     opened, rows = leader.copy(), np.flatnonzero(ring)
     # The length of a link to a robot that is missing is not known.

@@ -133,7 +133,7 @@ def clusters(position: np.ndarray, distance: float, *, fewest: int = 2) -> Clust
     missing = without_position(points)
     component = _components(points[~missing] if missing.any() else points, check_length("distance", distance))
     label = np.full(len(points), -1, np.int64)
-    label[~missing], sizes = _ranked(component, fewest)
+    label[~missing], sizes = _rank(component, fewest)
     return Clusters(label=masked_where(missing, label), sizes=sizes)
 
 
@@ -172,7 +172,7 @@ def _check_pairs(tree: cKDTree, distance: float) -> None:
         )
 
 
-def _ranked(component: np.ndarray, fewest: int) -> tuple[np.ndarray, np.ndarray]:
+def _rank(component: np.ndarray, fewest: int) -> tuple[np.ndarray, np.ndarray]:
     """Rank the components of at least `fewest` robots by size, then by first row; return labels and sizes."""
     size = np.bincount(component)
     first = np.empty(len(size), np.int64)
@@ -215,9 +215,9 @@ def kept_together(before: np.ndarray, after: np.ndarray) -> Value:
     >>> kept_together([0, 0, 1, 1, -1], [5, 5, 5, -1, -1])
     0.5
     """
-    old, lost = check_whole_or_missing("before", before, ("n",), ("k", "n"))
-    new, gone = check_whole_or_missing("after", after, old.shape)
-    return by_row(_kept_together, old, new, lost | gone, missing=lost | gone)
+    old, missing_before = check_whole_or_missing("before", before, ("n",), ("k", "n"))
+    new, missing_after = check_whole_or_missing("after", after, old.shape)
+    return by_row(_kept_together, old, new, missing_before | missing_after, missing=missing_before | missing_after)
 
 
 def _kept_together(old: np.ndarray, new: np.ndarray, missing: np.ndarray) -> float:

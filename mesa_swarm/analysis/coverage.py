@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.analysis.arrays import Bounds, check_bounds, check_flags, check_length, check_points
+from mesa_swarm.analysis.arrays import check_bounds, check_flags, check_length, check_points
 from mesa_swarm.analysis.missing import Measure, Measures, without_position
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.room import (
     areas_by_cell,
     cells_of_nearest_parts,
     circumscribed_ratio,
-    part_around,
+    find_part_around,
     room_for_disc,
 )
 
@@ -85,7 +86,7 @@ def reachable_cells(
     parts = _check_solids(solids)
     space = room_for_disc(limits, parts, radius, QUARTER_SEGMENTS)
     widest = radius + max((grown for _, grown in parts), default=0.0)
-    part = part_around(space, place, TOUCH * radius + (circumscribed_ratio(QUARTER_SEGMENTS) - 1.0) * widest)
+    part = find_part_around(space, place, TOUCH * radius + (circumscribed_ratio(QUARTER_SEGMENTS) - 1.0) * widest)
     if part is None:
         x, y = place
         raise InvalidValueError(f"start is ({x:g}, {y:g}), where a robot of radius {radius:g} does not fit")
@@ -160,9 +161,9 @@ def visited_cells(positions: np.ndarray, bounds: Bounds, shape: tuple[int, int])
     >>> visited_cells([[10, 10], [90, 10]], (0, 0, 100, 50), (1, 4))
     array([[ True, False, False,  True]])
     """
-    limits, checked = check_bounds(bounds), _check_shape("shape", shape)
-    points, missing = _flat(positions)
-    return Measures.of(_cells_of(_check_inside(points, limits), limits, checked), missing)
+    limits, cells = check_bounds(bounds), _check_shape("shape", shape)
+    points, missing = _flatten(positions)
+    return Measures.of(_cells_of(_check_inside(points, limits), limits, cells), missing)
 
 
 def _cells_of(points: np.ndarray, limits: Bounds, shape: tuple[int, int]) -> np.ndarray:
@@ -171,9 +172,9 @@ def _cells_of(points: np.ndarray, limits: Bounds, shape: tuple[int, int]) -> np.
     lower, upper = np.array(limits[:2]), np.array(limits[2:])
     cell = ((points - lower) / (upper - lower) * (columns, rows)).astype(int)
     column, row = np.clip(cell, 0, (columns - 1, rows - 1)).T
-    visited = np.zeros((rows, columns), bool)
-    visited[row, column] = True
-    return visited
+    is_visited = np.zeros((rows, columns), bool)
+    is_visited[row, column] = True
+    return is_visited
 
 
 def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> Measure:
@@ -211,10 +212,10 @@ def coverage(positions: np.ndarray, cells: np.ndarray, bounds: Bounds) -> Measur
     if not reachable.any():
         raise InvalidValueError("cells has no reachable cell; expected at least one that is True")
     limits, shape = check_bounds(bounds), _check_shape("shape", reachable.shape)
-    points, missing = _flat(positions)
+    points, missing = _flatten(positions)
     is_beyond = _is_beyond(points, limits)
-    visited = _cells_of(points[~is_beyond] if is_beyond.any() else points, limits, shape)
-    share = int((visited & reachable).sum()) / int(reachable.sum())
+    is_visited = _cells_of(points[~is_beyond] if is_beyond.any() else points, limits, shape)
+    share = int((is_visited & reachable).sum()) / int(reachable.sum())
     return Measure(share, missing, int(is_beyond.sum()))
 
 
@@ -222,8 +223,8 @@ def _check_shape(name: str, shape: object) -> tuple[int, int]:
     if not isinstance(shape, Sequence) or isinstance(shape, str) or len(shape) != 2:
         raise InvalidValueError(f"{name} is {shortened(shape)}; expected two whole numbers (rows, columns)")
     rows, columns = (
-        check_count(f"{name}' {what}", number, minimum=1, maximum=MOST_CELLS_A_SIDE)
-        for what, number in zip(("rows", "columns"), shape, strict=True)
+        check_count(f"{name}' {word}", number, minimum=1, maximum=MOST_CELLS_A_SIDE)
+        for word, number in zip(("rows", "columns"), shape, strict=True)
     )
     return rows, columns
 
@@ -232,15 +233,15 @@ def _check_solids(solids: object) -> list[tuple]:
     """Return pairs of a geometry, which `room_for_disc` checks, and a radius."""
     if not isinstance(solids, Iterable):
         raise InvalidValueError(f"solids is {shortened(solids)}; expected a list of (geometry, radius)")
-    checked = []
+    discs = []
     for solid in solids:
         if not isinstance(solid, Sequence) or len(solid) != 2:
             raise InvalidValueError(f"solids holds {shortened(solid)}; expected pairs of (geometry, radius)")
-        checked.append((solid[0], check_number("a solid's radius", solid[1], minimum=0.0)))
-    return checked
+        discs.append((solid[0], check_number("a solid's radius", solid[1], minimum=0.0)))
+    return discs
 
 
-def _flat(positions: Any) -> tuple[np.ndarray, int]:
+def _flatten(positions: Any) -> tuple[np.ndarray, int]:
     """Return all positions that are there as one list of points, and the number of missing ones."""
     points = check_points("positions", positions, ("k", 2), ("k", "n", 2), missing=True).reshape(-1, 2)
     missing = without_position(points)

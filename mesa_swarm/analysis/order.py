@@ -202,10 +202,10 @@ def _neighbour_alignment(distance: float, points: np.ndarray, azimuth: np.ndarra
 
 def _away_from_centroid(points: np.ndarray) -> np.ndarray:
     """Return unit vectors away from the centroid, zero for robots at the centroid."""
-    away = points - points.mean(axis=0)
-    length = np.hypot(*away.T)
+    offsets = points - points.mean(axis=0)
+    length = np.hypot(*offsets.T)
     somewhere = length > ROUNDING * np.abs(points).max()
-    return np.where(somewhere, 1.0 / np.where(somewhere, length, 1.0), 0.0)[:, None] * away
+    return np.where(somewhere, 1.0 / np.where(somewhere, length, 1.0), 0.0)[:, None] * offsets
 
 
 def _check_robots(position: object, heading: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

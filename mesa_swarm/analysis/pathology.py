@@ -59,7 +59,7 @@ class Track:
         command = check_array("command", self.command, (k, n, 2), missing=True)
         layer, without_layer = check_whole_or_missing("layer", self.layer, (k, n))
         missing = np.isnan(position).any(axis=2) | np.isnan(heading) | np.isnan(command).any(axis=2) | without_layer
-        checked = {
+        arrays = {
             "steps": steps,
             "position": position,
             "heading": heading,
@@ -72,7 +72,7 @@ class Track:
             "forward": forward,
             "missing": missing,
         }
-        for name, array in checked.items():
+        for name, array in arrays.items():
             object.__setattr__(self, name, array)
 
     @property
@@ -85,12 +85,12 @@ class Track:
         """Whether each robot is commanded forwards (1), backwards (-1) or neither (0) in each step (k, n)."""
         return self._sign(self.command.sum(axis=2))
 
-    def reads(self, kinds: tuple[int, ...], near: float, which: int) -> np.ndarray:
+    def reads(self, kinds: tuple[int, ...], near: float, side: int) -> np.ndarray:
         """Return the steps (k, n) in which the front (0), left (1) or right (2) sensor reads such a near body."""
         k, n, sensors = self.kind.shape
         if not sensors:
             return np.zeros((k, n), bool)
-        index, rows = self.forward[:, which], np.arange(n)
+        index, rows = self.forward[:, side], np.arange(n)
         kind, distance = self.kind[:, rows, index], self.distance[:, rows, index]
         return np.isin(kind, kinds) & (distance >= 0) & (distance < near) & (index >= 0)
 
@@ -108,15 +108,15 @@ def last_before(sign: np.ndarray) -> np.ndarray:
 def flips_of(sign: np.ndarray) -> np.ndarray:
     """Return the steps (k, n) in which the sign is the opposite of the last one that was not 0."""
     before = last_before(sign)
-    return (before >= 0) & (sign * at(sign, before) < 0)
+    return (before >= 0) & (sign * look_up_step(sign, before) < 0)
 
 
-def at(values: np.ndarray, frame: np.ndarray) -> np.ndarray:
+def look_up_step(values: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """Return each robot's value in another step (k, n), which may be -1: an arbitrary value then."""
     return values[frame, np.arange(frame.shape[1])] if len(values) else values
 
 
-def covered(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+def mark_steps(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return a mask (k, n) of the steps `first` to `last`, inclusive, of these rows."""
     change = np.zeros((shape[0] + 1, shape[1]), np.int64)
     np.add.at(change, (first, row), 1)
@@ -124,7 +124,7 @@ def covered(shape: tuple[int, int], row: np.ndarray, first: np.ndarray, last: np
     return change.cumsum(axis=0)[:-1] > 0
 
 
-def runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
+def find_runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
     """Return (row, first, last) of every run of true values along the first axis."""
     edge = np.diff(mask.astype(np.int8), axis=0, prepend=0, append=0).T
     row, first = np.nonzero(edge > 0)
@@ -132,7 +132,7 @@ def runs(mask: np.ndarray) -> list[tuple[int, int, int]]:
     return [(int(i), int(a), int(b) - 1) for i, a, b in zip(row, first, end, strict=True)]
 
 
-def lasting(mask: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+def find_lasting(mask: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
     """Return first step and row of every stretch of `length` steps in a row, without step 0.
 
     Step 0 is left out as the positions before it are unknown.
@@ -171,60 +171,60 @@ class Thresholds:
             check_number(name, getattr(self, name), minimum=0, maximum=180)
 
 
-def corridor_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
+def corridor_flips(track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
     """Find alternating turns away from things near on the left and right, of which not all are robots."""
     turn = track.turn
     before = last_before(turn)
     from_any = _away(track, limits, (OBSTACLE, ROBOT, FIRE, LOAD))
     from_solid = _away(track, limits, (OBSTACLE, FIRE, LOAD))
-    flip = flips_of(turn) & from_any & at(from_any, before) & (from_solid | at(from_solid, before))
-    return _turning(flip, track, limits, taken)
+    flip = flips_of(turn) & from_any & look_up_step(from_any, before) & (from_solid | look_up_step(from_solid, before))
+    return _turning(flip, track, limits, is_taken)
 
 
 def _away(track: Track, limits: Thresholds, kinds: tuple[int, ...]) -> np.ndarray:
     """Return where robots (k, n) turn away from such a body that is near on the other side, or ahead."""
-    front, left, right = (track.reads(kinds, limits.near, which) for which in (FRONT, LEFT, RIGHT))
+    front, left, right = (track.reads(kinds, limits.near, side) for side in (FRONT, LEFT, RIGHT))
     return ((track.turn > 0) & (right | front)) | ((track.turn < 0) & (left | front))
 
 
-def centroid_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
+def centroid_flips(track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
     """Find turns towards robots that are seen by other sensors after each turn."""
-    turn, seen = track.turn, track.kind == ROBOT
+    turn, sees_robot = track.turn, track.kind == ROBOT
     before = last_before(turn)
-    left, right = (track.reads((ROBOT,), limits.near, which) for which in (LEFT, RIGHT))
-    away = ((turn > 0) & right & ~left) | ((turn < 0) & left & ~right)
-    drawn = seen.any(axis=2) & ~away
-    other = (seen != at(seen, before)).any(axis=2)
-    flip = flips_of(turn) & drawn & at(drawn, before) & other
-    return _turning(flip, track, limits, taken)
+    left, right = (track.reads((ROBOT,), limits.near, side) for side in (LEFT, RIGHT))
+    turns_away = ((turn > 0) & right & ~left) | ((turn < 0) & left & ~right)
+    turns_towards = sees_robot.any(axis=2) & ~turns_away
+    other = (sees_robot != look_up_step(sees_robot, before)).any(axis=2)
+    flip = flips_of(turn) & turns_towards & look_up_step(turns_towards, before) & other
+    return _turning(flip, track, limits, is_taken)
 
 
-def threshold_flips(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
+def threshold_flips(track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
     """Find alternation of driving forwards and backwards."""
     flip = flips_of(track.travel)
-    return _episodes(_flipping(flip, track, limits, taken), flip)
+    return _episodes(_flipping(flip, track, limits, is_taken), flip)
 
 
-def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndarray) -> np.ndarray:
+def _flipping(flip: np.ndarray, track: Track, limits: Thresholds, is_taken: np.ndarray) -> np.ndarray:
     """Return the steps (k, n) in which flips come fast enough while the robot makes no progress."""
-    row, frame = np.nonzero(flip.T & ~taken.T)
+    row, frame = np.nonzero(flip.T & ~is_taken.T)
     most = max(len(row) - limits.fewest_flips + 1, 0)
     robot, first, last = row[:most], frame[:most], frame[limits.fewest_flips - 1 :]
-    others = np.concatenate([np.zeros((1, taken.shape[1]), np.int64), taken.cumsum(axis=0)])
+    others = np.concatenate([np.zeros((1, is_taken.shape[1]), np.int64), is_taken.cumsum(axis=0)])
     same = (robot == row[limits.fewest_flips - 1 :]) & (others[first, robot] == others[last, robot])
     good = same & (last - first <= limits.window) & _makes_no_progress(track, limits, robot, first, last)
-    return covered(flip.shape, robot[good], first[good], last[good])
+    return mark_steps(flip.shape, robot[good], first[good], last[good])
 
 
-def _turning(flip: np.ndarray, track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
+def _turning(flip: np.ndarray, track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
     """Return the episodes of alternating turns, without the steps in which the robot gets away."""
-    mask = _flipping(flip, track, limits, taken)
-    found = _episodes(mask & ~_gets_away(track, limits, mask), flip)
-    return [episode for episode in found if episode[3] >= limits.fewest_flips]
+    mask = _flipping(flip, track, limits, is_taken)
+    episodes = _episodes(mask & ~_gets_away(track, limits, mask), flip)
+    return [episode for episode in episodes if episode[3] >= limits.fewest_flips]
 
 
 def _episodes(mask: np.ndarray, flip: np.ndarray) -> list[Found]:
-    return [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in runs(mask)]
+    return [((i,), a, b, int(np.count_nonzero(flip[a : b + 1, i]))) for i, a, b in find_runs(mask)]
 
 
 def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray:
@@ -232,13 +232,13 @@ def _gets_away(track: Track, limits: Thresholds, mask: np.ndarray) -> np.ndarray
 
     Short stretches of no progress may add up to progress.
     """
-    away = np.zeros(mask.shape, bool)
-    for i, a, b in runs(mask):
+    gets_away = np.zeros(mask.shape, bool)
+    for i, a, b in find_runs(mask):
         length = min(limits.window, b - a)
         way = np.hypot(*(track.position[a + length : b + 1, i] - track.position[a : b + 1 - length, i]).T)
         first = a + np.flatnonzero(way >= track.radius[i])
-        away |= covered(mask.shape, np.full(len(first), i), first, first + length)
-    return away
+        gets_away |= mark_steps(mask.shape, np.full(len(first), i), first, first + length)
+    return gets_away
 
 
 def _makes_no_progress(
@@ -247,32 +247,32 @@ def _makes_no_progress(
     """Return whether position and heading after the last step are about those after the first."""
     way = np.hypot(*(track.position[last, row] - track.position[first, row]).T)
     possible = track.max_speed[row] * (last - first)
-    turned = track.heading[last, row] - track.heading[first, row]
+    turn = track.heading[last, row] - track.heading[first, row]
     still = way < np.minimum(track.radius[row], limits.slow_share * possible)
-    return still & (np.cos(turned) > np.cos(np.radians(limits.turned_degrees)))
+    return still & (np.cos(turn) > np.cos(np.radians(limits.turned_degrees)))
 
 
-def stuck_robots(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
+def stuck_robots(track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
     """Find robots that are commanded forwards but do not move."""
     speed, steps = np.where(track.missing, 0.0, track.command.mean(axis=2)), limits.fewest_steps
-    driving = (speed >= limits.forward_share * track.max_speed) & (track.max_speed > 0) & ~taken
-    first, row = lasting(driving, steps)
+    driving = (speed >= limits.forward_share * track.max_speed) & (track.max_speed > 0) & ~is_taken
+    first, row = find_lasting(driving, steps)
     last = first + steps - 1
     commanded, along = speed.cumsum(axis=0), _progress(track).cumsum(axis=0)
     least = limits.stuck_share * (commanded[last, row] - commanded[first - 1, row])
     progress = along[last, row] - along[first - 1, row]
     still = (_displacement(track, first, last, row) < least) & (progress < least)
-    mask = covered(taken.shape, row[still], first[still], last[still])
-    return [((i,), a, b, 0) for i, a, b in runs(mask)]
+    mask = mark_steps(is_taken.shape, row[still], first[still], last[still])
+    return [((i,), a, b, 0) for i, a, b in find_runs(mask)]
 
 
 def _progress(track: Track) -> np.ndarray:
     """Return how far each robot moved along its heading in each step (k, n), 0 in the first and where not known."""
     ahead = np.stack([np.cos(track.heading), np.sin(track.heading)], axis=-1)
-    moved = np.zeros(track.heading.shape)
+    progress = np.zeros(track.heading.shape)
     half_way = (ahead[1:] + ahead[:-1]) / 2
-    moved[1:] = (np.diff(track.position, axis=0) * half_way).sum(axis=2)
-    return np.where(np.isnan(moved), 0.0, moved)  # where a robot is missing, which no episode spans
+    progress[1:] = (np.diff(track.position, axis=0) * half_way).sum(axis=2)
+    return np.where(np.isnan(progress), 0.0, progress)  # where a robot is missing, which no episode spans
 
 
 def _displacement(track: Track, first: np.ndarray, last: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -280,23 +280,23 @@ def _displacement(track: Track, first: np.ndarray, last: np.ndarray, row: np.nda
     return np.hypot(*(track.position[last, row] - track.position[first - 1, row]).T)
 
 
-def head_on_pairs(track: Track, limits: Thresholds, taken: np.ndarray) -> list[Found]:
+def head_on_pairs(track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
     """Find pairs that block each other's way."""
     steps, turns = limits.fewest_steps, track.turn != 0
-    active = ((track.travel > 0) | (turns & (track.travel == 0))) & ~taken
-    first, row = lasting(active, steps)
+    active = ((track.travel > 0) | (turns & (track.travel == 0))) & ~is_taken
+    first, row = find_lasting(active, steps)
     last = first + steps - 1
     still = _displacement(track, first, last, row) < limits.stuck_share * track.max_speed[row] * steps
-    frame, robot = np.nonzero(covered(taken.shape, row[still], first[still], last[still]))
+    frame, robot = np.nonzero(mark_steps(is_taken.shape, row[still], first[still], last[still]))
     if not len(robot):
         return []
-    first, second, when = _facing(track, limits, frame, robot)
-    order = np.lexsort((when, second, first))
-    first, second, when = first[order], second[order], when[order]
-    broken = (np.diff(first) != 0) | (np.diff(second) != 0) | (np.diff(when) != 1)
-    bounds = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(when)]])
+    first, second, frames = _facing(track, limits, frame, robot)
+    order = np.lexsort((frames, second, first))
+    first, second, frames = first[order], second[order], frames[order]
+    broken = (np.diff(first) != 0) | (np.diff(second) != 0) | (np.diff(frames) != 1)
+    bounds = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(frames)]])
     return [
-        ((int(first[a]), int(second[a])), int(when[a]), int(when[b - 1]), 0)
+        ((int(first[a]), int(second[a])), int(frames[a]), int(frames[b - 1]), 0)
         for a, b in pairwise(bounds)
         if b - a >= steps
     ]
@@ -309,22 +309,19 @@ def _facing(track: Track, limits: Thresholds, frame: np.ndarray, robot: np.ndarr
     stacked = np.column_stack([track.position[frame, robot], frame * (2.0 * reach + 1.0)])
     pairs = cKDTree(stacked).query_pairs(reach, output_type="ndarray")
     pairs = np.sort(pairs, axis=1)  # by frame, then by row: ascending rows within a frame
-    i, j, when = robot[pairs[:, 0]], robot[pairs[:, 1]], frame[pairs[:, 0]]
-    x, y = (track.position[when, j] - track.position[when, i]).T
+    i, j, frames = robot[pairs[:, 0]], robot[pairs[:, 1]], frame[pairs[:, 0]]
+    x, y = (track.position[frames, j] - track.position[frames, i]).T
     apart, least = np.hypot(x, y), np.cos(np.radians(limits.facing_degrees))
-    here, there = track.heading[when, i], track.heading[when, j]
-    facing = np.cos(here) * x + np.sin(here) * y >= least * apart
-    facing &= -np.cos(there) * x - np.sin(there) * y >= least * apart
+    heading, other_heading = track.heading[frames, i], track.heading[frames, j]
+    facing = np.cos(heading) * x + np.sin(heading) * y >= least * apart
+    facing &= -np.cos(other_heading) * x - np.sin(other_heading) * y >= least * apart
     facing &= apart <= track.radius[i] + track.radius[j] + limits.gap
-    return i[facing], j[facing], when[facing]
+    return i[facing], j[facing], frames[facing]
 
 
 # In order of precedence: the function that finds each kind, and its description.
 FINDERS = {
-    "corridor flip": (
-        corridor_flips,
-        "turned alternately away from things near on its left and right, {flips} times",
-    ),
+    "corridor flip": (corridor_flips, "turned alternately away from things near on its left and right, {flips} times"),
     "centroid flip": (
         centroid_flips,
         "turned alternately left and right, {flips} times, towards robots that changed from sensor to sensor",
@@ -545,13 +542,13 @@ def find_pathologies(
         steps=steps, position=position, heading=heading, command=command, layer=layer, distance=distance, kind=kind,
         radius=radius, max_speed=max_speed, forward=forward,
     )  # fmt: skip
-    taken = track.missing.copy()
+    is_taken = track.missing.copy()
     episodes = []
     for name, (finder, _) in FINDERS.items():
-        found = finder(track, limits, taken)
-        episodes += [_episode(name, track, *episode) for episode in found]
-        for robots, first, last, _ in found:
-            taken[first : last + 1, robots] = True
+        findings = finder(track, limits, is_taken)
+        episodes += [_episode(name, track, *episode) for episode in findings]
+        for robots, first, last, _ in findings:
+            is_taken[first : last + 1, robots] = True
     return Pathologies(tuple(sorted(episodes, key=_order)), int(track.missing.sum()))
 
 

@@ -148,8 +148,8 @@ def time_to(
     reached = series >= level if at_least else series <= level
     if for_good:
         reached = np.logical_and.accumulate(reached[::-1])[::-1]
-    where = np.flatnonzero(reached)
-    return int(numbers[where[0]]) if len(where) else None
+    places = np.flatnonzero(reached)
+    return int(numbers[places[0]]) if len(places) else None
 
 
 def _step_numbers(steps: np.ndarray | None, k: int) -> np.ndarray:
@@ -200,10 +200,10 @@ def layer_shares(layer: np.ndarray, layers: int) -> Measures:
         raise InvalidValueError(f"layer holds {wrong[0]:g}; expected whole numbers from -1 to {layers - 1}")
     missing = np.isnan(table)
     counts = np.stack([(table == number).sum(axis=1) for number in [*range(layers), -1]], axis=1)
-    return Measures.of(counts / _measured(missing)[:, None], missing.sum(axis=1))
+    return Measures.of(counts / _count_present(missing)[:, None], missing.sum(axis=1))
 
 
-def _measured(missing: np.ndarray) -> np.ndarray:
+def _count_present(missing: np.ndarray) -> np.ndarray:
     """Return how many robots of each row (k, n) are not missing, NaN for none."""
     counts = np.count_nonzero(~missing, axis=1)
     return np.where(counts > 0, counts, math.nan)
@@ -242,7 +242,7 @@ def collision_frequency(collided: np.ndarray, window: int = WINDOW) -> Measures:
     array([0.75, 0.5 , 0.25])
     """
     table, missing = _table(collided)
-    frequency = np.count_nonzero(table, axis=1) / _measured(missing)
+    frequency = np.count_nonzero(table, axis=1) / _count_present(missing)
     return Measures.of(_moving_average(frequency, _half(window)), missing.sum(axis=1))
 
 

@@ -9,16 +9,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.control.approach import Approach, Halt, Retreat
     from mesa_swarm.control.arbiter import Arbiter, Subsumption, VectorSum
     from mesa_swarm.control.avoid import Avoid
-    from mesa_swarm.control.conditions import (
-        Chance,
-        Condition,
-        HeatSensed,
-        OffMark,
-        OnMark,
-        RobotsSeen,
-        Seen,
-        Unseen,
-    )
+    from mesa_swarm.control.conditions import Chance, Condition, HeatSensed, OffMark, OnMark, RobotsSeen, Seen, Unseen
     from mesa_swarm.control.explore import Explore
     from mesa_swarm.control.flocking import Align, Cohere, Cruise, MatchVelocity, Separate
     from mesa_swarm.control.follow import Follow

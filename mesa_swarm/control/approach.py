@@ -116,7 +116,7 @@ class Halt(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Halt the robots that no other layer drives."""
-        stand(command, layer, index)
+        halt_robots(command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return that it stands."""
@@ -127,34 +127,34 @@ def directions_to_targets(senses: Senses, target: str) -> np.ndarray:
     """Return where each robot senses a target, as vectors (n, 2) in its own frame, (0, 0) for nothing."""
     if target == GOAL:
         return np.nan_to_num(senses.heard_goal)
-    found = np.empty((len(senses.design), 2))
+    sums = np.empty((len(senses.design), 2))
     if target == HEAT:
-        sum_of_heat(senses.radiation, senses.radiation_bearing, senses.design, found)
+        sum_of_heat(senses.radiation, senses.radiation_bearing, senses.design, sums)
     else:
-        sum_of_things(senses.distance, senses.kind, senses.bearing, senses.design, KINDS.index(target), found)
-    return found
+        sum_of_things(senses.distance, senses.kind, senses.bearing, senses.design, KINDS.index(target), sums)
+    return sums
 
 
 @compiled
-def sum_of_things(distance, kind, bearing, design, sought, found):
+def sum_of_things(distance, kind, bearing, design, target, sums):
     """Write the sum of directions of sensors that see things of a kind, each weighted by 1 / (1 + reading)."""
-    for i in range(found.shape[0]):
-        found[i, 0], found[i, 1] = 0.0, 0.0
+    for i in range(sums.shape[0]):
+        sums[i, 0], sums[i, 1] = 0.0, 0.0
         for s in range(kind.shape[1]):
-            if kind[i, s] == sought:
+            if kind[i, s] == target:
                 weight = 1.0 / (1.0 + distance[i, s])
-                found[i, 0] += weight * math.cos(bearing[design[i], s])
-                found[i, 1] += weight * math.sin(bearing[design[i], s])
+                sums[i, 0] += weight * math.cos(bearing[design[i], s])
+                sums[i, 1] += weight * math.sin(bearing[design[i], s])
 
 
 @compiled
-def sum_of_heat(radiation, bearing, design, found):
+def sum_of_heat(radiation, bearing, design, sums):
     """Write the sum of directions of radiation sensors, each weighted by its reading."""
-    for i in range(found.shape[0]):
-        found[i, 0], found[i, 1] = 0.0, 0.0
+    for i in range(sums.shape[0]):
+        sums[i, 0], sums[i, 1] = 0.0, 0.0
         for q in range(radiation.shape[1]):
-            found[i, 0] += radiation[i, q] * math.cos(bearing[design[i], q])
-            found[i, 1] += radiation[i, q] * math.sin(bearing[design[i], q])
+            sums[i, 0] += radiation[i, q] * math.cos(bearing[design[i], q])
+            sums[i, 1] += radiation[i, q] * math.sin(bearing[design[i], q])
 
 
 @compiled
@@ -168,7 +168,7 @@ def go_towards(towards, max_speed, radius, critical_angle, command, layer, index
 
 
 @compiled
-def stand(command, layer, index):
+def halt_robots(command, layer, index):
     """Write commands of zero for robots that no earlier layer drives."""
     for i in range(layer.shape[0]):
         if layer[i] < 0:

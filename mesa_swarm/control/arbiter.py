@@ -17,7 +17,7 @@ from mesa_swarm.kernels.part import Kernel, kernel_of
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
 from mesa_swarm.physics.radio import send_goals
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.drive import limit_command, no_longer
+from mesa_swarm.robots.drive import limit_command, limit_length
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
 
@@ -87,7 +87,7 @@ class Arbiter:
 
     @property
     def noted(self) -> tuple[str, ...]:
-        """The columns of its memory that explain its decisions, see `explained`."""
+        """The columns of its memory that explain its decisions, see `explain`."""
         return ()
 
     def arbiter_of(self, index: int) -> "Arbiter":
@@ -117,14 +117,14 @@ class Arbiter:
         learners go on with what they have learned. In a `Team` the index of its first layer is `first`, `label` names
         its columns and streams, and it has robots of the designs `driven` only.
         """
-        mine, place = copy(self), f"{label}." if label else ""
-        mine.others = None
-        mine.layers = tuple(map(copy, self.layers))
-        mine.set_driven(driven)
-        for index, layer in enumerate(mine.layers, start=first):
+        arbiter, place = copy(self), f"{label}." if label else ""
+        arbiter.others = None
+        arbiter.layers = tuple(map(copy, self.layers))
+        arbiter.set_driven(driven)
+        for index, layer in enumerate(arbiter.layers, start=first):
             layer.bind(swarm, f"{index}.{place}{layer.name}", streams[f"decide.{place}{layer.name}"])
-        mine._bind(swarm, streams, first, place)
-        return mine
+        arbiter._bind(swarm, streams, first, place)
+        return arbiter
 
     def _bind(self, swarm: Swarm, streams: Streams, first: int, place: str) -> None:
         """Take columns and streams of its own, after its layers have; by default none."""
@@ -153,7 +153,7 @@ class Arbiter:
         """Write the command (n, w) and the winning layer (n,) of every robot."""
         raise NotImplementedError
 
-    def explained(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
+    def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return the reason that a layer gives, with what the arbiter adds; `row` holds a robot's columns `noted`."""
         return reason
 
@@ -178,7 +178,7 @@ def check_drives(control: Arbiter, designs: Iterable[RobotDesign]) -> None:
             )
 
 
-def driver(control: Arbiter, index: int) -> str:
+def name_driver(control: Arbiter, index: int) -> str:
     """Return the name of the layer with this index, and a description of any other index."""
     if index < 0:
         return "no layer"
@@ -213,14 +213,14 @@ class Subsumption(Arbiter):
     def kernels_of_layers(self, senses: Senses, swarm: Swarm) -> list[Kernel | None]:
         """Return the kernel of each layer, None of those that have none."""
         command, layer = swarm.columns["command"], swarm.columns["layer"]
-        return [kernel_of(one, "decide", senses, command, layer, index) for index, one in enumerate(self.layers)]
+        return [kernel_of(part, "decide", senses, command, layer, index) for index, part in enumerate(self.layers)]
 
     def kernel_for(self, senses: Senses, swarm: Swarm, sends: bool, attend: Callable[[int], None]) -> Kernel:
         """Return what decides on these columns, where all layers have kernels."""
         layers, columns = self.kernels_of_layers(senses, swarm), swarm.columns
         calls = [Block(KernelCall(code_address(kernel.function), kernel.block)).numbers for kernel in layers if kernel]
-        given = {name: columns[name] for name in DecideArrays._fields if name in columns}
-        block = Block(DecideArrays(layers=np.array(calls), sideways=senses.sideways, sends=sends, **given))
+        arrays = {name: columns[name] for name in DecideArrays._fields if name in columns}
+        block = Block(DecideArrays(layers=np.array(calls), sideways=senses.sideways, sends=sends, **arrays))
         return Kernel(decide_layers, block.numbers, (block, layers), attend)
 
 
@@ -311,28 +311,28 @@ class VectorSum(Arbiter):
 
     def __init__(self, *layers: Layer, weights: Sequence[float] | None = None) -> None:
         super().__init__(*layers)
-        given = [1.0] * len(layers) if weights is None else weights
-        ordered = isinstance(given, Sequence) and not isinstance(given, str)
-        ordered = ordered or (isinstance(given, np.ndarray) and given.ndim == 1)
-        if not ordered or len(given) != len(layers):
+        values = [1.0] * len(layers) if weights is None else weights
+        ordered = isinstance(values, Sequence) and not isinstance(values, str)
+        ordered = ordered or (isinstance(values, np.ndarray) and values.ndim == 1)
+        if not ordered or len(values) != len(layers):
             raise InvalidValueError(f"weights is {shortened(weights)}; expected {len(layers)} numbers, one a layer")
-        self.weights = tuple(check_number("weight", weight, minimum=-HEAVIEST, maximum=HEAVIEST) for weight in given)
+        self.weights = tuple(check_number("weight", weight, minimum=-HEAVIEST, maximum=HEAVIEST) for weight in values)
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray) -> None:
         """Write the summed command (n, w) and the layer with the largest share (n,) of every robot."""
-        wanted, active, largest = np.empty_like(command), np.empty_like(layer), np.zeros(len(layer))
+        layer_command, active, largest = np.empty_like(command), np.empty_like(layer), np.zeros(len(layer))
         command.fill(0.0)
         layer.fill(-1)
         for index, (part, weight) in enumerate(zip(self.layers, self.weights, strict=True)):
-            wanted.fill(0.0)
+            layer_command.fill(0.0)
             self.clear(active)
-            part.decide(senses, wanted, active, index)
-            add_weighted(wanted, active, weight, index, command, layer, largest)
+            part.decide(senses, layer_command, active, index)
+            add_weighted(layer_command, active, weight, index, command, layer, largest)
         slow_down(command, senses.max_speed, senses.design, senses.sideways)
 
 
 @compiled
-def add_weighted(wanted, active, weight, index, command, layer, largest):
+def add_weighted(layer_command, active, weight, index, command, layer, largest):
     """Add what a layer commands where it is active, and note where its share is the largest so far.
 
     A layer with a weight that commands NaN has the largest share of all, so that an error can name it.
@@ -340,15 +340,15 @@ def add_weighted(wanted, active, weight, index, command, layer, largest):
     for i in range(layer.shape[0]):
         if active[i] < 0:
             continue
-        if weight != 0.0 and any_nan(wanted[i]) and largest[i] < math.inf:
+        if weight != 0.0 and any_nan(layer_command[i]) and largest[i] < math.inf:
             command[i, 0], command[i, 1], layer[i], largest[i] = math.nan, math.nan, index, math.inf
             continue
-        x, y = weigh_command(wanted[i, 0], weight), weigh_command(wanted[i, 1], weight)
+        x, y = weigh_command(layer_command[i, 0], weight), weigh_command(layer_command[i, 1], weight)
         command[i, 0] += x
         command[i, 1] += y
         share = math.hypot(x, y)
-        for w in range(2, wanted.shape[1]):
-            z = weigh_command(wanted[i, w], weight)
+        for w in range(2, layer_command.shape[1]):
+            z = weigh_command(layer_command[i, w], weight)
             command[i, w] += z
             share = math.hypot(share, z)
         if layer[i] < 0 or share > largest[i]:
@@ -365,11 +365,11 @@ def any_nan(numbers) -> bool:
 
 
 @compiled
-def weigh_command(wanted: float, weight: float) -> float:
+def weigh_command(value: float, weight: float) -> float:
     """Return the weighted command, finite; 0 if the weight is 0."""
     if weight == 0.0:
         return 0.0
-    return weight * min(max(wanted, -LARGEST_COMMAND), LARGEST_COMMAND)
+    return weight * min(max(value, -LARGEST_COMMAND), LARGEST_COMMAND)
 
 
 @compiled
@@ -377,7 +377,7 @@ def slow_down(command, max_speed, design, sideways):
     """Scale commands that ask for more than max_speed of any wheel, or of a body that goes sideways."""
     for i in range(command.shape[0]):
         if sideways[design[i]]:
-            command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
+            command[i, 0], command[i, 1] = limit_length(command[i, 0], command[i, 1], max_speed[i])
             continue
         most = max(abs(command[i, 0]), abs(command[i, 1]))
         for w in range(2, command.shape[1]):

@@ -127,14 +127,14 @@ class Avoid(Memoryless):
 
     def reason(self, moment: Moment) -> Reason:
         """Return which sensor decided: of those that were activated, the last of front, left, right."""
-        near = self._activated(moment)
+        near = self._find_activated(moment)
         if self.front == "back up" and (not near or moment.command[0] == moment.command[1]):
             return Reason("it met something ahead and, for a time, does not look")
         rounds_up = round(float(moment.distance[near[-1]]), 1) >= self.distance
         below = "just under" if rounds_up else "<"
         return Reason(f"{moment.reading(near[-1])} {below} {self.distance:g}", tuple(near))
 
-    def _activated(self, moment: Moment) -> list[int]:
+    def _find_activated(self, moment: Moment) -> list[int]:
         """Return which of the front, left and right sensor are activated, and count."""
         fears_fire = self.fires == "always" or (self.fires == "when hot" and bool(moment.columns["hot"]))
         fears = fears_fire, self.loads == "always"

@@ -17,9 +17,9 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.control.custom_fields import RuleFields, checked_memory
+from mesa_swarm.control.custom_fields import RuleFields, check_memory
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.control.rule import PASS, Rule, columns_of, failure, rule_of, wanted
+from mesa_swarm.control.rule import PASS, Rule, columns_of, describe_expected, describe_failure, rule_of
 from mesa_swarm.control.source import Read, own_randomness, uses_attribute, what_is_read
 from mesa_swarm.robots.swarm import Swarm
 
@@ -49,7 +49,7 @@ class Behaviour:
         self._prefix = ""
         self.name = rule.name
         self.__doc__ = rule.function.__doc__
-        self._known: tuple = NOT_KNOWN
+        self._views: tuple = NOT_KNOWN
         self._swarm: Any = None  # where it is bound
         self._read: Read | None = None
         self._version = -1
@@ -71,7 +71,7 @@ class Behaviour:
 
     def __getstate__(self) -> dict:
         """Leave out the views of columns: copies have columns of their own."""
-        return {**self.__dict__, "_known": NOT_KNOWN, "_version": -1}
+        return {**self.__dict__, "_views": NOT_KNOWN, "_version": -1}
 
     def __call__(self, **changes: float) -> "Behaviour":
         """Return the same rule with other parameters."""
@@ -79,7 +79,7 @@ class Behaviour:
         for name, value in changes.items():
             if name not in values:
                 raise UnknownNameError(unknown_name(f"parameter of {self.name}", name, values))
-            values[name] = _checked(f"{self.name}'s {name}", value, values[name])
+            values[name] = _check_value(f"{self.name}'s {name}", value, values[name])
         return Behaviour(self.rule, values, self.memory)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
@@ -117,40 +117,40 @@ class Behaviour:
         except UncompiledBehaviourWarning:  # where warnings are errors
             raise
         except Exception as error:
-            raise self._refusal(at[0], failure(error, self._numbers(at[0]))) from error
+            raise self._refusal(at[0], describe_failure(error, self._numbers(at[0]))) from error
         if wrong < -1:
             row = -2 - wrong
-            raise self._refusal(row, f"returns a command of another drive; {wanted(self._numbers(row))}")
+            raise self._refusal(row, f"returns a command of another drive; {describe_expected(self._numbers(row))}")
         if wrong >= 0:
             numbers = self._numbers(wrong)
             speeds = ", ".join(f"{speed:g}" for speed in command[wrong, :numbers])
-            raise self._refusal(wrong, f"returned ({speeds}); {wanted(numbers)}")
+            raise self._refusal(wrong, f"returned ({speeds}); {describe_expected(numbers)}")
 
     def _columns(self, senses: Senses) -> tuple[tuple[np.ndarray, ...], RuleFields]:
         """Return what the rule may know; views are made again when robots are added or removed."""
-        if self._known[0] is not senses:
+        if self._views[0] is not senses:
             unused = np.full(len(self._swarm), np.nan)
             columns = (*columns_of(senses, self._swarm.designs), unused)
-            self._known = senses, columns, self._fields(senses)
-        _, known, fields = self._known
-        return (known if self._rng is None else (*known[:-1], self._rng.random(len(self._swarm)))), fields
+            self._views = senses, columns, self._fields(senses)
+        _, arrays, fields = self._views
+        return (arrays if self._rng is None else (*arrays[:-1], self._rng.random(len(self._swarm)))), fields
 
     def _fields(self, senses: Senses) -> RuleFields:
         """Return what the model adds to `me`; only records that the rule uses, for they are copied in each step."""
         memory = {name: self._swarm.columns[f"{self._prefix}.{name}"] for name in self.memory}
-        written = {"act": senses.act, "memory": memory, "send": senses.send}
-        used = {name: columns for name, columns in written.items() if uses_attribute(self.rule.function, name)}
-        return RuleFields(senses.own, used, senses.heard)
+        writable = {"act": senses.act, "memory": memory, "send": senses.send}
+        outputs = {name: columns for name, columns in writable.items() if uses_attribute(self.rule.function, name)}
+        return RuleFields(senses.own, outputs, senses.heard)
 
     def _numbers(self, row: int) -> int:
         """Return how many numbers the drive of the robot in this row takes."""
         return self._swarm.agents[row].design.numbers
 
-    def _refusal(self, row: int, what: str) -> BehaviourError:
+    def _refusal(self, row: int, problem: str) -> BehaviourError:
         robot = self._swarm.agents[row]
-        whose = f" for robot {robot.unique_id}" if row >= 0 else ""
+        subject = f" for robot {robot.unique_id}" if row >= 0 else ""
         return BehaviourError(
-            f"rule {self.name} failed{whose} in step {robot.model.steps}: it {' '.join(what.split())}"
+            f"rule {self.name} failed{subject} in step {robot.model.steps}: it {' '.join(problem.split())}"
         )
 
 
@@ -235,8 +235,8 @@ def _behaviour(rule: Callable, memory: Mapping[str, Any] | None) -> Behaviour:
     parameters = list(inspect.signature(function).parameters.values())
     if not parameters:
         raise InvalidValueError(f"rule {function.__name__} takes nothing; expected me as its first parameter")
-    values = {p.name: _default(function.__name__, p) for p in parameters[1:]}
-    return Behaviour(rule_of(function), values, checked_memory(function.__name__, memory))
+    values = {parameter.name: _default(function.__name__, parameter) for parameter in parameters[1:]}
+    return Behaviour(rule_of(function), values, check_memory(function.__name__, memory))
 
 
 def _default(rule: str, parameter: inspect.Parameter) -> float:
@@ -244,10 +244,10 @@ def _default(rule: str, parameter: inspect.Parameter) -> float:
         raise InvalidValueError(
             f"rule {rule} has the parameter {parameter} without a default; give it one, such as {parameter.name}=1.0"
         )
-    return _checked(f"{rule}'s {parameter.name}", parameter.default, parameter.default)
+    return _check_value(f"{rule}'s {parameter.name}", parameter.default, parameter.default)
 
 
-def _checked(name: str, value: float, before: float) -> float:
+def _check_value(name: str, value: float, before: float) -> float:
     """Return a value of the type that the rule was written for, so that it is compiled once."""
     if isinstance(before, bool):
         if not isinstance(value, (bool, np.bool_)):

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_flag, check_number
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.world.statics import KINDS, MOST_KINDS, ROBOT
@@ -84,9 +84,9 @@ class Condition:
         """Return the probability that it is fulfilled in this step, for each robot, shape (n,)."""
         if self.code == OWN:
             raise NotImplementedError(f"{type(self).__name__} needs a method chances(senses)")
-        found = np.empty(len(senses.design))
-        write_chances(senses.distance, senses.kind, senses.line, senses.radiation, np.array(self.row), found)
-        return found
+        chances = np.empty(len(senses.design))
+        write_chances(senses.distance, senses.kind, senses.line, senses.radiation, np.array(self.row), chances)
+        return chances
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -303,16 +303,16 @@ def own_chances(condition: Condition, senses: Senses) -> np.ndarray:
     """
     returned: Any = condition.chances(senses)
     try:
-        found = np.asarray(unmasked(returned), float)
+        chances = np.asarray(fill_masked(returned), float)
     except (TypeError, ValueError):
-        found = np.empty(0)
+        chances = np.empty(0)
     n = len(senses.design)
-    if found.shape != (n,) or not bool(((found >= 0.0) & (found <= 1.0)).all()):
+    if chances.shape != (n,) or not bool(((chances >= 0.0) & (chances <= 1.0)).all()):
         raise InvalidValueError(
-            f"chances of {type(condition).__name__} returned an array of shape {found.shape}; "
+            f"chances of {type(condition).__name__} returned an array of shape {chances.shape}; "
             f"expected {n} numbers from 0 to 1, one a robot"
         )
-    return found
+    return chances
 
 
 @compiled
@@ -337,23 +337,23 @@ def chance_of(distance, kind, line, radiation, i, row):
     if code in (SEEN, UNSEEN):
         fulfilled = is_near(distance, kind, i, row[2], row[3]) == (code == SEEN)
     elif code in (ON_MARK, OFF_MARK):
-        fulfilled = any_of(line, i, 0.0) == (code == ON_MARK)
+        fulfilled = is_any_above(line, i, 0.0) == (code == ON_MARK)
     elif code == HEAT_SENSED:
-        fulfilled = any_of(radiation, i, row[2])
+        fulfilled = is_any_above(radiation, i, row[2])
     return probability if fulfilled else 0.0
 
 
 @compiled
-def is_near(distance, kind, i, sought, within):
+def is_near(distance, kind, i, target, within):
     """Return whether a sensor of robot i sees something of a kind, -1 for any, at most this far away."""
     for s in range(kind.shape[1]):
-        if kind[i, s] >= 0 and (sought < 0 or kind[i, s] == sought) and distance[i, s] <= within:
+        if kind[i, s] >= 0 and (target < 0 or kind[i, s] == target) and distance[i, s] <= within:
             return True
     return False
 
 
 @compiled
-def any_of(readings, i, limit):
+def is_any_above(readings, i, limit):
     """Return whether any reading of robot i is above the limit."""
     for s in range(readings.shape[1]):
         if readings[i, s] > limit:

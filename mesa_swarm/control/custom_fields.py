@@ -10,30 +10,31 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
-from mesa_swarm.geometry.masks import holds_masked, unmasked
-from mesa_swarm.robots.devices import check_identifier, reserve
+from mesa_swarm.geometry.masks import fill_masked, holds_masked
+from mesa_swarm.robots.devices import check_identifier, reserve_names
+from mesa_swarm.world.read_only import locked_view
 
 # What a rule may write, each a record with a field a name.
 WRITTEN = ("act", "memory", "send")
-reserve((*WRITTEN, "heard"))
+reserve_names((*WRITTEN, "heard"))
 KINDS = {"b": np.bool_, "i": np.int64, "u": np.int64, "f": np.float64}
 
 
 class FieldForm(NamedTuple):
     """Names of the fields that a model adds, in the order of `RuleFields.arrays`, and their types.
 
-    `readings` are names of custom sensors, `written` pairs of a record's name and its type, `heard` the names of what
+    `readings` are names of custom sensors, `outputs` pairs of a record's name and its type, `heard` the names of what
     messages hold.
     """
 
     readings: tuple[str, ...] = ()
-    written: tuple[tuple[str, np.dtype], ...] = ()
+    outputs: tuple[tuple[str, np.dtype], ...] = ()
     heard: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the fields."""
-        return (*self.readings, *(name for name, _ in self.written), *(("heard",) if self.heard else ()))
+        return (*self.readings, *(name for name, _ in self.outputs), *(("heard",) if self.heard else ()))
 
 
 class Records:
@@ -62,16 +63,16 @@ class RuleFields:
     def __init__(
         self,
         readings: Mapping[str, np.ndarray] | None = None,
-        written: Mapping[str, Mapping[str, np.ndarray]] | None = None,
+        outputs: Mapping[str, Mapping[str, np.ndarray]] | None = None,
         heard: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        readings, written, heard = readings or {}, written or {}, heard or {}
-        records = {name: Records(columns) for name, columns in written.items() if columns}
+        readings, outputs, heard = readings or {}, outputs or {}, heard or {}
+        records = {name: Records(columns) for name, columns in outputs.items() if columns}
         self._records = tuple(records.values())
-        kinds = tuple((name, one.array.dtype) for name, one in records.items())
+        kinds = tuple((name, record.array.dtype) for name, record in records.items())
         self.form = FieldForm(tuple(readings), kinds, tuple(heard))
-        seen = tuple(map(_read_only, readings.values())), tuple(map(_read_only, heard.values()))
-        self.arrays = (*seen[0], *(one.array for one in self._records), *seen[1])
+        inputs = tuple(map(locked_view, readings.values())), tuple(map(locked_view, heard.values()))
+        self.arrays = (*inputs[0], *(record.array for record in self._records), *inputs[1])
 
     def load(self) -> None:
         """Read what rules and layers before have written."""
@@ -82,12 +83,6 @@ class RuleFields:
         """Write what the rule has written."""
         for records in self._records:
             records.store()
-
-
-def _read_only(column: np.ndarray) -> np.ndarray:
-    view = column.view()
-    view.flags.writeable = False
-    return view
 
 
 class RecordEntry:
@@ -128,15 +123,15 @@ class _KeptArray(np.ndarray):
 
 def _check_kept(name: str, kind: np.dtype, value: Any) -> None:
     """Refuse fractions and NaN where whole numbers are stored, and other numbers than 0 and 1 for True and False."""
-    given = np.asarray(value)
-    if kind.kind == "i" and given.dtype.kind == "f":
-        fits = (given == np.floor(given)) & (np.abs(given) < LARGEST_WHOLE)
-    elif kind.kind == "b" and given.dtype.kind in "iuf":
-        fits = (given == 0) | (given == 1)
+    numbers = np.asarray(value)
+    if kind.kind == "i" and numbers.dtype.kind == "f":
+        fits = (numbers == np.floor(numbers)) & (np.abs(numbers) < LARGEST_WHOLE)
+    elif kind.kind == "b" and numbers.dtype.kind in "iuf":
+        fits = (numbers == 0) | (numbers == 1)
     else:
         return
     if not fits.all():
-        raise MemoryKindError(name, float(given[~fits].flat[0]) if given.ndim else float(given))
+        raise MemoryKindError(name, float(numbers[~fits].flat[0]) if numbers.ndim else float(numbers))
 
 
 class RecordEntries:
@@ -152,11 +147,11 @@ class RecordEntries:
 def plain_arrays(form: FieldForm, arrays: Sequence[np.ndarray]) -> tuple:
     """Return the values of the fields as plain Python needs them."""
     first = len(form.readings)
-    words = {first + place: name for place, (name, _) in enumerate(form.written)}
+    words = {first + place: name for place, (name, _) in enumerate(form.outputs)}
     return tuple(RecordEntries(array, words[k]) if k in words else array for k, array in enumerate(arrays))
 
 
-def fields_used(function: FunctionType, known: tuple[str, ...]) -> tuple[str, ...]:
+def fields_used(function: FunctionType, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return which fields of its first parameter, `me`, a function's code uses: all where more than a field is used.
 
     Examples
@@ -169,25 +164,25 @@ def fields_used(function: FunctionType, known: tuple[str, ...]) -> tuple[str, ..
     code = function.__code__
     me = code.co_varnames[0] if code.co_argcount else ""
     if not me or me in code.co_cellvars:
-        return known
-    used = set()
+        return names
+    used_names = set()
     for step, after in pairwise(dis.get_instructions(code)):
         loaded = step.argval if isinstance(step.argval, tuple) else (step.argval,)
         if me in loaded:
             is_field = step.opname.startswith("LOAD_FAST") and after.opname in ("LOAD_ATTR", "LOAD_METHOD")
             if not is_field or loaded.index(me) < len(loaded) - 1:
-                return known
-            used.add(after.argval)
-    return tuple(name for name in known if name in used)
+                return names
+            used_names.add(after.argval)
+    return tuple(name for name in names if name in used_names)
 
 
 def record_of(function: FunctionType, field: str) -> str:
     """Return which of the records a function's code uses a field of, `me` if that is not seen in it."""
-    used = (step.argval for step in dis.get_instructions(function) if step.opname.endswith(("_ATTR", "_METHOD")))
-    return next((f"me.{before}" for before, after in pairwise(used) if after == field and before in WRITTEN), "me")
+    words = (step.argval for step in dis.get_instructions(function) if step.opname.endswith(("_ATTR", "_METHOD")))
+    return next((f"me.{before}" for before, after in pairwise(words) if after == field and before in WRITTEN), "me")
 
 
-def checked_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
+def check_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
     """Return the first value of each name that a rule remembers, as an array of its type.
 
     Raises
@@ -203,7 +198,7 @@ def checked_memory(rule: str, memory: object) -> dict[str, np.ndarray]:
 
 def _first(rule: str, name: str, value: object) -> np.ndarray:
     try:
-        array = unmasked(value)
+        array = fill_masked(value)
         if holds_masked(value) and np.isnan(array).any():
             array = np.empty(0, object)
     except Exception:  # of a class of the user's, or lists of unequal lengths

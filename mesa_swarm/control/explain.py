@@ -38,24 +38,24 @@ def explanation(
     control: Arbiter, swarm: Swarm, snapshots: Snapshots, row: int, step: int, kinds: tuple[str, ...] = KINDS
 ) -> Explanation:
     """Return why the robot in this row did what it did in a stored step, when this control drove it."""
-    moment, won = moment_of(swarm, snapshots.at(step), row, kinds)
-    if won >= len(control.layers):
+    moment, winner = moment_of(swarm, snapshots.at(step), row, kinds)
+    if winner >= len(control.layers):
         raise BehaviourError(
-            f"layer {won} drove robot {swarm.agents[row].unique_id} in step {step:,}, of {len(control.layers)} layers; "
-            "a custom layer must write the index that `decide` is given"
+            f"layer {winner} drove robot {swarm.agents[row].unique_id} in step {step:,}, of {len(control.layers)} "
+            "layers; a custom layer must write the index that `decide` is given"
         )
-    layer = control.layers[won] if won >= 0 else None
+    layer = control.layers[winner] if winner >= 0 else None
     reason = Reason("") if layer is None else reason_of(layer, moment)
-    if won >= 0:
-        reason = control.arbiter_of(won).explained(reason, moment.columns)
-    if layer is not None and control.arbiter_of(won).sums:
+    if winner >= 0:
+        reason = control.arbiter_of(winner).explain(reason, moment.columns)
+    if layer is not None and control.arbiter_of(winner).sums:
         # What the robot did is the sum of all that were active; the reason is that of one of them.
-        why = f" ({reason.words})" if reason.sensors else ""
-        reason = Reason(f"its share of the sum of all active layers is the largest{why}", reason.sensors)
+        detail = f" ({reason.words})" if reason.sensors else ""
+        reason = Reason(f"its share of the sum of all active layers is the largest{detail}", reason.sensors)
     return Explanation(
         robot=swarm.agents[row].unique_id,
         step=step,
-        layer="" if layer is None else control.names[won],
+        layer="" if layer is None else control.names[winner],
         does=moment.motion,
         reason=reason.words,
         sensors=reason.sensors,
@@ -79,14 +79,14 @@ def moment_of(
         forward=(front, left, right),
         command=command,
         turns=bool(design.turns),
-        moved=_moved(design, command),
+        moved=_motion_of(design, command),
         columns={name: column[row] for name, column in columns.items()},
         kinds=kinds,
     )
     return moment, int(columns["layer"][row])
 
 
-def _moved(design: RobotDesign, command: np.ndarray) -> tuple[float, ...] | None:
+def _motion_of(design: RobotDesign, command: np.ndarray) -> tuple[float, ...] | None:
     """Return the motion that a command asks for, None where the command itself states it."""
     if design.turns is not None:
         return None

@@ -54,23 +54,23 @@ class VelocityMatching:
         swarm.remember(f"{prefix}.seen", (), np.int64, 0)
         swarm.remember(f"{prefix}.compared", (), np.int64, 0)
 
-    def _estimated(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
+    def _update_estimates(self, senses: Senses) -> tuple[np.ndarray, np.ndarray]:
         """Take in this step's readings; return velocity (n, 2) in the robot's frame, and steps compared (n,)."""
-        centroid, seen = centroids(senses)
+        centroid, count = centroids(senses)
         columns = self._swarm.columns
         before, velocity = columns[f"{self._prefix}.centroid"], columns[f"{self._prefix}.velocity"]
         seen_before, compared = columns[f"{self._prefix}.seen"], columns[f"{self._prefix}.compared"]
         share, jump = 1.0 / float(self.memory), float(self.jump)
         # Commands of wheels turn the body, those forward and sideways do not.
         track(
-            centroid, seen, senses.last_command, senses.radius, self.commands_wheels, share, jump,
+            centroid, count, senses.last_command, senses.radius, self.commands_wheels, share, jump,
             before, seen_before, velocity, compared,
         )  # fmt: skip
         return velocity, compared
 
 
 @compiled
-def track(centroid, seen, command, radius, turns, share, jump, before, seen_before, velocity, compared):
+def track(centroid, count, command, radius, turns, share, jump, before, count_before, velocity, compared):
     """Bring the estimates up to date, and remember what is seen now."""
     for i in range(centroid.shape[0]):
         ahead, left, turn = command[i, 0], command[i, 1], 0.0
@@ -85,16 +85,16 @@ def track(centroid, seen, command, radius, turns, share, jump, before, seen_befo
         moved_y = centroid[i, 1] - (cosine * y - sine * x)
         vx, vy = velocity[i, 0], velocity[i, 1]
         vx, vy = cosine * vx + sine * vy, cosine * vy - sine * vx
-        if seen[i] == 0:
+        if count[i] == 0:
             vx, vy, compared[i] = 0.0, 0.0, 0
-        elif seen_before[i] > 0 and math.hypot(moved_x, moved_y) <= jump:
+        elif count_before[i] > 0 and math.hypot(moved_x, moved_y) <= jump:
             compared[i] += 1
             weight = max(share, 1.0 / compared[i])
             vx += weight * (moved_x - vx)
             vy += weight * (moved_y - vy)
         velocity[i, 0], velocity[i, 1] = vx, vy
         before[i, 0], before[i, 1] = centroid[i, 0], centroid[i, 1]
-        seen_before[i] = seen[i]
+        count_before[i] = count[i]
 
 
 @dataclass(kw_only=True)
@@ -137,7 +137,7 @@ class MatchVelocity(VelocityMatching):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that know how others move."""
-        velocity, compared = self._estimated(senses)
+        velocity, compared = self._update_estimates(senses)
         drive_arcs(
             velocity, compared, FEWEST, float(self.slowest), senses.max_speed, senses.radius, command, layer, index
         )
@@ -200,9 +200,9 @@ class Separate(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write velocities away from what is near."""
-        what = WHAT.index(self.what)
+        kinds = WHAT.index(self.what)
         separate_from(
-            senses.distance, senses.kind, senses.sensors, senses.design, senses.max_speed, float(self.distance), what,
+            senses.distance, senses.kind, senses.sensors, senses.design, senses.max_speed, float(self.distance), kinds,
             command, layer, index,
         )  # fmt: skip
 
@@ -214,15 +214,15 @@ class Separate(Memoryless):
 
 
 @compiled
-def separate_from(distance, kind, sensors, design, max_speed, near, what, command, layer, index):
+def separate_from(distance, kind, sensors, design, max_speed, near, kinds, command, layer, index):
     """Write velocities away from what is nearer than `near`, of robots that are driven by no earlier layer."""
     for i in range(layer.shape[0]):
         if layer[i] >= 0:
             continue
         d, x, y, count = design[i], 0.0, 0.0, 0
         for s in range(distance.shape[1]):
-            meant = what == 2 or (kind[i, s] == ROBOT) == (what == 0)
-            if kind[i, s] >= 0 and meant and distance[i, s] < near:
+            is_meant = kinds == 2 or (kind[i, s] == ROBOT) == (kinds == 0)
+            if kind[i, s] >= 0 and is_meant and distance[i, s] < near:
                 weight = 1.0 - distance[i, s] / near
                 x -= weight * sensors[d, s, AXIS_X]
                 y -= weight * sensors[d, s, AXIS_Y]
@@ -258,7 +258,7 @@ class Align(VelocityMatching):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write the neighbours' velocities."""
-        velocity, compared = self._estimated(senses)
+        velocity, compared = self._update_estimates(senses)
         align(velocity, compared, FEWEST, senses.max_speed, command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
@@ -306,21 +306,21 @@ class Cohere(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Write velocities towards the centroid."""
-        centroid, seen = centroids(senses)
-        cohere(centroid, seen, senses.max_speed, float(self.distance), command, layer, index)
+        centroid, count = centroids(senses)
+        cohere(centroid, count, senses.max_speed, float(self.distance), command, layer, index)
 
     def reason(self, moment: Moment) -> Reason:
         """Return how far the centroid is."""
         seeing = moment.seeing(ROBOT)
-        away = math.hypot(*moment.position_of(seeing))
-        return Reason(f"the centroid of the robots it sees is {away:.1f} away", tuple(seeing))
+        distance = math.hypot(*moment.position_of(seeing))
+        return Reason(f"the centroid of the robots it sees is {distance:.1f} away", tuple(seeing))
 
 
 @compiled
-def cohere(centroid, seen, max_speed, near, command, layer, index):
+def cohere(centroid, count, max_speed, near, command, layer, index):
     """Write velocities towards the centroid, of robots that are driven by no earlier layer."""
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or seen[i] == 0:
+        if layer[i] >= 0 or count[i] == 0:
             continue
         share = max_speed[i] / max(near, math.hypot(centroid[i, 0], centroid[i, 1]))
         command[i, 0], command[i, 1] = share * centroid[i, 0], share * centroid[i, 1]

@@ -48,10 +48,10 @@ class Gather(Memoryless):
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Turn or stop the robots that see others."""
-        centroid, seen = centroids(senses)
+        centroid, count = centroids(senses)
         critical = math.radians(self.critical_angle_degrees)
         gather_robots(
-            centroid, seen, senses.max_speed, senses.radius, critical, float(self.stop_distance), command, layer, index
+            centroid, count, senses.max_speed, senses.radius, critical, float(self.stop_distance), command, layer, index
         )
 
     def reason(self, moment: Moment) -> Reason:
@@ -63,10 +63,10 @@ class Gather(Memoryless):
 
 
 @compiled
-def gather_robots(centroid, seen, max_speed, radius, critical_angle, stop_distance, command, layer, index):
+def gather_robots(centroid, count, max_speed, radius, critical_angle, stop_distance, command, layer, index):
     """Write the commands of robots that see others and are driven by no earlier layer."""
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or seen[i] == 0:
+        if layer[i] >= 0 or count[i] == 0:
             continue
         bearing = math.atan2(centroid[i, 1], centroid[i, 0])
         if abs(bearing) > critical_angle:

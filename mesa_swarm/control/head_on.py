@@ -111,19 +111,19 @@ class HeadOn:
         nearest = np.empty(len(layer), np.int64)
         find_nearest_ahead(senses.distance, senses.kind, senses.bearing, senses.design, nearest)
         columns = self._swarm.columns
-        memory = tuple(columns[f"{self._prefix}.{m}"] for m in ("front", "least", "speed", "left"))
+        memory = tuple(columns[f"{self._prefix}.{name}"] for name in ("front", "least", "speed", "left"))
         sensed = nearest, senses.distance, senses.kind, senses.design, senses.forward, senses.last_command
         robots = senses.max_speed, senses.radius, senses.tendency
         limits = float(self.distance), float(self.margin), float(self.parting)
         if self.leader == "speed":
             draws = float(self.slowest) ** self._rng.random(len(layer))
-            head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
+            meet_head_on(*sensed, *robots, draws, *limits, *memory, command, layer, index)
         else:
-            heard = self._exchanged(senses, nearest)
+            heard = self._exchange_numbers(senses, nearest)
             rule = float(self.tolerance), self.leader == "chain"
             lead_by_number(*sensed, *robots, *heard, *limits, *rule, *memory, command, layer, index)
 
-    def _exchanged(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _exchange_numbers(self, senses: Senses, nearest: np.ndarray) -> tuple[np.ndarray, ...]:
         """Send this robot's number and how far what it follows is; return what is heard, and the number sent."""
         if not set(NUMBERS) <= senses.send.keys():
             raise InvalidValueError(
@@ -143,16 +143,17 @@ class HeadOn:
         """Return which robot it meets."""
         front = moment.forward[0]
         seeing = (front,) if front >= 0 and moment.kind[front] == ROBOT else ()
-        seen = f" ({moment.reading(front)})" if seeing else ""
+        sight = f" ({moment.reading(front)})" if seeing else ""
         waits = moment.command[0] == 0.0 == moment.command[1]
         does = "waits for that to turn round, and follows" if waits else "turns round to lead or to follow"
-        return Reason(f"it met a robot head-on{seen}: it {does}", seeing)
+        return Reason(f"it met a robot head-on{sight}: it {does}", seeing)
 
 
 @compiled
-def head_on(
+def meet_head_on(
     nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, draws, near, margin, parting,
-    front, least, speed, left, command, layer, index,
+    front, least, speed, left, command, layer,
+    index,
 ):  # fmt: skip
     """Begin, go on with and end encounters; `front` is the last reading ahead, -1 for no robot."""
     for i in range(layer.shape[0]):
@@ -175,7 +176,7 @@ def head_on(
 
 
 @compiled
-def announce(nearest, distance, radius, number, count, away, bearing, heard_follows, tolerance, sent, follows):
+def announce(nearest, distance, radius, number, count, distances, bearing, heard_follows, tolerance, sent, follows):
     """Write what robots broadcast: their number, negative while another follows, and how far what they follow is."""
     for i in range(nearest.shape[0]):
         s = nearest[i]
@@ -183,14 +184,15 @@ def announce(nearest, distance, radius, number, count, away, bearing, heard_foll
         sent[i] = number[i]
         for k in range(count[i]):
             behind = abs(bearing[i, k]) > 0.5 * math.pi
-            if behind and abs(heard_follows[i, k] - away[i, k]) < tolerance:
+            if behind and abs(heard_follows[i, k] - distances[i, k]) < tolerance:
                 sent[i] = -number[i]
 
 
 @compiled
 def lead_by_number(
-    nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, count, away, bearing, heard,
-    heard_follows, sent, near, margin, parting, tolerance, by_chain, front, least, speed, left, command, layer, index,
+    nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, count, distances, bearing,
+    heard, heard_follows, sent, near, margin, parting, tolerance, by_chain, front, least, speed, left, command, layer,
+    index,
 ):  # fmt: skip
     """Begin, go on with and end encounters; a robot that turns round has a `speed` above 0, one that waits below."""
     for i in range(layer.shape[0]):
@@ -205,7 +207,7 @@ def lead_by_number(
             own = 0.5 * (last_command[i, 0] + last_command[i, 1])
             if front[i] - reading > own + margin * max_speed[i]:
                 far = reading + 2.0 * radius[i]
-                other = number_ahead(count[i], away[i], bearing[i], heard[i], heard_follows[i], far, tolerance)
+                other = number_ahead(count[i], distances[i], bearing[i], heard[i], heard_follows[i], far, tolerance)
                 turns = who_turns(sent[i], other, by_chain)
                 # One that waits does so for as long as the other needs to turn round.
                 speed[i], left[i], least[i] = turns * max_speed[i], math.pi, reading
@@ -234,14 +236,14 @@ def who_turns(own, other, by_chain):
 
 
 @compiled
-def number_ahead(count, away, bearing, heard, follows, far, tolerance):
+def number_ahead(count, distances, bearing, heard, follows, far, tolerance):
     """Return the number of the sender ahead whose distance is nearest to `far`, NaN if none that sees this robot is.
 
     A sender that goes away sees another robot ahead, or none.
     """
     number, least = math.nan, math.inf
     for k in range(count):
-        meets = abs(bearing[k]) < AHEAD and abs(follows[k] - away[k]) < tolerance
-        if meets and abs(away[k] - far) < least:
-            number, least = heard[k], abs(away[k] - far)
+        meets = abs(bearing[k]) < AHEAD and abs(follows[k] - distances[k]) < tolerance
+        if meets and abs(distances[k] - far) < least:
+            number, least = heard[k], abs(distances[k] - far)
     return number

@@ -14,7 +14,7 @@ from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, MOUNT_X, MOUNT_Y
-from mesa_swarm.robots.devices import reserve
+from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import ROBOT
 
@@ -98,8 +98,8 @@ class Senses:
     def of(cls, swarm: Swarm) -> "Senses":
         """Return what the robots of this swarm know."""
         table = swarm.table
-        known = {one.name for one in fields(cls)}
-        columns: dict[str, Any] = {name: column for name, column in swarm.columns.items() if name in known}
+        names = {sense.name for sense in fields(cls)}
+        columns: dict[str, Any] = {name: column for name, column in swarm.columns.items() if name in names}
         of_designs: dict[str, Any] = {"forward": table.forward, "sensors": table.proximity, "bearing": table.bearing}
         of_designs["radiation_bearing"] = np.arctan2(table.radiation[..., AXIS_Y], table.radiation[..., AXIS_X])
         more: dict[str, Any] = {"own": {name: swarm.columns[name] for name in table.readings}}
@@ -109,7 +109,7 @@ class Senses:
         return cls(**columns, **of_designs, sideways=table.sideways, **more)
 
 
-reserve(one.name for one in fields(Senses))
+reserve_names(sense.name for sense in fields(Senses))
 
 
 class Layer(Protocol):
@@ -170,13 +170,13 @@ def centroids(senses: Senses) -> tuple[np.ndarray, np.ndarray]:
     of the reconstructed positions over the sensors that see a robot now (5.1, corrected: not over all sensors).
     """
     n = len(senses.distance)
-    centroid, seen = np.empty((n, 2)), np.empty(n, np.int64)
-    perceive_robots(senses.distance, senses.kind, senses.sensors, senses.design, centroid, seen)
-    return centroid, seen
+    centroid, counts = np.empty((n, 2)), np.empty(n, np.int64)
+    perceive_robots(senses.distance, senses.kind, senses.sensors, senses.design, centroid, counts)
+    return centroid, counts
 
 
 @compiled
-def perceive_robots(distance, kind, sensors, design, centroid, seen):
+def perceive_robots(distance, kind, sensors, design, centroid, counts):
     """Write the mean reconstructed position (n, 2) of what sees a robot, and the number of such sensors (n,)."""
     for i in range(distance.shape[0]):
         d, count, x, y = design[i], 0, 0.0, 0.0
@@ -185,17 +185,17 @@ def perceive_robots(distance, kind, sensors, design, centroid, seen):
                 count += 1
                 x += sensors[d, s, MOUNT_X] + distance[i, s] * sensors[d, s, AXIS_X]
                 y += sensors[d, s, MOUNT_Y] + distance[i, s] * sensors[d, s, AXIS_Y]
-        seen[i] = count
+        counts[i] = count
         centroid[i, 0] = x / count if count else 0.0
         centroid[i, 1] = y / count if count else 0.0
 
 
 @compiled
-def nearest_of(distance, kind, i, sought):
+def nearest_of(distance, kind, i, target):
     """Return the sensor of robot i with the nearest thing of a kind, or -1."""
     nearest = -1
     for s in range(distance.shape[1]):
-        if kind[i, s] == sought and (nearest < 0 or distance[i, s] < distance[i, nearest]):
+        if kind[i, s] == target and (nearest < 0 or distance[i, s] < distance[i, nearest]):
             nearest = s
     return nearest
 

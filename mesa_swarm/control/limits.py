@@ -87,19 +87,19 @@ def count_loop(context: Any) -> tuple[Any, Callable]:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         cell, none, one = _cell(context, builder), *(context.get_constant(types.int64, number) for number in (0, 1))
-        left = builder.sub(builder.load(cell), one)
-        builder.store(left, cell)
-        return builder.icmp_signed("<", left, none)
+        remaining = builder.sub(builder.load(cell), one)
+        builder.store(remaining, cell)
+        return builder.icmp_signed("<", remaining, none)
 
     return types.boolean(), generate
 
 
-def checked_field_value(record: Any, name: str, value: Any) -> Any:
+def check_field_value(record: Any, name: str, value: Any) -> Any:
     """Return what a field of a record may be set to; compiled code calls it before each assignment."""
     return value
 
 
-@overload(checked_field_value, prefer_literal=True)
+@overload(check_field_value, prefer_literal=True)
 def _compiled_kept(record: Any, name: Any, value: Any) -> Callable | None:
     if not isinstance(name, types.StringLiteral):
         return None
@@ -118,12 +118,12 @@ def _compiled_kept(record: Any, name: Any, value: Any) -> Callable | None:
     return checked if check else unchecked
 
 
-def kept_item(array: Any, value: Any) -> Any:
+def check_item(array: Any, value: Any) -> Any:
     """Return what an item of an array may be set to; compiled code calls it before each assignment."""
     return value
 
 
-@overload(kept_item)
+@overload(check_item)
 def _compiled_kept_item(array: Any, value: Any) -> Callable:
     check = _check_for(array.dtype if isinstance(array, types.NestedArray) else None, types.unliteral(value))
 
@@ -192,7 +192,7 @@ class _Limit(FunctionPass):
     def run_pass(self, state: Any) -> bool:
         code = state.func_ir
         for block in code.blocks.values():
-            block.body = [statement for old in block.body for statement in _limited(code, block.scope, old)]
+            block.body = [statement for old in block.body for statement in _limit_statement(code, block.scope, old)]
         loops = compute_cfg_from_blocks(code.blocks).loops()
         for loop in sorted(loops.values(), key=attrgetter("header")):
             line = min(statement.loc.line for label in loop.body for statement in code.blocks[label].body)
@@ -218,7 +218,7 @@ def places_of_loops(function: FunctionType) -> list[tuple[str, int]]:
     return [(part.__name__, part.__code__.co_firstlineno) for part in loops]
 
 
-def _count_in(code: Any, loop: Any, where: tuple[int, str]) -> None:
+def _count_in(code: Any, loop: Any, at: tuple[int, str]) -> None:
     """Lead all ways back to the beginning of a loop over a block that counts: either on, or to an error."""
     begin = code.blocks[loop.header]
     scope, place = begin.scope, begin.loc
@@ -226,9 +226,9 @@ def _count_in(code: Any, loop: Any, where: tuple[int, str]) -> None:
     counter, is_over = (scope.redefine(f"$limit_{word}", place) for word in ("counter", "over"))
     for label in loop.body:
         body = code.blocks[label].body
-        body[-1] = _redirected(body[-1], loop.header, again)
+        body[-1] = _redirect(body[-1], loop.header, again)
     code.blocks[again], code.blocks[stop] = ir.Block(scope, place), ir.Block(scope, place)
-    code.blocks[stop].body = [ir.StaticRaise(LoopsError, where, place)]
+    code.blocks[stop].body = [ir.StaticRaise(LoopsError, at, place)]
     code.blocks[again].body = [
         ir.Assign(ir.Global("count_loop", count_loop, place), counter, place),
         ir.Assign(ir.Expr.call(counter, [], (), place), is_over, place),
@@ -236,7 +236,7 @@ def _count_in(code: Any, loop: Any, where: tuple[int, str]) -> None:
     ]
 
 
-def _redirected(last: Any, before: int, after: int) -> Any:
+def _redirect(last: Any, before: int, after: int) -> Any:
     """Return the last statement of a block with another block to go to instead of one."""
     if isinstance(last, ir.Jump) and last.target == before:
         return ir.Jump(after, last.loc)
@@ -246,28 +246,28 @@ def _redirected(last: Any, before: int, after: int) -> Any:
     return last
 
 
-def _limited(code: Any, scope: Any, old: Any) -> Iterator[Any]:
+def _limit_statement(code: Any, scope: Any, old: Any) -> Iterator[Any]:
     """Yield the statements that take the place of one."""
     if isinstance(old, ir.SetAttr):
         name, value = scope.redefine("$limit_name", old.loc), scope.redefine("$limit_value", old.loc)
         yield ir.Assign(ir.Const(old.attr, old.loc), name, old.loc)
-        yield from _call(scope, checked_field_value, [old.target, name, old.value], value, old.loc)
+        yield from _call(scope, check_field_value, [old.target, name, old.value], value, old.loc)
         yield ir.SetAttr(old.target, old.attr, value, old.loc)
     elif isinstance(old, (ir.SetItem, ir.StaticSetItem)):
         value = scope.redefine("$limit_value", old.loc)
-        yield from _call(scope, kept_item, [old.target, old.value], value, old.loc)
+        yield from _call(scope, check_item, [old.target, old.value], value, old.loc)
         old.value = value
         yield old
-    elif isinstance(old, ir.Assign) and (functions := _within_limits(_constant(code, old))) is not None:
+    elif isinstance(old, ir.Assign) and (functions := _limit_functions(_constant(code, old))) is not None:
         yield ir.Assign(ir.Global("limited", functions, old.loc), old.target, old.loc)
     else:
         yield old
 
 
-def _call(scope: Any, function: Callable, given: list, result: Any, place: Any) -> Iterator[Any]:
+def _call(scope: Any, function: Callable, arguments: list, result: Any, place: Any) -> Iterator[Any]:
     variable = scope.redefine("$limit_function", place)
     yield ir.Assign(ir.Global(function.__name__, function, place), variable, place)
-    yield ir.Assign(ir.Expr.call(variable, given, (), place), result, place)
+    yield ir.Assign(ir.Expr.call(variable, arguments, (), place), result, place)
 
 
 def _constant(code: Any, assignment: Any) -> Any:
@@ -283,15 +283,15 @@ def _constant(code: Any, assignment: Any) -> Any:
         return None
 
 
-def _within_limits(value: Any) -> Any:
+def _limit_functions(value: Any) -> Any:
     """Return compiled functions of the user's, also in a tuple, as they are within limits; None if there is none."""
     if isinstance(value, (DUFunc, GUFunc)):
         raise UnsupportedError(f"the loops of {value.__name__}, a compiled ufunc, cannot be counted")
     if isinstance(value, tuple):
-        parts = [_within_limits(part) for part in value]
-        found = any(part is not None for part in parts)
-        return tuple(old if new is None else new for old, new in zip(value, parts, strict=True)) if found else None
-    return limited(value) if _is_users(value) else None
+        parts = [_limit_functions(part) for part in value]
+        has_new = any(part is not None for part in parts)
+        return tuple(old if new is None else new for old, new in zip(value, parts, strict=True)) if has_new else None
+    return limit_loops(value) if _is_users(value) else None
 
 
 # What compiled functions keep of the user's options.
@@ -299,7 +299,7 @@ OPTIONS = ("boundscheck", "error_model", "fastmath")
 
 
 @cache
-def limited(function: Dispatcher) -> Dispatcher:
+def limit_loops(function: Dispatcher) -> Dispatcher:
     """Return a compiled function of the user's, compiled again within limits."""
     options = {name: function.targetoptions[name] for name in OPTIONS if name in function.targetoptions}
     return njit(pipeline_class=LimitedCompiler, **options)(function.py_func)
@@ -318,12 +318,12 @@ def calls_itself(function: FunctionType) -> str | None:
         if part in finished:
             return None
         finished.add(part)
-        return next((name for called in called_by(part) if (name := visit(called, (*trail, part)))), None)
+        return next((name for callee in list_callees(part) if (name := visit(callee, (*trail, part)))), None)
 
     return visit(function, ())
 
 
-def called_by(function: FunctionType) -> list[FunctionType]:
+def list_callees(function: FunctionType) -> list[FunctionType]:
     """Return the functions that a function may call, by a name or as an attribute of a module, as they were written."""
     attributes = operands(function, "LOAD_ATTR", "LOAD_METHOD")
     values = [value for _, value in values_used(function)]
@@ -331,8 +331,8 @@ def called_by(function: FunctionType) -> list[FunctionType]:
         value for value in values if isinstance(value, ModuleType) and value.__name__.partition(".")[0] != "numpy"
     ]
     values += [getattr(module, name, None) for module in modules for name in attributes]
-    called = (getattr(value, "py_func", value) for value in values)
-    return [value for value in called if isinstance(value, FunctionType) and not _is_foreign(value)]
+    functions = (getattr(value, "py_func", value) for value in values)
+    return [value for value in functions if isinstance(value, FunctionType) and not _is_foreign(value)]
 
 
 def _is_foreign(function: FunctionType) -> bool:
@@ -365,11 +365,11 @@ class _Tracer:
         def trace(frame: FrameType, event: str, argument: Any) -> Callable:
             nonlocal last
             if event in ("line", "opcode"):
-                here = frame.f_lasti if BY_OPERATION else frame.f_lineno
-                if here <= last:
+                place = frame.f_lasti if BY_OPERATION else frame.f_lineno
+                if place <= last:
                     self.loops -= 1
                     self._check(frame)
-                last = here
+                last = place
             return trace
 
         return trace
@@ -384,7 +384,7 @@ BY_OPERATION = sys.version_info < (3, 12)
 
 
 @contextmanager
-def counted_loops() -> Iterator[None]:
+def count_loops() -> Iterator[None]:
     """Count iterations of plain Python from here on; not under a debugger, which has a trace function of its own."""
     if sys.gettrace() is not None:
         yield
@@ -398,33 +398,33 @@ def counted_loops() -> Iterator[None]:
         sys.settrace(None)
 
 
-def plain_parts(function: FunctionType) -> FunctionType:
-    """Return a function in which compiled functions, whose loops could not be counted, are as they were written."""
-    return _plain_part(function, {})
+def make_plain(function: FunctionType, copies: dict[FunctionType, FunctionType] | None = None) -> FunctionType:
+    """Return a function in which compiled functions, whose loops could not be counted, are as they were written.
 
-
-def _plain_part(function: FunctionType, made: dict[FunctionType, FunctionType]) -> FunctionType:
-    if function in made:
-        return made[function]
+    `copies` has those that are made already: functions may call each other.
+    """
+    copies = {} if copies is None else copies
+    if function in copies:
+        return copies[function]
     compiled = {name: value for name, value in function.__globals__.items() if _is_users(value)}
-    used = {name: compiled[name] for name, _ in values_used(function) if name in compiled}
-    if not used:
+    plain_values = {name: compiled[name] for name, _ in values_used(function) if name in compiled}
+    if not plain_values:
         return function
     around = {**function.__globals__}
     code, closure = function.__code__, function.__closure__
-    copy = made[function] = FunctionType(code, around, function.__name__, function.__defaults__, closure)
+    copy = copies[function] = FunctionType(code, around, function.__name__, function.__defaults__, closure)
     copy.__kwdefaults__ = function.__kwdefaults__
-    around.update({name: _plain_part(value.py_func, made) for name, value in used.items()})
+    around.update({name: make_plain(value.py_func, copies) for name, value in plain_values.items()})
     return copy
 
 
-def uncounted(function: FunctionType) -> list[str]:
+def find_uncounted(function: FunctionType) -> list[str]:
     """Return the names of what a plain rule uses whose loops are not counted: compiled code that is not a function."""
     names = []
     for part in functions_used(function):
         names += [name for name, value in values_used(part) if not isinstance(value, Dispatcher) and _holds(value)]
         names += [name for name, value in attributes_used(part) if _holds(value)]
-        names += [name for name, value in _imported(part) if _holds(value)]
+        names += [name for name, value in _list_imports(part) if _holds(value)]
         cells = part.__closure__ or ()
         names += [
             name for name, cell in zip(part.__code__.co_freevars, cells, strict=True) if _is_users(_content(cell))
@@ -441,7 +441,7 @@ def _holds(value: Any) -> bool:
     return isinstance(value, (DUFunc, GUFunc)) or _is_users(value)
 
 
-def _imported(function: FunctionType) -> Iterator[tuple[str, Any]]:
+def _list_imports(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Yield what a function imports when it is called, of modules that are imported already."""
     modules = [sys.modules.get(name) for name in operands(function, "IMPORT_NAME")]
     for name in operands(function, "IMPORT_FROM"):

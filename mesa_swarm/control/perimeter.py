@@ -59,43 +59,43 @@ class Perimeter:
 
     def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
         """Drive the robots that see others."""
-        centroid, seen = centroids(senses)
+        centroid, count = centroids(senses)
         critical = math.radians(self.critical_angle_degrees)
         ring, tolerance = float(self.ring), float(self.tolerance)
-        settled = self._swarm.columns[self._settled]
+        rests = self._swarm.columns[self._settled]
         keep_ring(
-            centroid, seen, senses.max_speed, senses.radius, ring, tolerance, critical, settled, command, layer, index
+            centroid, count, senses.max_speed, senses.radius, ring, tolerance, critical, rests, command, layer, index
         )
 
     def reason(self, moment: Moment) -> Reason:
         """Return how far the centroid is, and on which side of the ring the robot is."""
         seeing = moment.seeing(ROBOT)
-        away = math.hypot(*moment.position_of(seeing))
-        off = away - self.ring
+        distance = math.hypot(*moment.position_of(seeing))
+        off = distance - self.ring
         if abs(off) <= 2.0 * self.tolerance:  # between one and two tolerances it may have settled or not
             where = "on" if abs(off) <= self.tolerance else "at the edge of"
         else:
             where = "outside" if off > 0.0 else "inside"
-        words = f"the centroid of the robots it sees is {away:.1f} away: {where} the ring of {self.ring:g}"
+        words = f"the centroid of the robots it sees is {distance:.1f} away: {where} the ring of {self.ring:g}"
         return Reason(words, tuple(seeing))
 
 
 @compiled
-def keep_ring(centroid, seen, max_speed, radius, ring, tolerance, critical_angle, settled, command, layer, index):
+def keep_ring(centroid, count, max_speed, radius, ring, tolerance, critical_angle, rests, command, layer, index):
     """Write the commands of robots that see others and are driven by no earlier layer."""
     for i in range(layer.shape[0]):
-        if layer[i] >= 0 or seen[i] == 0:
-            settled[i] = False
+        if layer[i] >= 0 or count[i] == 0:
+            rests[i] = False
             continue
         x, y = centroid[i, 0], centroid[i, 1]
-        away = math.hypot(x, y)
-        settled[i] = abs(away - ring) <= (2.0 * tolerance if settled[i] else tolerance)
+        distance = math.hypot(x, y)
+        rests[i] = abs(distance - ring) <= (2.0 * tolerance if rests[i] else tolerance)
         # Towards the centroid from outside the ring, else away from it.
-        towards = 1.0 if away > ring and not settled[i] else -1.0
+        towards = 1.0 if distance > ring and not rests[i] else -1.0
         bearing = math.atan2(towards * y, towards * x)
         layer[i] = index
         if abs(bearing) > critical_angle:
             command[i, 0], command[i, 1] = turn_towards(bearing, max_speed[i], radius[i])
         else:
-            speed = 0.0 if settled[i] else max_speed[i]
+            speed = 0.0 if rests[i] else max_speed[i]
             command[i, 0], command[i, 1] = speed, speed

@@ -7,7 +7,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses, nearest_of
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import approach
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -98,4 +98,4 @@ def way_round(bearing: float, reading: float, clearance: float, side: float) -> 
     """Return the bearing (rad) of the way round what is seen, with it on the left (side 1) or right (-1)."""
     off = (reading - clearance) / max(clearance, 1.0)
     correction = min(max(off, -MOST_CORRECTION), MOST_CORRECTION)
-    return wrapped(bearing - side * (0.5 * math.pi - correction))
+    return wrap_angle(bearing - side * (0.5 * math.pi - correction))

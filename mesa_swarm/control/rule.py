@@ -4,7 +4,6 @@ import math
 import operator
 import re
 import sys
-import warnings
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, reduce
@@ -16,7 +15,7 @@ from numba import literal_unroll, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
-from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning, shortened, unknown_name
+from mesa_swarm.base.errors import BehaviourError, shortened, unknown_name
 from mesa_swarm.control.custom_fields import FieldForm, RecordEntry, RuleFields, fields_used, plain_arrays, record_of
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.limits import (
@@ -27,16 +26,17 @@ from mesa_swarm.control.limits import (
     MemoryKindError,
     allow_loops,
     calls_itself,
-    counted_loops,
+    count_loops,
+    find_uncounted,
+    make_plain,
     places_of_loops,
-    plain_parts,
-    uncounted,
 )
 from mesa_swarm.control.source import Read
-from mesa_swarm.kernels.custom_code import digest_function, renamed, stored_on_disk
+from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.devices import brief, reserve
+from mesa_swarm.robots.devices import reserve_names, warn_of_plain
 from mesa_swarm.robots.drive import speeds_in_words
+from mesa_swarm.world.read_only import locked_view
 
 # A robot without a front sensor has me.front == -1. Python and Numba would take that as the last sensor, so
 # that a rule would steer by what is behind the robot. Arrays of a type of their own read "nothing" instead.
@@ -108,8 +108,8 @@ def _reading(nothing: float) -> tuple[Callable, Any]:
 
 # What index -1 reads: of distances and kinds -1, of radiation 0, of lines False; and a bearing that is not there
 # would make the wheels' speeds NaN, which is reported.
-seen, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
-READINGS = {"seen": seen, "sensed": sensed, "bearings": bearings}
+distances, sensed, bearings = _reading(-1), _reading(0), _reading(math.nan)
+READINGS = {"seen": distances, "sensed": sensed, "bearings": bearings}
 
 
 @lower_builtin(operator.getitem, ReadingsType, types.Integer)
@@ -194,7 +194,7 @@ def run(columns, values, at, command, layer, index):
 """
 
 Me = namedtuple("Me", FIELDS)  # type: ignore[misc]
-reserve(Me._fields)
+reserve_names(Me._fields)
 
 
 class WheelsError(Exception):
@@ -246,10 +246,10 @@ class Rule:
         function = self.function
         name = function.__qualname__.removesuffix(PLACE)
         home = sys.modules.get(function.__module__)
-        found = reduce(lambda part, word: getattr(part, word, None), name.split("."), home)
-        if getattr(getattr(found, "rule", None), "function", None) is function:
+        value = reduce(lambda part, word: getattr(part, word, None), name.split("."), home)
+        if getattr(getattr(value, "rule", None), "function", None) is function:
             function.__qualname__ = name + PLACE
-        elif found is not function:
+        elif value is not function:
             raise BehaviourError(
                 f"rule {name} of {function.__module__} cannot be pickled, since it is not found by that name; "
                 "define it at the top level of a module"
@@ -257,34 +257,34 @@ class Rule:
         return rule_of, (function,)
 
     def run(
-        self, version: int, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *written: Any
+        self, version: int, columns: tuple, fields: RuleFields, values: tuple, at: np.ndarray, *outputs: Any
     ) -> int:
         """Apply the rule to every robot that no layer drives yet; return the first whose speeds are not finite, or -1.
 
         Where it returns more or fewer numbers than a robot's drive takes, that robot's row r is returned as -2 - r.
         `version` is that of `version_of`.
-        `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `written` are
+        `columns` are those of `columns_of`, and the column of chances; `fields` are what the model adds; `outputs` are
         the columns `command` and `layer`, and the index of the layer. `at` (1,) is set to the robot that the rule is
         about, to name it if the rule raises an error.
         """
         form = fields.form
         kinds = version, form, *map(type, values)
-        known = *columns, *fields.arrays
+        arrays = *columns, *fields.arrays
         if kinds in self._loops:
             places, loop = self._loops[kinds]
-            return loop(tuple([known[place] for place in places]), values, at, *written)
+            return loop(tuple([arrays[place] for place in places]), values, at, *outputs)
         numbers = _numbers_in(columns)
-        (places, loop), problem = _compiled(self.function, self._with_names[version], form, known, values, numbers)
-        taken = tuple([known[place] for place in places])
+        (places, loop), problem = _compiled(self.function, self._with_names[version], form, arrays, values, numbers)
+        inputs = tuple([arrays[place] for place in places])
         if not problem:
             self._compiled.add(version)
             self._loops[kinds] = places, loop
-            return loop(taken, values, at, *written)
-        names = uncounted(self.function)
+            return loop(inputs, values, at, *outputs)
+        names = find_uncounted(self.function)
         if names:  # what may not end is named before it begins
             self._complain(problem, form, numbers[0], names)
         # What a rule does wrong to a robot is seen in plain Python: Numba only knows types.
-        wrong = loop(taken, values, at, *written)
+        wrong = loop(inputs, values, at, *outputs)
         if wrong < 0:
             at[0] = -1
             if not names:
@@ -294,18 +294,11 @@ class Rule:
 
     def _complain(self, problem: str, form: FieldForm, numbers: int, names: Sequence[str] = ()) -> None:
         """Refuse a rule that is wrong somewhere; warn of one that is only slow."""
-        defect = defect_in(problem, form, self.function, numbers)
+        defect = find_defect(problem, form, self.function, numbers)
         if defect:
             raise DefectError(defect)
         limits = f"; loops in {', '.join(names)} are not counted, and may not end" if names else ""
-        code = self.function.__code__
-        warnings.warn_explicit(
-            f"rule {self.name} cannot be compiled and runs as plain Python, about 100 times slower: {brief(problem)}"
-            f"{limits}",
-            UncompiledBehaviourWarning,
-            code.co_filename,
-            code.co_firstlineno,
-        )
+        warn_of_plain(self.function, f"rule {self.name}", problem, limits)
 
 
 @cache
@@ -323,18 +316,15 @@ def columns_of(senses: Senses, designs: tuple[RobotDesign, ...]) -> tuple[np.nda
         senses.fire, senses.design, senses.heard_layer, senses.heard_task, senses.heard_from, senses.heard_goal,
         np.array(counts, np.int64).reshape(-1, 4),
     )  # fmt: skip
-    views = tuple(column.view() for column in columns)
-    for view in views:
-        view.flags.writeable = False
-    return views
+    return tuple(map(locked_view, columns))
 
 
 def _with_names(function: FunctionType, **names: Any) -> FunctionType:
     """Return a function with names of its own: those around it as they are now, and others."""
     around = {**function.__globals__, **names}
-    made = FunctionType(function.__code__, around, function.__name__, function.__defaults__, function.__closure__)
-    made.__kwdefaults__, made.__qualname__ = function.__kwdefaults__, function.__qualname__
-    return made
+    copy = FunctionType(function.__code__, around, function.__name__, function.__defaults__, function.__closure__)
+    copy.__kwdefaults__, copy.__qualname__ = function.__kwdefaults__, function.__qualname__
+    return copy
 
 
 def _compiled(
@@ -350,7 +340,7 @@ def _compiled(
     variants = [now, *(_with_longer_pass(now, count) for count in numbers if count != len(PASS))]
     problems = []
     for variant in variants:
-        loop, problem = _tried(variant, form, columns, values, numbers)
+        loop, problem = _try_compiling(variant, form, columns, values, numbers)
         if not problem:
             return loop, ""
         problems.append(problem)
@@ -368,14 +358,16 @@ def _with_longer_pass(function: FunctionType, count: int) -> FunctionType:
     return _with_names(function, **passes)
 
 
-def _tried(
+def _try_compiling(
     function: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the compiled loop, and Numba's explanation if it cannot be, or the rule does not return a command."""
     fields = fields_used(function, (*Me._fields, *form.names))
     digest = digest_function(function, str(form), fields, numbers, VERSION, places_of_loops(function))
     # Bounds are checked: an index that is one too many would otherwise read another robot's memory.
-    rule: Any = njit(error_model="numpy", boundscheck=True, pipeline_class=LimitedCompiler)(renamed(function, digest))
+    rule: Any = njit(error_model="numpy", boundscheck=True, pipeline_class=LimitedCompiler)(
+        rename_function(function, digest)
+    )
     places, loop = _loop(form, fields, rule, COMPILED)
 
     def returned() -> list[Any]:
@@ -384,7 +376,7 @@ def _tried(
     def is_right() -> bool:
         return all(_is_command(kind, numbers) for kind in returned())
 
-    run: Any = stored_on_disk(njit(error_model="numpy")(renamed(loop, digest)), digest, is_right)
+    run: Any = store_on_disk(njit(error_model="numpy")(rename_function(loop, digest)), digest, is_right)
     no_rows = np.empty(0, np.int64)
     try:
         run(tuple(columns[place] for place in places), values, no_rows, np.empty((0, 2)), no_rows, 0)
@@ -412,12 +404,12 @@ def _expressions(form: FieldForm) -> dict[str, str]:
     """Return how each field of `me` follows from the columns, those that a model adds too."""
     arrays = (f"array_{k}[i]" for k in range(_count_of_arrays(form)))
     readings = {name: f"bearings({next(arrays)})" for name in form.readings}
-    written = {name: next(arrays) for name, _ in form.written}
-    return FIELDS | readings | written | ({"heard": f"Heard({', '.join(arrays)})"} if form.heard else {})
+    outputs = {name: next(arrays) for name, _ in form.outputs}
+    return FIELDS | readings | outputs | ({"heard": f"Heard({', '.join(arrays)})"} if form.heard else {})
 
 
 def _count_of_arrays(form: FieldForm) -> int:
-    return len(form.readings) + len(form.written) + len(form.heard)
+    return len(form.readings) + len(form.outputs) + len(form.heard)
 
 
 def take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
@@ -475,15 +467,15 @@ PLAIN, COMPILED = (
 
 
 def _loop(
-    form: FieldForm, fields: Iterable[str], rule: Callable, used: Mapping[str, Any]
+    form: FieldForm, fields: Iterable[str], rule: Callable, names_of_parts: Mapping[str, Any]
 ) -> tuple[tuple[int, ...], FunctionType]:
     """Return the loop that applies a rule, compiled or not, to every robot that no layer drives yet.
 
     It fills only these fields of `me`, and takes only the columns and arrays that these need, whose places come first:
     each column in its arguments costs time while it is compiled, and each field in every step.
     """
-    known = _expressions(form)
-    parts = {name: known[name] for name in known if name in fields} or {"radius": known["radius"]}
+    expressions = _expressions(form)
+    parts = {name: expressions[name] for name in expressions if name in fields} or {"radius": expressions["radius"]}
     text = LOOP.replace("PARTS", ", ".join(parts.values()))
     names = (*COLUMNS, *(f"array_{k}" for k in range(_count_of_arrays(form))))
     places = tuple(k for k, name in enumerate(names) if re.search(rf"\b{name}\b", text))
@@ -492,7 +484,7 @@ def _loop(
         "Me": namedtuple("Me", list(parts)),
         "Heard": namedtuple("Heard", form.heard),
         "rule": rule,
-        **used,
+        **names_of_parts,
     }
     exec(text.replace("USED", "".join(f"{names[k]}, " for k in places)), space)
     return places, space["run"]
@@ -500,11 +492,11 @@ def _loop(
 
 def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
-    written = plain_parts(function)
+    rule = make_plain(function)
 
     def checked(me: Any, *values: float) -> tuple:
-        with counted_loops():
-            wheels = written(me, *values)
+        with count_loops():
+            wheels = rule(me, *values)
         if not isinstance(wheels, tuple) or not wheels or not all(map(_is_number, wheels)):
             raise WheelsError(wheels)
         return wheels
@@ -523,45 +515,36 @@ def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
 
 
-def wanted(numbers: int) -> str:
+def describe_expected(numbers: int) -> str:
     """Return what a rule is expected to return for a robot whose drive takes `numbers`."""
     return f"expected {speeds_in_words(numbers)}{' (left, right)' if numbers == 2 else ''}, or PASS"
 
 
-def unknown_field(name: str, known: Iterable[str]) -> str:
-    """Return what is wrong with a field of `me` that there is not: of a part that is missing, what has it."""
-    if name in MISSING_PARTS:
+def unknown_field(name: str, known_fields: Iterable[str], owner: str = "me") -> str:
+    """Return what is wrong with a field that `me`, or a part of it, does not have: if a device is missing, which."""
+    if owner == "me" and name in MISSING_PARTS:
         return f"uses me.{name}, {MISSING_PARTS[name]}"
-    return f"uses an {unknown_name('field of me', name, known)}"
+    return f"uses an {unknown_name(f'field of {owner}', name, known_fields)}"
 
 
-def defect_in(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
+def find_defect(problem: str, form: FieldForm, function: FunctionType, numbers: int) -> str:
     """Return what is wrong with a rule that Numba refused, or nothing if it is only slow."""
     field = re.search(r"Unknown attribute '(\w+)' of type (Me|Heard)\(", problem)
     if field:
-        if field[2] == "Me":
-            return unknown_field(field[1], (*Me._fields, *form.names))
-        return f"uses an {unknown_name('field of me.heard', field[1], form.heard)}"
+        is_me = field[2] == "Me"
+        known_fields = (*Me._fields, *form.names) if is_me else form.heard
+        return unknown_field(field[1], known_fields, "me" if is_me else "me.heard")
     if problem.startswith(UNKNOWN):
         name = problem.removeprefix(UNKNOWN).strip()
         record = record_of(function, name)
-        fields = [field for word, kind in form.written if f"me.{word}" == record for field in kind.names or ()]
-        return f"uses an {unknown_name(f'field of {record}', name, fields)}"
+        fields = [field for word, kind in form.outputs if f"me.{word}" == record for field in kind.names or ()]
+        return unknown_field(name, fields, record)
     if re.search(r"Cannot modify readonly|No definition for lowering Me\(.*\)\.\w+ =", problem):
         return CHANGES
     if UNLIKE in problem:
         speeds = speeds_in_words(numbers).replace(" finite", "")
-        return f"does not return {speeds} in every branch; {wanted(numbers)}"
+        return f"does not return {speeds} in every branch; {describe_expected(numbers)}"
     return ""
-
-
-def _unkept(name: str, value: float) -> str:
-    """Return what is wrong with a value that a rule's memory does not take."""
-    what = f"me.memory.{name}" if name else "a number in a list of me.memory"
-    return (
-        f"set {what} to {value:g}, which does not fit the type of its first value; begin a number with 0.0 to store "
-        "fractions"
-    )
 
 
 def _fields_of(owner: Any) -> tuple[str, tuple[str, ...]]:
@@ -571,26 +554,30 @@ def _fields_of(owner: Any) -> tuple[str, tuple[str, ...]]:
     return {"Me": "me", "Heard": "me.heard"}.get(type(owner).__name__, ""), getattr(owner, "_fields", ())
 
 
-def failure(error: Exception, numbers: int) -> str:
+def describe_failure(error: Exception, numbers: int) -> str:
     """Return what a rule did wrong, of the error that it raised for a robot whose drive takes `numbers`."""
     if isinstance(error, DefectError):
         return str(error)
     if isinstance(error, WheelsError):
         hint = " (a branch without return?)" if error.args[0] is None else ""
-        return f"returned {shortened(error.args[0])}{hint}; {wanted(numbers)}"
+        return f"returned {shortened(error.args[0])}{hint}; {describe_expected(numbers)}"
     if isinstance(error, LoopsError | MemoryKindError):
-        return _beyond(error)
-    if isinstance(error, AttributeError) and error.name not in (known := _fields_of(error.obj)[1]):
-        owner, name = _fields_of(error.obj)[0], str(error.name)
-        if owner == "me":
-            return unknown_field(name, known)
-        return f"uses an {unknown_name(f'field of {owner}', name, known)}"
+        return _describe_limit(error)
+    if isinstance(error, AttributeError):
+        owner, known_fields = _fields_of(error.obj)
+        if error.name not in known_fields:
+            return unknown_field(str(error.name), known_fields, owner)
     return f"raised {type(error).__name__}: {error}"
 
 
-def _beyond(error: LoopsError | MemoryKindError) -> str:
-    """Return which limit a rule went beyond."""
+def _describe_limit(error: LoopsError | MemoryKindError) -> str:
+    """Return which limit a rule went beyond: that of its loops, or the type of what it remembers."""
     if isinstance(error, LoopsError):
         line, name = error.args
         return f"looped more than {MOST_LOOPS:,} times in one step, in {name}, line {line}; let the loop end"
-    return _unkept(*error.args)
+    name, value = error.args
+    subject = f"me.memory.{name}" if name else "a number in a list of me.memory"
+    return (
+        f"set {subject} to {value:g}, which does not fit the type of its first value; begin a number with 0.0 to store "
+        "fractions"
+    )

@@ -80,12 +80,12 @@ def _words(text: str) -> Iterator[tuple[int, str]]:
         elif token.type == END:
             depth -= 1
             if not depth:
-                yield tokenize.OP, _between(rows, begin, token.end)
+                yield tokenize.OP, _text_between(rows, begin, token.end)
         elif not depth and token.type not in SKIPPED:
             yield token.type, token.string
 
 
-def _between(rows: list[str], begin: tuple[int, int], end: tuple[int, int]) -> str:
+def _text_between(rows: list[str], begin: tuple[int, int], end: tuple[int, int]) -> str:
     """Return the text between two places, given as row from 1 and column from 0."""
     if begin[0] == end[0]:
         return rows[begin[0] - 1][begin[1] : end[1]]
@@ -117,17 +117,17 @@ def _is_random(value: Any) -> bool:
     if isinstance(value, ModuleType):
         return value.__name__ in ("random", "numpy.random")
     home = str(getattr(value, "__module__", ""))
-    made = isinstance(value, GENERATORS) or isinstance(getattr(value, "__self__", None), GENERATORS)
-    return made or home == "random" or home.startswith("numpy.random")
+    is_generator = isinstance(value, GENERATORS) or isinstance(getattr(value, "__self__", None), GENERATORS)
+    return is_generator or home == "random" or home.startswith("numpy.random")
 
 
 def functions_used(function: FunctionType) -> list[FunctionType]:
     """Return a function and the functions in reach by the names that it uses, compiled ones as they were written."""
-    found = [function]
-    for part in found:
-        called = (getattr(value, "py_func", value) for _, value in values_used(part))
-        found += [value for value in called if isinstance(value, FunctionType) and value not in found]
-    return found
+    functions = [function]
+    for part in functions:
+        values = (getattr(value, "py_func", value) for _, value in values_used(part))
+        functions += [value for value in values if isinstance(value, FunctionType) and value not in functions]
+    return functions
 
 
 def values_used(function: FunctionType) -> Iterator[tuple[str, Any]]:
@@ -153,20 +153,22 @@ def attributes_used(function: FunctionType) -> Iterator[tuple[str, Any]]:
     >>> list(attributes_used(FunctionType(turning.__code__, {"gains": gains})))
     [('gains.turn', 0.5), ('gains.turn', 0.5)]
     """
-    known = dict(values_used(function))
+    values = dict(values_used(function))
     for code in _codes(function):
         path, value = "", None
         for step in dis.get_instructions(code):
             if step.opname in ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_DEREF"):
-                path, value = (step.argval, known[step.argval]) if step.argval in known else ("", None)
-            elif path and step.opname in ("LOAD_ATTR", "LOAD_METHOD") and step.argval in (held := _held_by(value)):
+                path, value = (step.argval, values[step.argval]) if step.argval in values else ("", None)
+            elif (
+                path and step.opname in ("LOAD_ATTR", "LOAD_METHOD") and step.argval in (held := _attributes_of(value))
+            ):
                 path, value = f"{path}.{step.argval}", held[step.argval]
                 yield path, value
             else:
                 path = ""
 
 
-def _held_by(owner: Any) -> dict[str, Any]:
+def _attributes_of(owner: Any) -> dict[str, Any]:
     """Return the attributes of a module, a class or a plain object; none of other packages, which are constant."""
     if isinstance(owner, type):
         return {name: value for base in reversed(owner.__mro__) for name, value in vars(base).items()}
@@ -203,14 +205,14 @@ def what_is_read(function: FunctionType) -> Read:
     parts, values = [function], []
     for part in parts:
         if part is not function:
-            values += [(f"{part.__name__}.{name}", frozen(value)) for name, value in _defaults_of(part)]
+            values += [(f"{part.__name__}.{name}", freeze(value)) for name, value in _defaults_of(part)]
         # By name: the order of operations is not the same for every version of Python.
         attributes = sorted(dict(attributes_used(part)).items(), key=itemgetter(0))
         for name, value in (*values_used(part), *attributes):
             functions = _functions_in(value)
-            called = [function for function in functions if not is_python_or_numeric(function.__module__ or "")]
-            parts += [function for function in called if function not in parts]
-            if not functions and (plain := frozen(value)) is not NOTHING:
+            others = [function for function in functions if not is_python_or_numeric(function.__module__ or "")]
+            parts += [function for function in others if function not in parts]
+            if not functions and (plain := freeze(value)) is not NOTHING:
                 values.append((name, plain))
     return Read(tuple(normal_source(part) or part.__qualname__ for part in parts), tuple(dict.fromkeys(values)))
 
@@ -229,7 +231,7 @@ def _functions_in(value: Any) -> list[FunctionType]:
     return [function for function in functions if isinstance(function, FunctionType)]
 
 
-def frozen(value: Any, depth: int = 0) -> Any:
+def freeze(value: Any, depth: int = 0) -> Any:
     """Return numbers, texts, arrays and what holds such as a value that does not change and has a hash.
 
     Of anything else `NOTHING`.
@@ -237,7 +239,7 @@ def frozen(value: Any, depth: int = 0) -> Any:
     if value is None or type(value) in (bool, int, float, str, bytes, complex):
         return value
     if isinstance(value, np.generic):
-        number = frozen(value.item(), depth)
+        number = freeze(value.item(), depth)
         return number if value.dtype.kind == "b" or value.dtype.itemsize == 8 else (value.dtype.str, number)
     if isinstance(value, np.ndarray):
         return (value.shape, value.dtype.str, value.tobytes()) if value.dtype.kind in "biufcSU" else NOTHING
@@ -252,7 +254,7 @@ def frozen(value: Any, depth: int = 0) -> Any:
         return NOTHING
     if depth > DEEPEST:
         return NOTHING
-    inner = tuple(frozen(item, depth + 1) for item in items)
+    inner = tuple(freeze(item, depth + 1) for item in items)
     return NOTHING if inner and all(item is NOTHING for item in inner) else inner
 
 

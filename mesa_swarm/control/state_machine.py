@@ -11,14 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.base.errors import (
-    InvalidValueError,
-    UnknownNameError,
-    check_name,
-    error_line,
-    shortened,
-    unknown_name,
-)
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_name, error_line, shortened, unknown_name
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.approach import Approach, Halt, Retreat
 from mesa_swarm.control.arbiter import Arbiter
@@ -36,6 +29,7 @@ from mesa_swarm.control.respond import Respond
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.reasons import Reason
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.read_only import locked_view
 
 # Names of states: words, between which may be single spaces or hyphens.
 STATE_NAME = re.compile(r"\w+(?:[ -]\w+)*")
@@ -144,23 +138,23 @@ class StateMachine(Arbiter):
     def __init__(self, states: Mapping[str, Layer | Sequence[Layer]], transitions: Iterable[Transition] = ()) -> None:
         if not isinstance(states, Mapping) or not states:
             raise InvalidValueError(f"states is {shortened(states)}; expected names and layers, at least one state")
-        groups = {_checked_state(name): _as_layers(name, given) for name, given in states.items()}
+        groups = {_check_state(name): _as_layers(name, group) for name, group in states.items()}
         super().__init__(*(layer for layers in groups.values() for layer in layers))
         self.state_names: tuple[str, ...] = tuple(groups)
         self._firsts = np.cumsum([0, *map(len, groups.values())])
-        self.transitions = _checked_transitions(transitions, self.state_names)
+        self.transitions = _check_transitions(transitions, self.state_names)
         self._tabulate()
 
     def _tabulate(self) -> None:
         """Arrange the transitions by their source, as the compiled function takes them."""
         numbers = {name: k for k, name in enumerate(self.state_names)}
-        sources = np.array([numbers[one.source] for one in self.transitions], np.int64)
+        sources = np.array([numbers[transition.source] for transition in self.transitions], np.int64)
         self._order = np.argsort(sources, kind="stable")
         counts = np.bincount(sources, minlength=len(numbers))
         self._out = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         ordered = [self.transitions[k] for k in self._order.tolist()]
-        self._targets = np.array([numbers[one.target] for one in ordered], np.int64)
-        self._rows = np.array([one.condition.row for one in ordered], float).reshape(len(ordered), 5)
+        self._targets = np.array([numbers[transition.target] for transition in ordered], np.int64)
+        self._rows = np.array([transition.condition.row for transition in ordered], float).reshape(len(ordered), 5)
         self._most = int(counts.max())
 
     @property
@@ -172,7 +166,7 @@ class StateMachine(Arbiter):
     def _graph(self) -> list:
         return [
             [[name, len(layers)] for name, layers in self.states.items()],
-            [[one.source, one.target, one.condition] for one in self.transitions],
+            [[transition.source, transition.target, transition.condition] for transition in self.transitions],
         ]
 
     @property
@@ -196,9 +190,7 @@ class StateMachine(Arbiter):
         """
         if self._swarm is None:
             raise InvalidValueError("this machine drives no robots; read it from model.control after setting it there")
-        found = self._swarm.columns[f"{self._prefix}.now"].view()
-        found.flags.writeable = False
-        return found
+        return locked_view(self._swarm.columns[f"{self._prefix}.now"])
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, StateMachine):
@@ -248,7 +240,7 @@ class StateMachine(Arbiter):
         read = senses.distance, senses.kind, senses.line, senses.radiation
         change_states(*read, own, self._out, self._targets, self._order, self._rows, draws, layer, now, fired)
 
-    def explained(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
+    def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return a layer's reason, after the transition that was taken in that step, if there was one.
 
         `row` holds the columns `noted` of one robot.
@@ -256,8 +248,8 @@ class StateMachine(Arbiter):
         number = int(row.get(f"{self._prefix}.fired", -1))
         if not 0 <= number < len(self.transitions):
             return reason
-        taken = self.transitions[number]
-        words = f"{taken.source} -> {taken.target} as {taken.condition.label}; {reason.words}"
+        transition = self.transitions[number]
+        words = f"{transition.source} -> {transition.target} as {transition.condition.label}; {reason.words}"
         return Reason(words, reason.sensors)
 
     def text(self) -> str:
@@ -272,7 +264,7 @@ class StateMachine(Arbiter):
             cannot hold.
         """
         states = [f"{name}: {', '.join(map(_part_as_text, layers))}" for name, layers in self.states.items()]
-        changes = [f"{one.source} -> {one.target}: {_part_as_text(one.condition)}" for one in self.transitions]
+        changes = [f"{way.source} -> {way.target}: {_part_as_text(way.condition)}" for way in self.transitions]
         return "".join(f"{line}\n" for line in (*states, *changes))
 
     @classmethod
@@ -305,30 +297,30 @@ class StateMachine(Arbiter):
         """
         if not isinstance(text, str) or len(text) > LONGEST_TEXT:
             raise InvalidValueError(f"text is {shortened(text)}; expected up to {LONGEST_TEXT:,} characters")
-        known = {**PARTS, **_checked_parts(parts)}
+        classes = {**PARTS, **_check_parts(parts)}
         states: dict[str, tuple] = {}
         transitions: list[tuple[int, Transition]] = []
         for number, line in enumerate(text.splitlines(), 1):
             if not line.strip() or line.lstrip().startswith("#"):
                 continue
-            head, made = _read_line(number, line, known)
+            head, parts_of_line = _read_line(number, line, classes)
             arrow = ARROW.fullmatch(head)
             if arrow:
                 make = partial(Transition, source=arrow[1], target=arrow[2])
-                transitions += [(number, _at_line(number, partial(make, condition=part))) for part in made]
+                transitions += [(number, _at_line(number, partial(make, condition=part))) for part in parts_of_line]
             elif head in states:
                 raise InvalidValueError(f"line {number}: the state {shortened(head)} is there twice; rename one")
             else:
-                name = _at_line(number, partial(_checked_state, head))
-                states[name] = _at_line(number, partial(_without_conditions, made))
+                name = _at_line(number, partial(_check_state, head))
+                states[name] = _at_line(number, partial(_without_conditions, parts_of_line))
         if not states:
             raise InvalidValueError("text has no state; expected a line such as search: Avoid(), Explore()")
-        for number, one in transitions:
-            _at_line(number, partial(_check_ends, one, states))
-        return cls(states, [one for _, one in transitions])
+        for number, transition in transitions:
+            _at_line(number, partial(_check_ends, transition, states))
+        return cls(states, [transition for _, transition in transitions])
 
 
-def _checked_state(name: object) -> str:
+def _check_state(name: object) -> str:
     if not isinstance(name, str) or len(name) > LONGEST_NAME or not STATE_NAME.fullmatch(name):
         raise InvalidValueError(
             f"name of a state is {shortened(name)}; expected words of letters, digits and _, with single spaces or "
@@ -337,23 +329,23 @@ def _checked_state(name: object) -> str:
     return name
 
 
-def _as_layers(name: str, given: Any) -> tuple:
+def _as_layers(name: str, layers: Any) -> tuple:
     """Return the layers of a state."""
-    several = isinstance(given, Sequence) and not isinstance(given, str)
-    if several and not given:
+    is_list = isinstance(layers, Sequence) and not isinstance(layers, str)
+    if is_list and not layers:
         raise InvalidValueError(f"state {name} has no layers; use Halt() for robots that stand")
-    return tuple(given) if several else (given,)
+    return tuple(layers) if is_list else (layers,)
 
 
-def _checked_transitions(transitions: Any, names: Sequence[str]) -> tuple[Transition, ...]:
-    found = tuple(transitions) if isinstance(transitions, Iterable) else (transitions,)
-    for one in found:
-        if not isinstance(one, Transition):
-            raise InvalidValueError(f"transitions has {shortened(one)}; expected Transition(...)")
-        _check_ends(one, names)
-    if len(found) > MOST_TRANSITIONS:
-        raise InvalidValueError(f"the machine has {len(found):,} transitions; expected at most {MOST_TRANSITIONS:,}")
-    return found
+def _check_transitions(transitions: Any, names: Sequence[str]) -> tuple[Transition, ...]:
+    items = tuple(transitions) if isinstance(transitions, Iterable) else (transitions,)
+    for item in items:
+        if not isinstance(item, Transition):
+            raise InvalidValueError(f"transitions has {shortened(item)}; expected Transition(...)")
+        _check_ends(item, names)
+    if len(items) > MOST_TRANSITIONS:
+        raise InvalidValueError(f"the machine has {len(items):,} transitions; expected at most {MOST_TRANSITIONS:,}")
+    return items
 
 
 def _check_ends(transition: Transition, names: Collection[str]) -> None:
@@ -371,8 +363,8 @@ def _part_as_text(part: Any) -> str:
         )
     kind = type(part).__name__
     values = [(field, _plain(getattr(part, field.name))) for field in fields(part) if field.init]
-    shown = (_as_keyword(kind, field.name, value) for field, value in values if not _is_same(value, field.default))
-    return f"{kind}({', '.join(shown)})"
+    keywords = (_as_keyword(kind, field.name, value) for field, value in values if not _is_same(value, field.default))
+    return f"{kind}({', '.join(keywords)})"
 
 
 def _plain(value: Any) -> Any:
@@ -398,7 +390,7 @@ def _is_same(value: object, default: object) -> bool:
     return type(value) is type(default) and value == default
 
 
-def _read_line(number: int, line: str, known: Mapping[str, type]) -> tuple[str, tuple]:
+def _read_line(number: int, line: str, classes: Mapping[str, type]) -> tuple[str, tuple]:
     """Return what stands before the colon of a line, and the parts that stand after it."""
     head, colon, body = line.partition(":")
     tree = None
@@ -410,7 +402,7 @@ def _read_line(number: int, line: str, known: Mapping[str, type]) -> tuple[str, 
         raise InvalidValueError(
             f"line {number} is {shortened(line)}; expected name: Layer(...), ... or name -> name: Condition(...)"
         )
-    return head.strip(), tuple(_at_line(number, partial(_made, call, known)) for call in calls)
+    return head.strip(), tuple(_at_line(number, partial(_make_part, call, classes)) for call in calls)
 
 
 def _is_plain_call(call: ast.AST) -> bool:
@@ -419,18 +411,18 @@ def _is_plain_call(call: ast.AST) -> bool:
     return plain and all(keyword.arg for keyword in call.keywords)  # type: ignore[attr-defined]
 
 
-def _made(call: Any, known: Mapping[str, type]) -> Any:
+def _make_part(call: Any, classes: Mapping[str, type]) -> Any:
     name = call.func.id
-    if name not in known:
-        raise UnknownNameError(unknown_name("layer or condition", name, known, beside=LINE))
-    part, given = known[name], [keyword.arg for keyword in call.keywords]
-    twice = next((one for one in given if given.count(one) > 1), None)
-    if twice:
-        raise InvalidValueError(f"{name} has two values for {shortened(twice)[1:-1]}; remove one")
-    taken = [field.name for field in fields(part) if field.init]  # type: ignore[arg-type]
-    for one in given:
-        if one not in taken:
-            raise UnknownNameError(unknown_name(f"parameter of {name}", one, taken, beside=LINE))
+    if name not in classes:
+        raise UnknownNameError(unknown_name("layer or condition", name, classes, beside=LINE))
+    part, names = classes[name], [keyword.arg for keyword in call.keywords]
+    repeated = next((parameter for parameter in names if names.count(parameter) > 1), None)
+    if repeated:
+        raise InvalidValueError(f"{name} has two values for {shortened(repeated)[1:-1]}; remove one")
+    parameters = [field.name for field in fields(part) if field.init]  # type: ignore[arg-type]
+    for parameter in names:
+        if parameter not in parameters:
+            raise UnknownNameError(unknown_name(f"parameter of {name}", parameter, parameters, beside=LINE))
     return part(**{keyword.arg: _value(name, keyword) for keyword in call.keywords})
 
 
@@ -449,14 +441,14 @@ def _source(tree: ast.AST) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def _checked_parts(parts: Any) -> dict[str, type]:
+def _check_parts(parts: Any) -> dict[str, type]:
     """Return other layers and conditions by their names."""
-    given = list(parts) if isinstance(parts, Iterable) else [parts]
-    if not all(isinstance(part, type) and is_dataclass(part) for part in given):
+    classes = list(parts) if isinstance(parts, Iterable) else [parts]
+    if not all(isinstance(part, type) and is_dataclass(part) for part in classes):
         raise InvalidValueError(
             f"parts is {shortened(parts)}; expected classes of layers and conditions, as dataclasses"
         )
-    return {part.__name__: part for part in given}
+    return {part.__name__: part for part in classes}
 
 
 def _without_conditions(layers: tuple) -> tuple:

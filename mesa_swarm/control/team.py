@@ -48,7 +48,7 @@ class Team(Arbiter, Mapping):
     """
 
     _swarm: Swarm | None = None
-    _seen: tuple[int, int] = (-1, -1)
+    _version: tuple[int, int] = (-1, -1)
     _owner: np.ndarray
 
     def __init__(self, arbiters: Mapping[Key, Arbiter | None]) -> None:
@@ -93,7 +93,7 @@ class Team(Arbiter, Mapping):
         self._firsts = [sum(counts[:k]) for k in range(len(counts))]
         self._places = {key: k for k, key in enumerate(driving)}
         labels = list(map(message_label, driving))
-        self._labels = [f"{one} {k + 1}" if labels.count(one) > 1 else one for k, one in enumerate(labels)]
+        self._labels = [f"{label} {k + 1}" if labels.count(label) > 1 else label for k, label in enumerate(labels)]
 
     @property
     def arbiters(self) -> tuple[Arbiter, ...]:
@@ -142,23 +142,23 @@ class Team(Arbiter, Mapping):
             if key == design:  # not by hash: custom drives need none
                 return key
         of_group = f" in the group {group}" if group else ""
-        known = ", ".join(f"the {'group' if isinstance(key, str) else 'design'} {message_label(key)}" for key in self)
-        shown = known if len(known) <= LONGEST_LIST else f"{known[:LONGEST_LIST]}..."
+        keys = ", ".join(f"the {'group' if isinstance(key, str) else 'design'} {message_label(key)}" for key in self)
+        text = keys if len(keys) <= LONGEST_LIST else f"{keys[:LONGEST_LIST]}..."
         raise InvalidValueError(
-            f"robots of the design {design.name}{of_group} have no arbiter; control has one for {shown}; "
+            f"robots of the design {design.name}{of_group} have no arbiter; control has one for {text}; "
             "add one for their design or group, or None if they are to stand still"
         )
 
     def bound(self, swarm: Swarm, streams: Streams, **_: Any) -> "Team":
         """Return a copy whose arbiters and layers have their columns and random streams in this swarm."""
-        mine = copy(self)
-        mine._arbiters, mine._swarm, mine._seen = dict(self._arbiters), swarm, (-1, -1)
+        team = copy(self)
+        team._arbiters, team._swarm, team._version = dict(self._arbiters), swarm, (-1, -1)
         for key, place in self._places.items():
-            designs = tuple(d for d, group in robots_of(swarm) if self._key_of(d, group) == key)
+            designs = tuple(design for design, group in robots_of(swarm) if self._key_of(design, group) == key)
             first, label = self._firsts[place], self._labels[place]
-            mine._arbiters[key] = self.arbiters[place].bound(swarm, streams, first=first, label=label, driven=designs)
-        mine._arrange()
-        return mine
+            team._arbiters[key] = self.arbiters[place].bound(swarm, streams, first=first, label=label, driven=designs)
+        team._arrange()
+        return team
 
     def unbind(self) -> None:
         """Let the layers of all arbiters store their state."""
@@ -171,13 +171,13 @@ class Team(Arbiter, Mapping):
         command.fill(0.0)
         layer.fill(-1)
         for place, arbiter in enumerate(self.arbiters):
-            arbiter.decide(senses, self._wanted, self._won)
-            take_over_commands(owners, place, self._firsts[place], self._wanted, self._won, command, layer)
+            arbiter.decide(senses, self._commands, self._winners)
+            take_over_commands(owners, place, self._firsts[place], self._commands, self._winners, command, layer)
 
     def _owners(self) -> np.ndarray:
         """Return the place of each robot's arbiter (n,), -1 for none, and prepare for these robots."""
         swarm: Any = self._swarm
-        if self._seen == (swarm.version, swarm.regrouped):
+        if self._version == (swarm.version, swarm.regrouped):
             return self._owner
         columns, n = swarm.columns, len(swarm)
         kinds = list(robots_of(swarm))
@@ -186,12 +186,12 @@ class Team(Arbiter, Mapping):
         groups = (*swarm.groups, "")  # the index -1 is of none
         pairs = zip(columns["design"].tolist(), columns["group"].tolist(), strict=True)
         self._owner = np.array([places[swarm.designs[d], groups[g]] for d, g in pairs], np.int64)
-        self._wanted, self._won = np.zeros((n, columns["command"].shape[1])), np.full(n, -1)
+        self._commands, self._winners = np.zeros((n, columns["command"].shape[1])), np.full(n, -1)
         for place, arbiter in enumerate(self.arbiters):
             arbiter.others = np.flatnonzero(self._owner != place)
             driven = tuple(design for design, group in kinds if places[design, group] == place)
             arbiter.set_driven(driven)
-        self._seen = swarm.version, swarm.regrouped
+        self._version = swarm.version, swarm.regrouped
         return self._owner
 
 
@@ -215,11 +215,11 @@ def _check_key(key: object) -> None:
 
 
 @compiled
-def take_over_commands(owner, place, first, wanted, won, command, layer):
+def take_over_commands(owner, place, first, own_command, winner, command, layer):
     """Write what an arbiter decided where it owns the robot; the indices of its layers begin at `first`."""
     for i in range(owner.shape[0]):
-        if owner[i] != place or won[i] < 0:
+        if owner[i] != place or winner[i] < 0:
             continue
         for w in range(command.shape[1]):
-            command[i, w] = wanted[i, w]
-        layer[i] = first + won[i]
+            command[i, w] = own_command[i, w]
+        layer[i] = first + winner[i]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_flag, shortened
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.learning.actions import ACTIONS
 
 CONTINUOUS = "continuous"
@@ -51,7 +51,7 @@ def shares(
 
 def _array(commands: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
     try:
-        array = np.asarray(unmasked(commands), dtype=float)
+        array = np.asarray(fill_masked(commands), dtype=float)
     except (TypeError, ValueError):
         raise InvalidValueError(f"actions are {shortened(commands)}; expected {what} for each robot") from None
     if array.shape != shape:

@@ -15,7 +15,7 @@ from mesa_swarm.control import Layer, behaviour
 from mesa_swarm.environments.actions import CONTINUOUS
 from mesa_swarm.environments.scores import CARRIED, LARGEST_REWARD, NEST, ObservationEncoder, Score
 from mesa_swarm.environments.task import Task
-from mesa_swarm.geometry.room import part_around, room_for_disc
+from mesa_swarm.geometry.room import find_part_around, room_for_disc
 from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.gripper import Carried, Gripper
@@ -356,7 +356,7 @@ def nest_in(chart: Map, radius: float, wanted: tuple[float, float] | None) -> tu
 def space_of_food(chart: Map, nest: tuple[float, float], nest_radius: float, radius: float) -> shapely.Geometry:
     """Return where food may appear: with room around, away from the nest, and reached from it by robots of a radius."""
     solids = _solids(chart)
-    part = part_around(room_for_disc(chart.bounds, solids, radius, SEGMENTS), np.array(nest), nest_radius)
+    part = find_part_around(room_for_disc(chart.bounds, solids, radius, SEGMENTS), np.array(nest), nest_radius)
     roomy = room_for_disc(chart.bounds, solids, max(ROOM, radius), SEGMENTS)
     space = shapely.difference(roomy, shapely.Point(nest).buffer(nest_radius + ROOM))
     if part is not None:

@@ -14,7 +14,7 @@ from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import TASKS, Task
 from mesa_swarm.environments.variation import Options
 from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, by_worlds, check_seed, measures, new_world, stream
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 
 need_learning_package("gymnasium")
 
@@ -90,7 +90,7 @@ class RobotEnv(Env):
         world = self._running()
         reward = np.empty(1)
         world.advance(
-            shares(self.task.actions, unmasked(action)[None], reward.shape, self._clip, self.task.numbers), reward
+            shares(self.task.actions, fill_masked(action)[None], reward.shape, self._clip, self.task.numbers), reward
         )
         finished, out_of_time = world.finished, world.out_of_time
         info: dict = {"collided": bool(world.roster().remaining(1) and world.swarm.columns["collided"][0])}

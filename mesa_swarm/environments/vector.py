@@ -15,7 +15,7 @@ from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Conditions, Options, Variation, checked_options
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 
 if TYPE_CHECKING:  # optional
     from gymnasium.spaces import Box
@@ -337,7 +337,7 @@ def new_world(
 def by_worlds(actions: ArrayLike, n_worlds: int, commanded: int) -> np.ndarray:
     """Return actions of a flat vector, one row an environment, as those of each world, shape (worlds, robots, ...)."""
     try:
-        rows = unmasked(actions)
+        rows = fill_masked(actions)
     except ValueError:  # rows of different lengths
         raise InvalidValueError(f"actions are {shortened(actions)}; expected an array") from None
     count = n_worlds * commanded

@@ -33,7 +33,7 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.experiments.fingerprints import files_hash
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.learning.actions import ACTIONS, described
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
@@ -165,7 +165,7 @@ def _wanted(actions: str | int, numbers: int) -> str:
 def _actions_of(returned: object, robots: int, actions: str | int, numbers: int) -> np.ndarray | None:
     """Return actions as an array for this number of robots, None if they are anything else."""
     try:
-        array = unmasked(returned)
+        array = fill_masked(returned)
     except ValueError:  # rows of different lengths
         return None
     if isinstance(actions, str):

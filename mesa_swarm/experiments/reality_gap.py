@@ -28,7 +28,7 @@ from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
 from mesa_swarm.model.gallery import find_model, short_name
-from mesa_swarm.robots.imperfections import PRESETS, Imperfections, together
+from mesa_swarm.robots.imperfections import PRESETS, Imperfections, combine_imperfections
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.palette import LIGHT
 from mesa_swarm.viewing.pictures import literal, png
@@ -204,7 +204,7 @@ def imperfect(model_class: type, whole: Imperfections, /, imperfections: float, 
     """Return a model whose robots have these at a place of the dial, besides what its own settings make of them."""
     model, more = model_class(**settings), whole.at(imperfections)
     if more is not None:
-        model.imperfections = together(model.imperfections, more)
+        model.imperfections = combine_imperfections(model.imperfections, more)
     return model
 
 

@@ -21,7 +21,7 @@ from mesa_swarm.experiments.reports import counted, reduced, split_measure
 from mesa_swarm.experiments.series import OF_AGENTS, RNG, RUN, RunSeries, Watch
 from mesa_swarm.experiments.until import EndCondition
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiling import compilation
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -239,7 +239,7 @@ def numbers_of(results: Mapping[str, Any]) -> dict[str, float | None]:
     numbers = {}
     for name, number in results.items():
         is_numpy = isinstance(number, (np.generic, np.ndarray)) and number.ndim == 0
-        simple = unmasked(number).item() if is_numpy else number
+        simple = fill_masked(number).item() if is_numpy else number
         if isinstance(simple, float) and math.isnan(simple):
             simple = None
         numbers[name] = simple if is_plain(simple) else check_result(name, simple)

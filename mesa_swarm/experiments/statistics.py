@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 
 CONFIDENCE = 0.95
 # Fewer numbers are all on one side of the true mean in more than 5 % of samples: 2 / 2^5 = 6 %.
@@ -83,7 +83,7 @@ def mean_interval(values: Sequence[float], confidence: float = CONFIDENCE) -> In
 def _sample(values: Sequence[float]) -> np.ndarray:
     """Return numbers as a row of floats, masked ones as NaN."""
     try:
-        sample = np.asarray(unmasked(values), dtype=float)
+        sample = np.asarray(fill_masked(values), dtype=float)
     except (TypeError, ValueError, OverflowError):
         sample = np.empty((0, 0))
     if sample.ndim != 1:
@@ -269,7 +269,7 @@ def interquartile_mean(values: np.ndarray) -> np.ndarray:
     >>> float(interquartile_mean(np.array([0.0, 2.0, 4.0, 1000.0])))
     3.0
     """
-    ordered = np.sort(np.asarray(unmasked(values), dtype=float), axis=-1)
+    ordered = np.sort(np.asarray(fill_masked(values), dtype=float), axis=-1)
     cut = ordered.shape[-1] // 4
     middle = ordered[..., cut : ordered.shape[-1] - cut]
     if not middle.size:

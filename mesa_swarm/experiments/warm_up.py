@@ -14,7 +14,7 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.pool import checked_jobs, ending_with_us
 from mesa_swarm.experiments.workers import WorkerDiedError
-from mesa_swarm.kernels.code_files import drop_damaged, is_stored, places, problems, unstored
+from mesa_swarm.kernels.code_files import drop_damaged, is_stored, list_folders, problems, why_not_stored
 from mesa_swarm.kernels.compiling import code_folders, compilation, needed_functions, stored_functions
 from mesa_swarm.kernels.custom_code import FOLDER
 from mesa_swarm.model.gallery import find_model
@@ -101,12 +101,12 @@ def warm_up(*, jobs: int = -1, progress: bool = False) -> WarmUp:
     # Damaged code of rules and sensors may be that of any model.
     models = [*missing, *(model for model in needed_functions() if damaged and model not in missing)]
     if models:
-        if reason := unstored():
+        if reason := why_not_stored():
             raise InvalidValueError(reason)
         with progress_bar(len(left), "functions", progress, LAYOUT) as bar:
             _compile_all(models, workers, lambda: bar.update(len(stored_functions(left)) - bar.n))
     count = len(stored_functions(left)) + sum(map(is_stored, damaged))
-    return WarmUp(functions=count, seconds=perf_counter() - start, folder=places()[-1], before=before)
+    return WarmUp(functions=count, seconds=perf_counter() - start, folder=list_folders()[-1], before=before)
 
 
 def missing_functions() -> dict[str, set[str]]:

@@ -160,5 +160,5 @@ def is_hot(temperature, was_hot, constants):
 @compiled
 def next_temperature(temperature, area, robots, constants):
     """Return a fire's next temperature: T + k1 (T + 1) - (k2 / A) n, within [0, 1] (B.3, corrected)."""
-    changed = temperature + constants[0] * (temperature + 1.0) - constants[1] / area * robots
-    return min(max(changed, 0.0), 1.0)
+    new_temperature = temperature + constants[0] * (temperature + 1.0) - constants[1] / area * robots
+    return min(max(new_temperature, 0.0), 1.0)

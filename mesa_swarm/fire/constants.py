@@ -130,8 +130,8 @@ def design_constants(
     [1.5, 3.0, 11.9]
     """
     if areas is not None:
-        listed = _checked_areas(areas)
-        area = largest_area = max(listed)
+        all_areas = _checked_areas(areas)
+        area = largest_area = max(all_areas)
     growth_time = check_number("growth_time", growth_time, above=0, maximum=LONGEST)
     robots = check_number("robots", robots, above=0, maximum=1e9)
     extinguish_time = check_number("extinguish_time", extinguish_time, above=0, maximum=LONGEST)
@@ -144,34 +144,34 @@ def design_constants(
     k1 = math.log(2) / growth_time
     # E / (E - 1), written so that it neither overflows for long times nor cancels for short ones.
     share = -1.0 / math.expm1(-k1 * extinguish_time)
-    required = k1 * area / robots * (1.0 + initial_temperature * share)
-    held = HELD * k1 * (area if areas is None else min(listed)) * (initial_temperature + 1.0)
-    k2 = required if check_flag("alone", alone) else min(required, held)
+    least_k2 = k1 * area / robots * (1.0 + initial_temperature * share)
+    held = HELD * k1 * (area if areas is None else min(all_areas)) * (initial_temperature + 1.0)
+    k2 = least_k2 if check_flag("alone", alone) else min(least_k2, held)
     k3 = 1.0 / (largest_area * (1.0 - balance_temperature))
     k4 = balance_temperature * largest_area * k3
     join = max(stay_time - k4 * rest_time, 0.0)
-    of_one = (
+    remark = (
         f"one robot, at a fire of T = {initial_temperature:g} all the time, puts it out if its area is below "
         f"{k2 / (k1 * (initial_temperature + 1.0)):.2f}"
     )
     too_few = (
         f"{robots:g} robots cannot put out area {area:g} in {extinguish_time:g} steps where no fire falls to one; "
-        f"ask for at least {math.ceil(robots * required / k2)} robots"
+        f"ask for at least {math.ceil(robots * least_k2 / k2)} robots"
     )
-    warned = [too_few] if k2 < required else []
+    warned = [too_few] if k2 < least_k2 else []
     remarks = _remarks(k1, k2, k4, largest_area, balance_temperature, stay_time, rest_time, join, warned)
-    return FireConstants(k1, k2, k3, k4, stay_time, join, (of_one, *remarks))
+    return FireConstants(k1, k2, k3, k4, stay_time, join, (remark, *remarks))
 
 
 def _checked_areas(areas: Iterable[float]) -> list[float]:
     """Return the areas of fires, at least one of them."""
     try:
-        listed = list(areas)
+        values = list(areas)
     except TypeError:
-        listed = []
-    if isinstance(areas, (str, bytes)) or not listed:
+        values = []
+    if isinstance(areas, (str, bytes)) or not values:
         raise InvalidValueError(f"areas is {shortened(areas)}; expected the areas of all fires, such as (2, 4, 16)")
-    return [check_number("each of areas", area, above=0, maximum=LONGEST) for area in listed]
+    return [check_number("each of areas", area, above=0, maximum=LONGEST) for area in values]
 
 
 def robots_needed(constants: FireConstants, area: float, temperature: float = 1.0) -> float:
@@ -197,18 +197,18 @@ def _remarks(
     warned: list[str],
 ) -> tuple[str, ...]:
     """Return what follows from the constants, and warn of what defeats their purpose; `warned` is known before."""
-    needed = 2.0 * k1 * largest_area / k2
+    robots = 2.0 * k1 * largest_area / k2
     # Hot, a robot rests until join; cold again, it can stay (leave - join) steps at least.
     away = (stay - join) / k4
     duty = (stay - join) / (stay - join + away)
-    if needed <= duty:
+    if robots <= duty:
         warned.append(
-            f"one robot suffices for the largest fire at T = 1 (it takes {needed:.2f} robots, and one with its "
+            f"one robot suffices for the largest fire at T = 1 (it takes {robots:.2f} robots, and one with its "
             f"rests counts as {duty:.2f}); ask for more robots or a longer extinguish_time"
         )
-    if needed > 1000:
+    if robots > 1000:
         warned.append(
-            f"the largest fire at T = 1 takes {needed:.0f} robots: the robots cannot put it out; "
+            f"the largest fire at T = 1 takes {robots:.0f} robots: the robots cannot put it out; "
             "ask for a longer growth_time or a shorter extinguish_time"
         )
     if join == 0.0:
@@ -221,7 +221,7 @@ def _remarks(
     start = (k2 / (k1 * largest_area)) - 1.0
     facts = (
         f"fires with area times temperature below {balance * largest_area:g} never heat a robot",
-        f"the largest fire at T = 1 takes {needed:.2f} robots without rests, or {needed / duty:.2f} with rests",
+        f"the largest fire at T = 1 takes {robots:.2f} robots without rests, or {robots / duty:.2f} with rests",
         f"below T = {max(start, 0.0):.2f} a single robot puts the largest fire out, whatever the strategy",
     )
     return (*warned, *facts)

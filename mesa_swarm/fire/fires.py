@@ -10,7 +10,7 @@ from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_n
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.world.arena import Arena, Model
 from mesa_swarm.world.bodies import Body, BodyTable
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
 from mesa_swarm.world.statics import FIRE, FIXED, KINDS
 
@@ -82,9 +82,7 @@ class Fires:
         """Return a column of the table of bodies in the rows of fires."""
         if name not in OF_BODIES:
             raise AttributeError(f"Fires has no attribute {name}")
-        column = getattr(self.table, name)[self.rows]
-        column.flags.writeable = False
-        return column
+        return locked_view(getattr(self.table, name)[self.rows])
 
     @property
     def rows(self) -> np.ndarray:
@@ -110,11 +108,11 @@ class Fires:
         >>> SwarmModel(map="openspace_fire", rng=1).fires.times_out(2)
         {'fire 1 out at': None, 'fire 2 (largest) out at': None}
         """
-        area, found = self.area, {}
+        area, times = self.area, {}
         for i, step in enumerate(self.out_step[:first].tolist()):
             largest = " (largest)" if (area[i] > np.delete(area, i)).all() else ""
-            found[f"fire {i + 1}{largest} out at"] = step if step >= 0 else None
-        return found
+            times[f"fire {i + 1}{largest} out at"] = step if step >= 0 else None
+        return times
 
     def add(self, fire: "Fire", area: float) -> None:
         """Append a fire."""
@@ -136,9 +134,7 @@ class Fires:
 
     def _publish(self) -> None:
         for name, column in self.own.items():
-            view = column.view()
-            view.flags.writeable = False
-            setattr(self, name, view)
+            setattr(self, name, locked_view(column))
 
 
 class Fire(Body):
@@ -194,10 +190,10 @@ class Fire(Body):
 
     @temperature.setter
     def temperature(self, value: float) -> None:
-        checked = check_number("temperature", value, above=0, maximum=1)
+        temperature = check_number("temperature", value, above=0, maximum=1)
         if self.out:
             raise InvalidValueError("this fire is out; use light(), or add another")
-        self.table.temperature[self.row] = checked
+        self.table.temperature[self.row] = temperature
         self.model.parts["bodies"].scene_changed()  # sensors that were read already are read again
 
     @property
@@ -345,9 +341,9 @@ class History:
         """Robots at each fire, -1 once it is out, shape (k, f)."""
         return read_only(self._table(1).astype(np.int64))
 
-    def _table(self, which: int) -> np.ndarray:
+    def _table(self, part: int) -> np.ndarray:
         width = max((row.shape[1] for row in self._rows), default=0)
-        table = np.full((len(self._rows), width), np.nan if which == 0 else -1.0)
+        table = np.full((len(self._rows), width), np.nan if part == 0 else -1.0)
         for k, row in enumerate(self._rows):
-            table[k, : row.shape[1]] = row[which]
+            table[k, : row.shape[1]] = row[part]
         return table

@@ -145,9 +145,9 @@ class FiresPart(Part):
 
     def burning(self) -> Kernel:
         """Return what lets fires burn for a step, made anew when arrays, bodies or constants have changed."""
-        scene, swarm, made = self.model.parts.bodies.scene(), self.model.swarm, self.made
+        scene, swarm, prepared = self.model.parts.bodies.scene(), self.model.swarm, self.made
         state = swarm.version, scene, self.constants, self.extinguish_range
-        if made.state != state:
+        if prepared.state != state:
             robots, fires, bodies, c = swarm.columns, self.fires.own, scene.bodies, self.constants
             arrays = HeatArrays(
                 position=robots["position"],
@@ -166,13 +166,13 @@ class FiresPart(Part):
                 **{name: robots[name] for name in OF_ROBOTS},
             )
             block = Block(arrays)
-            made.state, made.kernel = state, Kernel(burn_all, block.numbers, block)
-        return made.kernel  # type: ignore[return-value]
+            prepared.state, prepared.kernel = state, Kernel(burn_all, block.numbers, block)
+        return prepared.kernel  # type: ignore[return-value]
 
     def release_robots(self, index: int) -> None:
         """Release all robots from fires after one was put out by hand or removed."""
         swarm = self.model.swarm
-        swarm.forget_contact(FIRE, index)
+        swarm.forget_contacts(FIRE, np.array([index]))
         swarm.columns["fire"].fill(-1)
         self.model.parts.bodies.changed()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import check_count, check_number
 from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
-from mesa_swarm.world.movers import occupied
+from mesa_swarm.world.movers import find_occupied_room
 from mesa_swarm.world.shapes import disc
 
 MOST_FIRES = 10_000
@@ -92,5 +92,5 @@ class Spreading:
             if (np.hypot(*(centres - place).T) < radii + self.radius).any():
                 return False
         centre = disc(place, self.radius).geometry
-        solids = occupied(model.obstacle_list)
+        solids = find_occupied_room(model.obstacle_list)
         return not any(geometry.distance(centre) < radius + self.radius for geometry, radius in solids)

@@ -122,24 +122,24 @@ def fight(
     for i in range(layer.shape[0]):
         if layer[i] >= 0 or (hot[i] and not returns):
             continue
-        seen = nearest_seen(distance[i], kind[i])
-        if fire[i] < 0 and seen < 0 and not (hot[i] and heat[i] > 0.0):
+        sensor = nearest_seen(distance[i], kind[i])
+        if fire[i] < 0 and sensor < 0 and not (hot[i] and heat[i] > 0.0):
             continue
         layer[i] = index
         speed, d = max_speed[i], design[i]
         if hot[i] or fire[i] >= 0:
             task[i] = FIGHTS
-            if seen >= 0:
+            if sensor >= 0:
                 # Where a sensor sees something: in the middle of its sector, for all that the robot knows.
-                goal[i, 0] = sensors[d, seen, MOUNT_X] + distance[i, seen] * sensors[d, seen, AXIS_X]
-                goal[i, 1] = sensors[d, seen, MOUNT_Y] + distance[i, seen] * sensors[d, seen, AXIS_Y]
+                goal[i, 0] = sensors[d, sensor, MOUNT_X] + distance[i, sensor] * sensors[d, sensor, AXIS_X]
+                goal[i, 1] = sensors[d, sensor, MOUNT_Y] + distance[i, sensor] * sensors[d, sensor, AXIS_Y]
         if hot[i]:
             backward = -speed if heat[i] > 0.0 else 0.0
             command[i, 0], command[i, 1] = backward, backward
         elif fire[i] >= 0:
             command[i, 0], command[i, 1] = 0.0, 0.0
         else:
-            command[i, 0], command[i, 1] = approach(bearing[d, seen], critical_angle, speed, radius[i])
+            command[i, 0], command[i, 1] = approach(bearing[d, sensor], critical_angle, speed, radius[i])
 
 
 @compiled
@@ -202,8 +202,8 @@ class SeekHeat(Memoryless):
 
     def reason(self, moment: Moment) -> Reason:
         """Return how hot it is where it goes."""
-        felt = moment.columns.get("radiation")
-        return Reason("it feels a fire" if felt is None else f"it feels a fire of temperature {max(felt):.2f}")
+        heats = moment.columns.get("radiation")
+        return Reason("it feels a fire" if heats is None else f"it feels a fire of temperature {max(heats):.2f}")
 
 
 @compiled

@@ -99,9 +99,9 @@ def spread(values, x_share, y_share, remaining, sides, begins, cells):
             now[j] = new if new >= LEAST else 0.0
         for place in range(begins[i], begins[i + 1]):
             j = cells[place]
-            own, its = row[j + 1], sides[i, j]
-            x_flow = (row[j] - own if its & WEST else 0.0) + (row[j + 2] - own if its & EAST else 0.0)
-            y_flow = (below[j + 1] - own if its & SOUTH else 0.0) + (above[j] - own if its & NORTH else 0.0)
+            own, links = row[j + 1], sides[i, j]
+            x_flow = (row[j] - own if links & WEST else 0.0) + (row[j + 2] - own if links & EAST else 0.0)
+            y_flow = (below[j + 1] - own if links & SOUTH else 0.0) + (above[j] - own if links & NORTH else 0.0)
             new = (own + (x_share * x_flow + y_share * y_flow)) * remaining
             now[j] = new if new >= LEAST else 0.0
         below, row = row, below
@@ -213,7 +213,7 @@ def cells_at(shape, sides, frame, positions):
     """Return the index of the cell of each position (n, 2) in the flat grid, see `open_cell`."""
     rows, columns = shape
     x0, y0, width, height = frame
-    found = np.empty(len(positions), np.int64)
+    cells = np.empty(len(positions), np.int64)
     for k in range(len(positions)):
         x, y = positions[k]
         if sides.size:
@@ -221,8 +221,8 @@ def cells_at(shape, sides, frame, positions):
         else:
             i = min(max(int(np.floor((y - y0) / height)), 0), rows - 1)
             j = min(max(int(np.floor((x - x0) / width)), 0), columns - 1)
-        found[k] = i * columns + j
-    return found
+        cells[k] = i * columns + j
+    return cells
 
 
 @compiled
@@ -236,15 +236,15 @@ def deposit(values, cells, amounts):
 
 
 @compiled
-def withdraw(values, cells, amounts, taken):
+def withdraw(values, cells, amounts, withdrawn):
     """Take amounts from cells of a flat grid, in their order, of each at most what it has; write what was taken."""
     for k in range(len(cells)):
-        taken[k] = min(amounts[k], values[cells[k]])
-        values[cells[k]] -= taken[k]
+        withdrawn[k] = min(amounts[k], values[cells[k]])
+        values[cells[k]] -= withdrawn[k]
 
 
 @compiled
-def interpolate_cells(values, sides, frame, positions, found, slopes):
+def interpolate_cells(values, sides, frame, positions, levels, slopes):
     """Interpolate values and slopes bilinearly between the centres of cells.
 
     The slope of a cell is the central difference of its neighbours. What is behind a closed link counts as the value on
@@ -263,19 +263,19 @@ def interpolate_cells(values, sides, frame, positions, found, slopes):
     x0, y0, width, height = frame
     rows, columns = values.shape
     for k in range(len(positions)):
-        found[k] = slopes[k, 0] = slopes[k, 1] = 0.0
+        levels[k] = slopes[k, 0] = slopes[k, 1] = 0.0
         u, v = (positions[k, 0] - x0) / width - 0.5, (positions[k, 1] - y0) / height - 0.5
         i, j = min(max(int(np.floor(v + 0.5)), 0), rows - 1), min(max(int(np.floor(u + 0.5)), 0), columns - 1)
         if sides.size and sides[i, j] & BLOCKED:
             i, j = open_cell(sides, frame, positions[k, 0], positions[k, 1])
-            found[k] = values[i, j]
+            levels[k] = values[i, j]
             continue
         m, n = j + 1 if u >= j else j - 1, i + 1 if v >= i else i - 1
         own, beside, over, across = _weights(sides, rows, columns, i, j, n, m, abs(u - j), abs(v - i))
         for weight, row, column in ((own, i, j), (beside, i, m), (over, n, j), (across, n, m)):
             if weight > 0.0:
                 x_slope, y_slope = _slopes(values, sides, row, column)
-                found[k] += weight * values[row, column]
+                levels[k] += weight * values[row, column]
                 slopes[k, 0] += weight * x_slope / width
                 slopes[k, 1] += weight * y_slope / height
 
@@ -301,9 +301,9 @@ def _weights(sides, rows, columns, i, j, n, m, s, t):
 def _slopes(values, sides, i, j):
     """Return half the differences of the neighbours of a cell in x and y."""
     rows, columns = values.shape
-    own, its = values[i, j], sides[i, j] if sides.size else OPEN
-    east = values[i, j + 1] if j + 1 < columns and its & EAST else own
-    west = values[i, j - 1] if j > 0 and its & WEST else own
-    north = values[i + 1, j] if i + 1 < rows and its & NORTH else own
-    south = values[i - 1, j] if i > 0 and its & SOUTH else own
+    own, links = values[i, j], sides[i, j] if sides.size else OPEN
+    east = values[i, j + 1] if j + 1 < columns and links & EAST else own
+    west = values[i, j - 1] if j > 0 and links & WEST else own
+    north = values[i + 1, j] if i + 1 < rows and links & NORTH else own
+    south = values[i - 1, j] if i > 0 and links & SOUTH else own
     return 0.5 * (east - west), 0.5 * (north - south)

@@ -2,7 +2,7 @@
 
 import math
 
-from mesa_swarm.geometry.outlines import product, sum_of
+from mesa_swarm.geometry.outlines import add_exactly, multiply_exactly
 from mesa_swarm.kernels.compiled import compiled
 
 # More parts without common digits than a sum of floats can have.
@@ -29,29 +29,29 @@ def exact_sum(terms, count, parts):
     """
     n = 0
     for k in range(count):
-        total, kept = terms[k], 0
+        total, size = terms[k], 0
         for part in range(n):
-            total, lost = sum_of(total, parts[part])
-            if lost != 0.0:
-                parts[kept] = lost
-                kept += 1
-        parts[kept] = total
-        n = kept + 1 if total != 0.0 else kept
+            total, error = add_exactly(total, parts[part])
+            if error != 0.0:
+                parts[size] = error
+                size += 1
+        parts[size] = total
+        n = size + 1 if total != 0.0 else size
     return rounded_sum(n, parts)
 
 
 @compiled
 def rounded_sum(n, parts):
     """Return the sum of n parts without common digits, least first, rounded once."""
-    total, lost = 0.0, 0.0
-    while n > 0 and lost == 0.0:
+    total, error = 0.0, 0.0
+    while n > 0 and error == 0.0:
         n -= 1
-        total, lost = sum_of(total, parts[n])
+        total, error = add_exactly(total, parts[n])
     # Half-way cases round to even, unless what is left decides.
-    if n > 0 and (lost < 0.0) == (parts[n - 1] < 0.0):
-        twice = 2.0 * lost
-        rounded = total + twice
-        if rounded - total == twice:
+    if n > 0 and (error < 0.0) == (parts[n - 1] < 0.0):
+        double_error = 2.0 * error
+        rounded = total + double_error
+        if rounded - total == double_error:
             return rounded
     return total
 
@@ -71,15 +71,15 @@ def hypot(x, y):
         return largest
     unit = LEAST_NORMAL if largest < 0.25 * LEAST_NORMAL else 1.0
     scale = math.ldexp(1.0, -math.frexp(largest / unit)[1])
-    total, lost, more_lost = 1.0, 0.0, 0.0
+    total, error, small_error = 1.0, 0.0, 0.0
     for part in (x / unit * scale, y / unit * scale):
-        square, rest = product(part, 0.0, part, 0.0)
-        total, low = sum_of(total, square)
-        lost += rest
-        more_lost += low
-    length = math.sqrt(total - 1.0 + (lost + more_lost))
-    square, rest = product(-length, 0.0, length, 0.0)
-    total, low = sum_of(total, square)
-    lost += rest
-    more_lost += low
-    return unit * ((length + (total - 1.0 + (lost + more_lost)) / (2.0 * length)) / scale)
+        square, rest = multiply_exactly(part, 0.0, part, 0.0)
+        total, low = add_exactly(total, square)
+        error += rest
+        small_error += low
+    length = math.sqrt(total - 1.0 + (error + small_error))
+    square, rest = multiply_exactly(-length, 0.0, length, 0.0)
+    total, low = add_exactly(total, square)
+    error += rest
+    small_error += low
+    return unit * ((length + (total - 1.0 + (error + small_error)) / (2.0 * length)) / scale)

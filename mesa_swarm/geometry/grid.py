@@ -9,6 +9,8 @@ import numpy as np
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Integers
 
+# x_min, y_min, x_max and y_max of a world or a part of it, map units.
+Bounds = tuple[float, float, float, float]
 # A uniform grid as compiled functions take it: x and y of its lower left corner, cells per map unit, columns, rows.
 GridNumbers = tuple[float, float, float, int, int]
 
@@ -42,7 +44,7 @@ class Grid:
     rows: int
 
     @classmethod
-    def over(cls, bounds: tuple[float, float, float, float], cell: float, most: int) -> "Grid":
+    def over(cls, bounds: Bounds, cell: float, most: int) -> "Grid":
         """Return a grid of cells at least `cell` wide, coarser where there would be more than about `most` cells.
 
         Examples

@@ -10,14 +10,14 @@ MOST_AXES = 64
 NUMBERS = "biufcO"
 
 
-def unmasked(value: object) -> np.ndarray:
+def fill_masked(value: object) -> np.ndarray:
     """Return a value as `numpy.asarray` does, but masked numbers as NaN, also those of arrays within lists.
 
     Examples
     --------
-    >>> unmasked(np.ma.array([1, 2], mask=[False, True]))
+    >>> fill_masked(np.ma.array([1, 2], mask=[False, True]))
     array([ 1., nan])
-    >>> unmasked([1, 2])
+    >>> fill_masked([1, 2])
     array([1, 2])
     """
     if isinstance(value, np.ma.MaskedArray):
@@ -25,7 +25,7 @@ def unmasked(value: object) -> np.ndarray:
         is_whole = value.dtype.kind not in NUMBERS or not mask.any()
         return np.asarray(value.data) if is_whole else np.where(mask, np.nan, value.data)
     if isinstance(value, (list, tuple)) and holds_masked(value):
-        return np.asarray([unmasked(item) for item in value])
+        return np.asarray([fill_masked(item) for item in value])
     return np.asarray(value)
 
 

@@ -163,7 +163,7 @@ def gap_between(a, b, limit, outlines):
     The distance is `limit` if it is not less. Neither solid is a point.
     """
     boxes, rings = outlines.boxes, outlines.rings
-    if begins_in(a, b, outlines) or begins_in(b, a, outlines):
+    if is_first_point_in(a, b, outlines) or is_first_point_in(b, a, outlines):
         return 0.0, -1, -1
     gap, of_a, of_b = limit, -1, -1
     for k in range(outlines.solids[a], outlines.solids[a + 1]):
@@ -283,7 +283,7 @@ def nearest_of_segments(i, j, points):
 
 
 @compiled
-def begins_in(a, b, outlines):
+def is_first_point_in(a, b, outlines):
     """Return whether the first point of solid a, or of a polygon of it, is in or on a polygon of b."""
     if not outlines.shells[outlines.solids[b]]:
         return False
@@ -306,7 +306,7 @@ def is_covered(x, y, solid, outlines):
                 return True
         elif not within:
             continue
-        where = where_in_ring(x, y, r, outlines)
+        where = locate_in_ring(x, y, r, outlines)
         if where == 0 and (outlines.shells[r] or within):
             return True
         within = where > 0 if outlines.shells[r] else where < 0
@@ -314,7 +314,7 @@ def is_covered(x, y, solid, outlines):
 
 
 @compiled
-def where_in_ring(x, y, ring, outlines):
+def locate_in_ring(x, y, ring, outlines):
     """Return 1 if a point is in a ring, 0 if it is on it, -1 if it is outside."""
     points, box = outlines.points, outlines.boxes[ring]
     if not (box[0] <= x <= box[2] and box[1] <= y <= box[3]):
@@ -346,9 +346,9 @@ def side_of(ax, ay, bx, by, x, y):
     same_sign = (left > 0.0 and right > 0.0) or (left < 0.0 and right < 0.0)
     if not same_sign or abs(determinant) >= UNSURE * abs(left + right):
         return sign_of(determinant, 0.0)
-    first = product(*sum_of(bx, -ax), *sum_of(y, -by))
-    second = product(*sum_of(by, -ay), *sum_of(x, -bx))
-    return sign_of(*difference(*first, *second))
+    first = multiply_exactly(*add_exactly(bx, -ax), *add_exactly(y, -by))
+    second = multiply_exactly(*add_exactly(by, -ay), *add_exactly(x, -bx))
+    return sign_of(*subtract_exactly(*first, *second))
 
 
 @compiled
@@ -359,7 +359,7 @@ def sign_of(high, low):
 
 
 @compiled
-def sum_of(a, b):
+def add_exactly(a, b):
     """Return the sum of two numbers and what rounding has taken from it, without error."""
     high = a + b
     shift = high - a
@@ -367,30 +367,30 @@ def sum_of(a, b):
 
 
 @compiled
-def difference(high, low, other_high, other_low):
+def subtract_exactly(high, low, other_high, other_low):
     """Return the difference of two numbers in two parts, in two parts."""
-    total, lost = sum_of(high, -other_high)
-    low_total, low_lost = sum_of(low, -other_low)
-    lost += low_total
-    big = total + lost
-    rest = low_lost + (lost + (total - big))
+    total, error = add_exactly(high, -other_high)
+    low_total, low_lost = add_exactly(low, -other_low)
+    error += low_total
+    big = total + error
+    rest = low_lost + (error + (total - big))
     result = big + rest
     return result, rest + (big - result)
 
 
 @compiled
-def product(high, low, other_high, other_low):
+def multiply_exactly(high, low, other_high, other_low):
     """Return the product of two numbers in two parts, in two parts (Dekker 1971)."""
-    a, b = split(high)
-    c, d = split(other_high)
+    a, b = split_digits(high)
+    c, d = split_digits(other_high)
     total = high * other_high
-    lost = ((((a * c - total) + a * d) + b * c) + b * d) + (high * other_low + low * other_high)
-    result = total + lost
-    return result, lost + (total - result)
+    error = ((((a * c - total) + a * d) + b * c) + b * d) + (high * other_low + low * other_high)
+    result = total + error
+    return result, error + (total - result)
 
 
 @compiled
-def split(number):
+def split_digits(number):
     """Return the upper and the lower half of the digits of a number."""
     scaled = SPLIT * number
     upper = scaled - (scaled - number)

@@ -8,12 +8,12 @@ from mesa_swarm.kernels.compiled import compiled
 
 
 @compiled
-def wrapped(heading: float) -> float:
+def wrap_angle(heading: float) -> float:
     """Return a heading, bearing or turn in [-pi, pi).
 
     Examples
     --------
-    >>> wrapped(math.pi)
+    >>> wrap_angle(math.pi)
     -3.141592653589793
     """
     if -math.pi <= heading < math.pi:
@@ -62,7 +62,7 @@ def segments_meet(ax: float, ay: float, bx: float, by: float, cx: float, cy: flo
 
 
 @compiled
-def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> bool:
+def is_in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> bool:
     """Return whether (x, y) is inside the polygon whose rings' edges are rows first..last-1 (even-odd rule).
 
     Parameters
@@ -73,7 +73,7 @@ def in_polygon(x: float, y: float, edges: np.ndarray, first: int, last: int) -> 
     Examples
     --------
     >>> square = np.array([[0.0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]])
-    >>> in_polygon(1.0, 1.0, square, 0, 4)
+    >>> is_in_polygon(1.0, 1.0, square, 0, 4)
     True
     """
     inside = False

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import cell_index
+from mesa_swarm.geometry.grid import Bounds, cell_index
 from mesa_swarm.kernels.compiled import compiled
 
 
 @compiled
-def take_apart(candidates, radius, others, other_radius, taken, grid, head, following):
+def take_apart(candidates, radius, others, other_radius, count, grid, head, following):
     """Take candidates in order, except those that overlap one taken before, and return how many are taken in all.
 
     Parameters
@@ -25,17 +25,17 @@ def take_apart(candidates, radius, others, other_radius, taken, grid, head, foll
     """
     x0, y0, per_unit, columns, rows = grid
     for c in range(candidates.shape[0]):
-        if taken == others.shape[0]:
-            return taken
+        if count == others.shape[0]:
+            return count
         x, y = candidates[c, 0], candidates[c, 1]
         column, row = cell_index(x, x0, per_unit, columns), cell_index(y, y0, per_unit, rows)
         if _is_apart(x, y, radius, others, other_radius, column, row, columns, rows, head, following):
-            others[taken, 0], others[taken, 1] = x, y
-            other_radius[taken] = radius
-            following[taken] = head[column + columns * row]
-            head[column + columns * row] = taken
-            taken += 1
-    return taken
+            others[count, 0], others[count, 1] = x, y
+            other_radius[count] = radius
+            following[count] = head[column + columns * row]
+            head[column + columns * row] = count
+            count += 1
+    return count
 
 
 @compiled
@@ -79,7 +79,7 @@ def link_by_cell(position, grid, head, following):
         head[cell] = k
 
 
-def hexagonal_lattice(bounds: tuple[float, float, float, float], spacing: float) -> np.ndarray:
+def hexagonal_lattice(bounds: Bounds, spacing: float) -> np.ndarray:
     """Return the points of a triangular lattice, the densest there is, that lie within bounds.
 
     Parameters

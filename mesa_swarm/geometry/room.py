@@ -9,10 +9,9 @@ import numpy as np
 import shapely
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
-from mesa_swarm.geometry.grid import Grid, cell_index, list_boxes_by_cell
+from mesa_swarm.geometry.grid import Bounds, Grid, cell_index, list_boxes_by_cell
 from mesa_swarm.kernels.compiled import compiled
 
-Bounds = tuple[float, float, float, float]
 # With more solids, or more pairs of them whose boxes overlap once grown, their union takes seconds or minutes.
 MOST_UNITED = 2_000
 MOST_OVERLAPS = 50_000
@@ -75,10 +74,10 @@ def room_for_disc(
     3600.0
     """
     _check_valid(solids)
-    inner = _inner(bounds, radius)
+    inner = _room_within_border(bounds, radius)
     if not solids or inner.is_empty:
         return inner
-    return inner.difference(shapely.union_all(_grown(*_pieces(solids, radius), quarter_segments)))
+    return inner.difference(shapely.union_all(_grow(*_list_pieces(solids, radius), quarter_segments)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,15 +165,15 @@ class SmallDiscs:
         """Set `free` to False for the points, shape (n, 2), that are in or on a polygon."""
         low = self.reach * (1 - RIM) - _rounding(self.centres, self.reach)
         high = self.reach * circumscribed_ratio(self.quarter_segments) * (1 + RIM) + _rounding(self.centres, self.reach)
-        given = points, self.centres, low, high, self.start, self.items, self.grid.numbers, free
+        arguments = points, self.centres, low, high, self.start, self.items, self.grid.numbers, free
         near = np.empty((USUALLY_NEAR, 2), np.int64)
-        count = exclude_by_circles(*given, near)
+        count = exclude_by_circles(*arguments, near)
         if count > len(near):
             near = np.empty((count, 2), np.int64)
-            exclude_by_circles(*given, near)
+            exclude_by_circles(*arguments, near)
         point, disc = near[:count].T
-        chosen, place = np.unique(disc, return_inverse=True)
-        grown = _grown(shapely.points(self.centres[chosen]), self.reach[chosen], self.quarter_segments)
+        discs, place = np.unique(disc, return_inverse=True)
+        grown = _grow(shapely.points(self.centres[discs]), self.reach[discs], self.quarter_segments)
         free[point[shapely.intersects(grown[place], shapely.points(points[point]))]] = False
 
 
@@ -245,25 +244,25 @@ def room_to_try(
     'Crowded'
     """
     _check_valid(solids)
-    inner = _inner(bounds, radius)
+    inner = _room_within_border(bounds, radius)
     if inner.is_empty or not solids:
         return inner
-    pieces, reach = _pieces(solids, radius)
+    pieces, reach = _list_pieces(solids, radius)
     if not _is_crowded(pieces, reach):
-        return inner.difference(shapely.union_all(_grown(pieces, reach, quarter_segments)))
+        return inner.difference(shapely.union_all(_grow(pieces, reach, quarter_segments)))
     alike = {(content, far): i for i, (content, far) in enumerate(zip(shapely.to_wkb(pieces), reach, strict=True))}
-    chosen = list(alike.values())
-    pieces, reach = pieces[chosen], reach[chosen]
+    rows = list(alike.values())
+    pieces, reach = pieces[rows], reach[rows]
     grid = Grid.over(inner.bounds, 0.0, CELLS_PER_DISC * len(pieces))
     small = (shapely.get_type_id(pieces) == POINT) & (reach > 0) & (2 * reach <= WIDEST_DISC * grid.cell)
-    grown = _grown(pieces[~small], reach[~small], quarter_segments)
+    grown = _grow(pieces[~small], reach[~small], quarter_segments)
     largest_first = grown[np.argsort(-shapely.area(grown), kind="stable")]
     trees = tuple(shapely.STRtree(largest_first[:n]) for n in STAGES) if len(grown) else ()
     discs = SmallDiscs.of(shapely.get_coordinates(pieces[small]), reach[small], quarter_segments, grid)
     return Crowded(inner, trees, discs if small.any() else None)
 
 
-def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
+def _room_within_border(bounds: Bounds, radius: float) -> shapely.Polygon:
     """Return where the centre may be if only the border counts."""
     x_min, y_min, x_max, y_max = bounds
     if x_max - x_min <= 2 * radius or y_max - y_min <= 2 * radius:
@@ -271,7 +270,7 @@ def _inner(bounds: Bounds, radius: float) -> shapely.Polygon:
     return shapely.box(x_min + radius, y_min + radius, x_max - radius, y_max - radius)
 
 
-def _pieces(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> tuple[np.ndarray, np.ndarray]:
+def _list_pieces(solids: Sequence[tuple[shapely.Geometry, float]], radius: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what is to be grown, and by how much: the solids, but of intricate ones each edge."""
     geometries = np.array([geometry for geometry, _ in solids], object)
     whole = np.array([own for _, own in solids], float) + radius
@@ -311,7 +310,7 @@ def _edges(ring: np.ndarray) -> np.ndarray:
     return np.stack([ring[:-1], ring[1:]], axis=1)
 
 
-def _grown(pieces: np.ndarray, reach: np.ndarray, quarter_segments: int) -> np.ndarray:
+def _grow(pieces: np.ndarray, reach: np.ndarray, quarter_segments: int) -> np.ndarray:
     grown = pieces.copy()
     far = reach > 0
     grown[far] = shapely.buffer(
@@ -332,19 +331,19 @@ def _is_crowded(pieces: np.ndarray, reach: np.ndarray) -> bool:
 def _check_valid(solids: Sequence[tuple[object, float]]) -> None:
     geometries = [geometry for geometry, _ in solids]
     good = shapely.is_geometry(geometries)
-    good &= shapely.is_valid([geometry if one else None for geometry, one in zip(geometries, good, strict=True)])
+    good &= shapely.is_valid([geometry if fits else None for geometry, fits in zip(geometries, good, strict=True)])
     if not good.all():
         wrong = geometries[int(np.argmin(good))]
         raise InvalidValueError(f"solids holds {shortened(wrong)}; expected valid Shapely geometries")
 
 
-def part_around(space: shapely.Geometry, point: np.ndarray, slack: float) -> shapely.Geometry | None:
+def find_part_around(space: shapely.Geometry, point: np.ndarray, slack: float) -> shapely.Geometry | None:
     """Return the connected part of a space that holds a point or is within `slack` of it, or None.
 
     Examples
     --------
     >>> two = shapely.union_all([shapely.box(0, 0, 1, 1), shapely.box(5, 0, 7, 1)])
-    >>> part_around(two, (6.0, 0.5), 0.0).area
+    >>> find_part_around(two, (6.0, 0.5), 0.0).area
     2.0
     """
     if space.is_empty:

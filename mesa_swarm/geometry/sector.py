@@ -33,12 +33,12 @@ def half_angle(field_of_view: float) -> tuple[float, float]:
 
 
 @compiled
-def in_cone(x: float, y: float, cos_half: float, sin_half: float) -> bool:
+def is_in_cone(x: float, y: float, cos_half: float, sin_half: float) -> bool:
     """Return whether the direction (x, y) lies within the half angle of the +x axis, edges included.
 
     Examples
     --------
-    >>> in_cone(1.0, 1.0, *half_angle(math.pi))
+    >>> is_in_cone(1.0, 1.0, *half_angle(math.pi))
     True
     """
     return abs(y) * cos_half <= x * sin_half and (x >= 0.0 or cos_half < 0.0)
@@ -117,7 +117,7 @@ def sector_to_disc(x: float, y: float, radius: float, cos_half: float, sin_half:
         return math.inf
     if square <= radius * radius:
         return 0.0
-    if in_cone(x, y, cos_half, sin_half):
+    if is_in_cone(x, y, cos_half, sin_half):
         distance = math.sqrt(square) - radius
     else:
         # The farther from the centre's direction, the farther the rim: only the nearer edge matters.
@@ -148,13 +148,13 @@ def sector_to_segment(
     square = x * x + y * y
     if square > limit * limit:
         return math.inf
-    if in_cone(x, y, cos_half, sin_half):
+    if is_in_cone(x, y, cos_half, sin_half):
         return math.sqrt(square)
     upper = ray_to_segment(ax, ay, bx, by, cos_half, sin_half)
     nearest = min(upper, ray_to_segment(ax, ay, bx, by, cos_half, -sin_half))
-    if in_cone(ax, ay, cos_half, sin_half):
+    if is_in_cone(ax, ay, cos_half, sin_half):
         nearest = min(nearest, math.sqrt(ax * ax + ay * ay))
-    if in_cone(bx, by, cos_half, sin_half):
+    if is_in_cone(bx, by, cos_half, sin_half):
         nearest = min(nearest, math.sqrt(bx * bx + by * by))
     return nearest if nearest <= limit else math.inf
 

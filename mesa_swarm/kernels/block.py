@@ -52,9 +52,9 @@ class Block:
     __slots__ = ("_values", "numbers")
 
     def __init__(self, values: Any) -> None:
-        given, declared = name_type(typeof(values)), name_type(declared_type(type(values)))
-        if given != declared:
-            raise TypeError(f"a block got {given}; expected {declared}")
+        actual_type, declared_name = name_type(typeof(values)), name_type(declared_type(type(values)))
+        if actual_type != declared_name:
+            raise TypeError(f"a block got {actual_type}; expected {declared_name}")
         self._values = values
         self.numbers = np.array(_numbers_of(values), NUMBER)
 
@@ -78,17 +78,17 @@ def _numbers_of(value: Any) -> list[int]:
 
 
 @intrinsic
-def unpack(typing_context: Any, block: Any, declared: Any) -> Any:
+def unpack(typing_context: Any, block: Any, block_class: Any) -> Any:
     """Return the arguments in a block, as the class declares them, or None for None; for compiled functions."""
     if block is types.none:
-        return types.none(block, declared), lambda context, *_: context.get_dummy_value()
-    result = declared_type(declared.instance_class)
+        return types.none(block, block_class), lambda context, *_: context.get_dummy_value()
+    result = declared_type(block_class.instance_class)
 
-    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, given[0])
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, values[0])
         return _Reader(context, builder, array.data).take(result)
 
-    return result(block, declared), code
+    return result(block, block_class), code
 
 
 class _Reader:
@@ -148,10 +148,10 @@ def code_address(function: Any) -> int:
 def call_at(typing_context: Any, address: Any, block: Any, step: Any, first: Any, last: Any) -> Any:
     """Call the function at an address and return its code; for compiled functions."""
 
-    def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        where, *arguments = given
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        address, *arguments = values
         kind = context.call_conv.get_function_type(types.int64, SIGNATURE)
-        function = builder.inttoptr(where, kind.as_pointer())
+        function = builder.inttoptr(address, kind.as_pointer())
         status, value = context.call_conv.call_function(builder, function, types.int64, SIGNATURE, arguments)
         with cgutils.if_unlikely(builder, status.is_error):
             context.call_conv.return_status_propagate(builder, status)

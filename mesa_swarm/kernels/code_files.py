@@ -58,13 +58,13 @@ HOME = Path(settings.CACHE_DIR or PACKAGE / "__pycache__").absolute() / FOLDER
 
 
 @cache
-def places() -> tuple[Path, ...]:
+def list_folders() -> tuple[Path, ...]:
     """Return the folders in which code is looked for: the last is the one for new code, if it can be written to."""
-    other = _of_user()
+    other = _folder_of_user()
     return (HOME,) if other is None or not why_unwritable(HOME) else (HOME, other)
 
 
-def _of_user() -> Path | None:
+def _folder_of_user() -> Path | None:
     """Return the user's own folder for code, None if the system does not define it."""
     folder = Path(AppDirs(appname="mesa_swarm", appauthor=False).user_cache_dir)
     return folder / FOLDER if folder.is_absolute() else None
@@ -86,38 +86,38 @@ def why_unwritable(folder: Path) -> str:
 def _drop_old(new: Path) -> None:
     """Remove all but the newest caches beside one that has just been made."""
     others = [path for path in new.parent.glob("kernels-*") if path != new]
-    for old in sorted(others, key=modified)[: 1 - MOST_CACHES]:
+    for old in sorted(others, key=time_of_change)[: 1 - MOST_CACHES]:
         rmtree(old, ignore_errors=True)
 
 
-def modified(path: Path) -> float:
+def time_of_change(path: Path) -> float:
     """Return when a file or folder was changed, 0 if it is gone meanwhile."""
     with suppress(OSError):
         return path.stat().st_mtime
     return 0.0
 
 
-def unstored() -> str:
+def why_not_stored() -> str:
     """Return in one line that no code can be stored, and why; "" if it can."""
-    reasons = {str(folder): why_unwritable(folder) for folder in places()}
+    reasons = {str(folder): why_unwritable(folder) for folder in list_folders()}
     if not all(reasons.values()):
         return ""
-    named = "; ".join(f"{folder}: {reason}" for folder, reason in reasons.items())
-    return f"machine code cannot be stored ({named}); {CURE}"
+    folders = "; ".join(f"{folder}: {reason}" for folder, reason in reasons.items())
+    return f"machine code cannot be stored ({folders}); {CURE}"
 
 
-def read(name: str) -> Iterator[bytes]:
+def read_code(name: str) -> Iterator[bytes]:
     """Yield what whole files of this name hold, those of the installation first."""
-    for folder in places():
+    for folder in list_folders():
         with suppress(OSError):
-            seal, code = _opened((folder / name).read_bytes())
+            seal, code = _open((folder / name).read_bytes())
             if seal == _seal(code):
                 yield code
 
 
 def is_stored(name: str) -> bool:
     """Return whether there is a whole file of this name."""
-    return any(_is_whole(folder / name) for folder in places())
+    return any(_is_whole(folder / name) for folder in list_folders())
 
 
 def _is_whole(path: Path) -> bool:
@@ -132,18 +132,18 @@ def _is_whole(path: Path) -> bool:
 def _was_whole(path: Path, *_state: int) -> bool:
     """Return whether a file is whole; it is read once as long as it does not change."""
     with suppress(OSError):
-        seal, code = _opened(path.read_bytes())
+        seal, code = _open(path.read_bytes())
         return seal == _seal(code)
     return False
 
 
-def _opened(content: bytes) -> tuple[bytes, bytes]:
+def _open(content: bytes) -> tuple[bytes, bytes]:
     return content[:SEAL_BYTES], content[SEAL_BYTES:]
 
 
 def drop_damaged(folder: str) -> list[str]:
     """Remove damaged files of a folder within the places; return the names of those that no whole one replaces."""
-    files = {f"{folder}/{path.name}": path for place in places() for path in (place / folder).glob("*.nbc")}
+    files = {f"{folder}/{path.name}": path for place in list_folders() for path in (place / folder).glob("*.nbc")}
     damaged = {name: path for name, path in files.items() if not is_stored(name)}
     for path in damaged.values():
         with suppress(OSError):  # of a read-only installation
@@ -151,9 +151,9 @@ def drop_damaged(folder: str) -> list[str]:
     return sorted(damaged)
 
 
-def write(name: str, code: bytes) -> None:
+def write_code(name: str, code: bytes) -> None:
     """Store code in a file, in one rename; where that cannot be, a user reads so once."""
-    path = places()[-1] / name
+    path = list_folders()[-1] / name
     draft = path.with_name(f"{path.name}.tmp.{uuid4().hex[:16]}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -163,7 +163,9 @@ def write(name: str, code: bytes) -> None:
         with suppress(OSError):
             draft.unlink()
         if not path.exists():  # Windows replaces no file that another process reads
-            _report(unstored() or f"machine code cannot be stored ({path.parent}: {error.strerror or error}); {CURE}")
+            _report(
+                why_not_stored() or f"machine code cannot be stored ({path.parent}: {error.strerror or error}); {CURE}"
+            )
 
 
 def _report(problem: str) -> None:
@@ -189,17 +191,19 @@ def file_of(stem: str, words: str, more: str = "") -> str:
     more : str
         Whatever else the code depends on.
     """
-    digest = blake2b(repr((machine(), words, more)).encode("utf-8", "backslashreplace"), digest_size=12).hexdigest()
+    digest = blake2b(
+        repr((name_machine(), words, more)).encode("utf-8", "backslashreplace"), digest_size=12
+    ).hexdigest()
     return f"{stem}-{digest}.nbc"
 
 
 @cache
-def machine() -> str:
+def name_machine() -> str:
     """Return a name for what machine code depends on besides the sources: Numba loads that of no other processor."""
     return repr((sys.version_info[:2], numba.__version__, cpu_target.target_context.codegen().magic_tuple()))
 
 
-def types_named(arguments: Iterable[Any]) -> str:
+def name_types(arguments: Iterable[Any]) -> str:
     """Return types in words, as in names of files and in `kernels/needed.json`."""
     return " ".join(map(name_type, arguments))
 
@@ -233,7 +237,7 @@ class StoredCode(FunctionCache):
     @property
     def cache_path(self) -> str:
         """The folder for new code."""
-        return str(places()[-1])
+        return str(list_folders()[-1])
 
     def flush(self) -> None:
         """Do nothing: what is stored stays."""
@@ -241,7 +245,7 @@ class StoredCode(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the code for these types, None if there is none that is whole."""
         target_context.refresh()
-        for content in read(self._file(sig)):
+        for content in read_code(self._file(sig)):
             with suppress(Exception):  # of types that cannot be unpickled or compared: it is compiled
                 key, code = pickle.loads(content)
                 if key == self._index_key(sig, target_context.codegen()):
@@ -252,7 +256,7 @@ class StoredCode(FunctionCache):
         """Store code."""
         if self._impl.check_cachable(result) and self._accepts():
             key = self._index_key(sig, result.codegen)
-            write(self._file(sig), dumps((key, self._impl.reduce(result))))
+            write_code(self._file(sig), dumps((key, self._impl.reduce(result))))
 
     def _file(self, sig: Any) -> str:
-        return file_of(self._stem, types_named(getattr(sig, "args", sig)), self._more)
+        return file_of(self._stem, name_types(getattr(sig, "args", sig)), self._more)

@@ -75,20 +75,20 @@ def _name_of(result: Any) -> str:
     return f"{result.fndesc.modname}.{result.fndesc.qualname}.{digest}"
 
 
-def _call_by_name(name: str, described: Any, reload: Reload) -> Any:
+def _call_by_name(name: str, fndesc: Any, reload: Reload) -> Any:
     """Return what Numba writes where a function is called: Numba's own code for this, with another name."""
 
     def implementation(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        kind = context.call_conv.get_function_type(described.restype, described.argtypes)
+        kind = context.call_conv.get_function_type(fndesc.restype, fndesc.argtypes)
         function = cgutils.get_or_insert_function(builder.module, kind, name)
         context.active_code_library._reload_init.add(reload)
-        status, value = context.call_conv.call_function(builder, function, described.restype, described.argtypes, args)
+        status, value = context.call_conv.call_function(builder, function, fndesc.restype, fndesc.argtypes, args)
         with cgutils.if_unlikely(builder, status.is_error):
             context.call_conv.return_status_propagate(builder, status)
         value = fix_returning_optional(context, builder, sig, status, value)
-        return impl_ret_new_ref(context, builder, described.restype, value)
+        return impl_ret_new_ref(context, builder, fndesc.restype, value)
 
-    implementation.signature = described.argtypes  # type: ignore[attr-defined]
+    implementation.signature = fndesc.argtypes  # type: ignore[attr-defined]
     implementation.libs = ()  # type: ignore[attr-defined]
     return implementation
 
@@ -126,14 +126,14 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False,
         result._cache = StoredCode(function, stem_of(function))
     else:
         with suppress(OSError):  # its source is not in a file
-            result._cache = StoredCode(function, *_described(function))
+            result._cache = StoredCode(function, *_describe_function(function))
     inherit_reloads(result)
     if apart:
         keep_apart(result)
     return result
 
 
-def _described(function: Callable[..., Any]) -> tuple[str, str]:
+def _describe_function(function: Callable[..., Any]) -> tuple[str, str]:
     """Return a name of a function of another package, and what its code depends on besides types."""
     code = function.__code__
     source = Path(code.co_filename)
@@ -146,14 +146,14 @@ def stem_of(function: Callable[..., Any]) -> str:
     return f"{function.__module__.removeprefix(f'{PACKAGE.name}.')}.{function.__qualname__}"
 
 
-def custom_compiled(function: Callable[..., Any]) -> Any:
+def compile_custom(function: Callable[..., Any]) -> Any:
     """Compile a user's function when it is first called; it releases the GIL and is not stored on disk.
 
     Bounds are checked: an index too large would otherwise read another robot's memory.
 
     Examples
     --------
-    >>> custom_compiled(lambda x: 2 * x)(21)
+    >>> compile_custom(lambda x: 2 * x)(21)
     42
     """
     return njit(error_model="numpy", boundscheck=True, nogil=True)(function)

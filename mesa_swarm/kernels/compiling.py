@@ -15,7 +15,7 @@ from typing import Any
 from numba.core import event
 
 from mesa_swarm.base.progress import note
-from mesa_swarm.kernels.code_files import PACKAGE, file_of, is_stored, places, types_named, unstored
+from mesa_swarm.kernels.code_files import PACKAGE, file_of, is_stored, list_folders, name_types, why_not_stored
 from mesa_swarm.kernels.compiled import FUNCTIONS, stem_of
 
 NEEDED = Path(__file__).with_name("needed.json")
@@ -79,10 +79,10 @@ class Compilation(event.Listener):
         """Return how far it is in words, "" if nothing more is expected."""
         total = len(self.compiled | self.expected)
         missing = self.expected.keys() - self.compiled.keys()
-        done = total - len(missing - stored_functions(missing))
-        if done == total and self._exact:
+        count = total - len(missing - stored_functions(missing))
+        if count == total and self._exact:
             return ""
-        return compiling_progress(done, total, self._exact)
+        return compiling_progress(count, total, self._exact)
 
     def _resolve(self) -> None:
         """Find out what the models that were made since the last time need and is not there."""
@@ -91,12 +91,12 @@ class Compilation(event.Listener):
             return
         for modules in models:
             names, exact = needed_by(modules)
-            there = stored_functions(names)
-            self.expected |= dict.fromkeys(name for name in names if name not in there)
+            stored_names = stored_functions(names)
+            self.expected |= dict.fromkeys(name for name in names if name not in stored_names)
             self._exact = self._exact and exact
-        if not self.alone and not unstored():
+        if not self.alone and not why_not_stored():
             self.alone = True
-            import_module(PRECOMPILE).start(list(self.expected))
+            import_module(PRECOMPILE).start_compiling(list(self.expected))
 
     def _show(self) -> None:
         note(self.text())
@@ -107,7 +107,7 @@ def compiling_progress(done: int, total: int, exact: bool = True) -> str:
 
     Examples
     --------
-    >>> compiling_progress(34, 60), in_words(34, 60, exact=False)
+    >>> compiling_progress(34, 60), compiling_progress(34, 60, exact=False)
     ('compiling, once per installation: 34 of 60', 'compiling, once per installation: 34 of at least 60')
     """
     return f"compiling, once per installation: {done} of {'' if exact else 'at least '}{total}"
@@ -119,11 +119,11 @@ def name_of(function: Any, arguments: Iterable[Any]) -> str:
     Examples
     --------
     >>> from numba import types
-    >>> from mesa_swarm.geometry.overlap import wrapped
-    >>> name_of(wrapped.py_func, (types.float64,))
-    'geometry.overlap.wrapped float64'
+    >>> from mesa_swarm.geometry.overlap import wrap_angle
+    >>> name_of(wrap_angle.py_func, (types.float64,))
+    'geometry.overlap.wrap_angle float64'
     """
-    return f"{stem_of(function)} {types_named(arguments)}"
+    return f"{stem_of(function)} {name_types(arguments)}"
 
 
 def stored_functions(names: Iterable[str]) -> set[str]:
@@ -134,7 +134,7 @@ def stored_functions(names: Iterable[str]) -> set[str]:
 def code_folders(names: Iterable[str]) -> tuple[Path, ...]:
     """Return the folders in which machine code of some of these functions is stored."""
     files = [_file_of(name) for name in names]
-    return tuple(place for place in places() if any((place / file).exists() for file in files))
+    return tuple(place for place in list_folders() if any((place / file).exists() for file in files))
 
 
 def _file_of(name: str) -> str:

@@ -18,7 +18,7 @@ import numba
 import numpy as np
 
 from mesa_swarm.base.errors import shortened
-from mesa_swarm.kernels.code_files import StoredCode, modified, places
+from mesa_swarm.kernels.code_files import StoredCode, list_folders, time_of_change
 from mesa_swarm.kernels.compiled import FUNCTIONS
 
 # Within the folders of machine code.
@@ -57,10 +57,10 @@ def digest_function(function: FunctionType, *more: Any) -> str | None:
     None
     """
     try:
-        known = repr((VERSIONS, _function(function), _value(more)))
+        description = repr((VERSIONS, _function(function), _value(more)))
     except Exception:  # an object of a user's may raise anything
         return None
-    return blake2b(known.encode("utf-8", "backslashreplace"), digest_size=16).hexdigest()
+    return blake2b(description.encode("utf-8", "backslashreplace"), digest_size=16).hexdigest()
 
 
 def _function(function: FunctionType) -> Any:
@@ -70,7 +70,7 @@ def _function(function: FunctionType) -> Any:
 
 
 def _code(code: CodeType) -> Any:
-    constants = [_code(c) if isinstance(c, CodeType) else _value(c) for c in code.co_consts]
+    constants = [_code(constant) if isinstance(constant, CodeType) else _value(constant) for constant in code.co_consts]
     names = code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars
     more = code.co_argcount, code.co_kwonlyargcount, code.co_flags, code.co_exceptiontable
     return code.co_code, constants, names, more
@@ -93,7 +93,7 @@ def _used_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
 
 def _names_in(code: CodeType) -> list[str]:
     """Return the names that a code may look up in its module, attributes among them."""
-    inner = [name for c in code.co_consts if isinstance(c, CodeType) for name in _names_in(c)]
+    inner = [name for constant in code.co_consts if isinstance(constant, CodeType) for name in _names_in(constant)]
     return [*code.co_names, *inner]
 
 
@@ -146,7 +146,7 @@ class CustomCode(StoredCode):
             _drop_old()
 
 
-def renamed(function: FunctionType, digest: str | None) -> FunctionType:
+def rename_function(function: FunctionType, digest: str | None) -> FunctionType:
     """Return a function under a name that no other has: in one process there may be code of several others."""
     if digest is None:
         return function
@@ -157,10 +157,10 @@ def renamed(function: FunctionType, digest: str | None) -> FunctionType:
     return copy
 
 
-def stored_on_disk(dispatcher: Any, digest: str | None, accepts: Callable[[], bool] = lambda: True) -> Any:
+def store_on_disk(dispatcher: Any, digest: str | None, accepts: Callable[[], bool] = lambda: True) -> Any:
     """Let Numba load and store the machine code of a custom function, unless its digest is None; return it.
 
-    The function has to be `renamed`. Code is stored if `accepts()` returns True when it has been compiled.
+    The function has to be one of `rename_function`. Code is stored if `accepts()` returns True once it is compiled.
     """
     if digest is not None:
         dispatcher._cache = CustomCode(dispatcher.py_func, digest, accepts)
@@ -169,7 +169,7 @@ def stored_on_disk(dispatcher: Any, digest: str | None, accepts: Callable[[], bo
 
 def _drop_old() -> None:
     """Remove the oldest files beyond the limit."""
-    files = sorted((places()[-1] / FOLDER).glob("*.nbc"), key=modified)
+    files = sorted((list_folders()[-1] / FOLDER).glob("*.nbc"), key=time_of_change)
     for old in files[:-MOST_STORED]:
         with suppress(OSError):  # another process has removed it
             old.unlink()

@@ -99,13 +99,13 @@ class Kernel(NamedTuple):
             self.attend(code)  # type: ignore[misc]
 
 
-def kernel_of(thing: Any, method: str, *arguments: Any) -> Kernel | None:
+def kernel_of(instance: Any, method: str, *arguments: Any) -> Kernel | None:
     """Return what ``kernel_for(*arguments)`` of an object does, which does the same as a method of it, else None.
 
     None as well where a derived class has another such method.
     """
-    owner = next((kind for kind in type(thing).__mro__ if {method, "kernel_for"} & vars(kind).keys()), object)
-    return thing.kernel_for(*arguments) if "kernel_for" in vars(owner) else None
+    owner = next((kind for kind in type(instance).__mro__ if {method, "kernel_for"} & vars(kind).keys()), object)
+    return instance.kernel_for(*arguments) if "kernel_for" in vars(owner) else None
 
 
 class Prepared:
@@ -244,7 +244,7 @@ class Part(Protocol):
         By default the attributes that its constructor has set, without those that are columns.
         """
         columns = {id(column.array) for column in self.columns().values()}
-        return {name: value for name, value in made_of(self).items() if id(value) not in columns}
+        return {name: value for name, value in list_attributes(self).items() if id(value) not in columns}
 
     def word_of(self, name: str) -> str:
         """Return in a few words what a stored value is, for messages."""
@@ -260,8 +260,8 @@ class Part(Protocol):
 
         By default the attribute that held the former one has it.
         """
-        former = self.columns()[name].array
-        holder = next((attribute for attribute, value in vars(self).items() if value is former), None)
+        old_array = self.columns()[name].array
+        holder = next((attribute for attribute, value in vars(self).items() if value is old_array), None)
         if holder is None:
             raise InvalidValueError(
                 f"part {self.name} has no attribute that is its column {name}; define replace(name, array)"
@@ -286,14 +286,14 @@ class Itself:
         return isinstance(other, Itself) and other.value is self.value
 
 
-def made_of(part: Part) -> dict[str, Any]:
+def list_attributes(part: Part) -> dict[str, Any]:
     """Return the attributes of a part, without those that `bind` makes anew."""
-    bound = bound_names(type(part))  # type: ignore[arg-type]
+    bound = find_bound_names(type(part))  # type: ignore[arg-type]
     return {name: value for name, value in vars(part).items() if name not in bound}
 
 
 @cache
-def bound_names(kind: type) -> frozenset[str]:
+def find_bound_names(kind: type) -> frozenset[str]:
     """Return the attributes that `bind` of a class assigns and its constructor does not: they are made anew.
 
     Examples
@@ -304,14 +304,14 @@ def bound_names(kind: type) -> frozenset[str]:
     ...
     ...     def bind(self, context):
     ...         self.model, self.driven = context.model, self.driven
-    >>> sorted(bound_names(Odometer))
+    >>> sorted(find_bound_names(Odometer))
     ['model']
     """
-    return assigned_in(kind, "bind") - assigned_in(kind, "__init__")
+    return find_assigned_names(kind, "bind") - find_assigned_names(kind, "__init__")
 
 
-def assigned_in(kind: type, method: str) -> frozenset[str]:
+def find_assigned_names(kind: type, method: str) -> frozenset[str]:
     """Return the names of attributes that a method of a class, and of its bases, assigns."""
-    functions = [found for base in kind.__mro__ if isinstance(found := vars(base).get(method), FunctionType)]
+    functions = [attribute for base in kind.__mro__ if isinstance(attribute := vars(base).get(method), FunctionType)]
     steps = (step for function in functions for step in dis.get_instructions(function))
     return frozenset(step.argval for step in steps if step.opname == "STORE_ATTR")

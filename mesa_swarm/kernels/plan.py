@@ -48,7 +48,7 @@ class Plan(NamedTuple):
         stages = [(part.name, stage) for part in parts for stage in part.stages()]
         stages.sort(key=lambda pair: pair[1].phase)  # stable: in the order of parts
         collects = [stage.phase is Phase.COLLECT for _, stage in stages]
-        calls = [due(stage, completed) for _, stage in stages]
+        calls = [call_when_due(stage, completed) for _, stage in stages]
         advancing = tuple(call for call, is_last in zip(calls, collects, strict=True) if not is_last)
         return cls(tuple(stages), version, advancing, tuple(calls[len(advancing) :]))
 
@@ -57,7 +57,7 @@ class Plan(NamedTuple):
         rows = [("phase", "part", "what", "how"), *(_row(part, stage) for part, stage in self.stages)]
         widths = [max(len(row[column]) for row in rows) for column in range(3)]
         lines = ["  ".join((*map(str.ljust, row, widths), row[3])) for row in rows]
-        lines += [f"besides: {what}" for what in self.besides]
+        lines += [f"besides: {reason}" for reason in self.besides]
         return "\n".join(line.rstrip() for line in lines)
 
 
@@ -67,10 +67,10 @@ def _row(part: str, stage: Stage) -> tuple[str, str, str, str]:
     names = function.__name__ if function else stage.compiled
     compiled = f"compiled: {names}" if names else ""
     python = f"Python: {stage.python}" if stage.python else "" if compiled else "Python"
-    return stage.phase.name.lower(), part, f"{stage.name}{every}", "; ".join(how for how in (compiled, python) if how)
+    return stage.phase.name.lower(), part, f"{stage.name}{every}", "; ".join(way for way in (compiled, python) if way)
 
 
-def due(stage: Stage, completed: Callable[[], int]) -> Callable[[], None]:
+def call_when_due(stage: Stage, completed: Callable[[], int]) -> Callable[[], None]:
     """Return what calls a stage in the steps that its interval divides; `completed` steps were taken before."""
     if stage.every == 1:
         return stage.call

@@ -18,26 +18,22 @@ from typing import Any
 from mesa_swarm.kernels.code_files import PACKAGE
 from mesa_swarm.kernels.compiling import compilation, stored_functions
 from mesa_swarm.kernels.type_names import types_in_words
+from mesa_swarm.kernels.waiting import count_processors
 
 # To start a process takes as long as compiling a few functions.
 FEWEST_FUNCTIONS = 20
 MOST_PROCESSES = 3
 
 
-def start(names: Sequence[str]) -> None:
+def start_compiling(names: Sequence[str]) -> None:
     """Start processes that compile these functions, on cores that are free, if that pays."""
-    count = min(_cores() - 1, MOST_PROCESSES) if len(names) >= FEWEST_FUNCTIONS else 0
+    count = min(count_processors() - 1, MOST_PROCESSES) if len(names) >= FEWEST_FUNCTIONS else 0
     for k in range(count):
         with suppress(OSError):  # where no process can be started, this one compiles all
-            _start_one(sorted(names, reverse=True)[k::count])
+            _start_process(sorted(names, reverse=True)[k::count])
 
 
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
-
-
-def _start_one(names: list[str]) -> None:
+def _start_process(names: list[str]) -> None:
     paths = os.pathsep.join([str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
         [sys.executable, "-m", __name__],
@@ -63,7 +59,7 @@ def compile_named(name: str) -> None:
 
     Examples
     --------
-    >>> compile_named("geometry.overlap.wrapped float64")
+    >>> compile_named("geometry.overlap.wrap_angle float64")
     """
     function, _, words = name.partition(" ")
     module, _, attribute = function.rpartition(".")

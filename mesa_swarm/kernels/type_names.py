@@ -33,8 +33,8 @@ def name_type(kind: Any) -> str:
     if isinstance(kind, types.Array):
         return f"{kind.dtype}[{kind.ndim}{kind.layout}{'' if kind.mutable else 'r'}]"
     if isinstance(kind, types.BaseTuple):
-        made = getattr(kind, "instance_class", None)
-        name = "" if made is None else f"{made.__module__}.{made.__qualname__}"
+        tuple_class = getattr(kind, "instance_class", None)
+        name = "" if tuple_class is None else f"{tuple_class.__module__}.{tuple_class.__qualname__}"
         return f"{name}({' '.join(name_type(part) for part in cast(Any, kind))})"
     return re.sub(r" at 0x[0-9a-f]+", "", str(kind))
 
@@ -57,8 +57,8 @@ def types_in_words(words: str) -> tuple[Any, ...]:
         if token.endswith("("):
             open_tuples.append((_class_named(token[:-1]), []))
         elif token == ")":
-            made, parts = open_tuples.pop()
-            open_tuples[-1][1].append(types.BaseTuple.from_types(tuple(parts), made))
+            tuple_class, parts = open_tuples.pop()
+            open_tuples[-1][1].append(types.BaseTuple.from_types(tuple(parts), tuple_class))
         else:
             open_tuples[-1][1].append(_type_in_word(token))
     return tuple(open_tuples[0][1])
@@ -93,8 +93,8 @@ def _class_named(name: str) -> Any:
 
 
 def _type_in_word(token: str) -> Any:
-    if found := re.fullmatch(r"(\w+)\[(\d+)([ACF])(r?)\]", token):
-        name, dimensions, layout, read_only = found.groups()
+    if match := re.fullmatch(r"(\w+)\[(\d+)([ACF])(r?)\]", token):
+        name, dimensions, layout, read_only = match.groups()
         return types.Array(vars(types)[name], int(dimensions), cast(Any, layout), readonly=bool(read_only))
     found_type = vars(types)[token]
     if not isinstance(found_type, types.Type):

@@ -1,5 +1,6 @@
-"""Waiting for a number that another thread writes, in compiled code, without holding the GIL."""
+"""Waiting for a number that another thread writes, in compiled code, without holding the GIL; how many may work."""
 
+import os
 from typing import Any
 
 from numba.core import types
@@ -11,8 +12,15 @@ from mesa_swarm.kernels.compiled import compiled
 PAUSE = 16
 
 
+def count_processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 @intrinsic
-def look_at(typing: Any, word: Any) -> Any:
+def read_word(typing: Any, word: Any) -> Any:
     """Read the first number of an array as another thread has written it last."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -28,10 +36,10 @@ def wait_while(word, value, looks):
     """Look at a word until it differs from a value, at most so often, and return what it is."""
     busy = 1
     for _ in range(looks):
-        found = look_at(word)
-        if found != value:
-            return found
+        content = read_word(word)
+        if content != value:
+            return content
         for _ in range(PAUSE):
             busy = busy * 3 + value
     # Of use only so that no compiler leaves the pause out.
-    return look_at(word) if busy != 0 else value
+    return read_word(word) if busy != 0 else value

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.design import RANGE
 from mesa_swarm.world.statics import FIRE, LOAD, ROBOT
@@ -67,7 +67,7 @@ def boltzmann(values: ArrayLike, temperature: float) -> np.ndarray:
 def as_floats(values: ArrayLike) -> np.ndarray:
     """Return values as a C-contiguous array of floats; NaN, which every check refuses, if they are not numbers."""
     try:
-        return np.asarray(unmasked(values), dtype=np.float64, order="C")
+        return np.asarray(fill_masked(values), dtype=np.float64, order="C")
     except (TypeError, ValueError, OverflowError):
         return np.array(np.nan)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.base.extras import need
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 
 
 class Evolution:
@@ -46,7 +46,7 @@ class Evolution:
 
     def __init__(self, start: Sequence[float] | np.ndarray, *, sigma: float, population: int, seed: int) -> None:
         try:
-            first = np.array(unmasked(start), dtype=float)
+            first = np.array(fill_masked(start), dtype=float)
         except (TypeError, ValueError):
             first = np.empty(0)
         if first.ndim != 1 or len(first) < 2 or not np.isfinite(first).all():

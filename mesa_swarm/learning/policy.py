@@ -19,7 +19,7 @@ from mesa_swarm.base.errors import (
     shortened,
 )
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import as_floats, described
 from mesa_swarm.robots.design import RobotDesign
@@ -43,7 +43,7 @@ def checked_numbers(numbers: ArrayLike | None, robots: int) -> np.ndarray:
     if numbers is None:
         return np.empty(0, np.int64)
     try:
-        given = unmasked(numbers)
+        given = fill_masked(numbers)
     except ValueError:
         given = np.empty(0)
     if given.shape != (robots,) or given.dtype.kind not in "iu":
@@ -123,9 +123,9 @@ class SensorLayout:
         if kinds is None and encoding != "distance":
             raise InvalidValueError(f"kinds is None; expected the kind at each sensor, as the encoding is {encoding!r}")
         try:
-            distance = np.ascontiguousarray(unmasked(readings), np.float64)
+            distance = np.ascontiguousarray(fill_masked(readings), np.float64)
             # 0 is an obstacle, -1 nothing.
-            given = np.where(distance < 0.0, -1, 0) if kinds is None else _whole(unmasked(kinds))
+            given = np.where(distance < 0.0, -1, 0) if kinds is None else _whole(fill_masked(kinds))
             kind = np.ascontiguousarray(given, np.int8)
         except (TypeError, ValueError, OverflowError):
             distance, kind = np.empty(0), np.empty(0, np.int8)
@@ -346,7 +346,7 @@ class PolicyLayer:
 def _shares_of(returned: object) -> np.ndarray:
     """Return a policy's result as an array of floats, an empty one if it does not hold numbers."""
     try:
-        array = unmasked(returned)
+        array = fill_masked(returned)
     except ValueError:  # rows of different lengths
         array = np.empty(0)
     return array.astype(np.float64, order="C") if array.dtype.kind in "biuf" else np.empty(0)

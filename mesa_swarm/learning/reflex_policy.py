@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, shortened
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.policy import DOUBLE, SensorLayout, check_stored, checked_chances, checked_numbers
 from mesa_swarm.world.statics import ROBOT
@@ -93,7 +93,7 @@ class ReflexPolicy:
     @classmethod
     def reflex(cls, sensors: SensorLayout, weights: ArrayLike, squash: str = "linear") -> "ReflexPolicy":
         """Return a reflex designed by hand, which needs no training: weights (s + 1, 2), no whim."""
-        given = np.array(unmasked(weights), dtype=float)
+        given = np.array(fill_masked(weights), dtype=float)
         if given.shape != (len(sensors) + 1, 2):
             raise InvalidValueError(f"weights have shape {given.shape}; expected ({len(sensors) + 1}, 2)")
         wheel = np.insert(given, len(sensors), 0.0, axis=0)[None]
@@ -108,7 +108,7 @@ class ReflexPolicy:
         There are `genome_length` of them, for 0 to 64 hidden `units`; 0 make reflexes. `encoding` is what its inputs
         are, see `ReflexPolicy`; `more` are other fields of the policy.
         """
-        rows, genes = rows_of(sensors, units, encoding), np.array(unmasked(genome), dtype=float)
+        rows, genes = rows_of(sensors, units, encoding), np.array(fill_masked(genome), dtype=float)
         if genes.shape != (rows * (units + 2),):
             raise InvalidValueError(f"genome has shape {genes.shape}; expected ({rows * (units + 2)},)")
         hidden, wheel = np.split(genes, [rows * units])

@@ -23,20 +23,20 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.base.files import check_present_format, shown_path, write_whole
 from mesa_swarm.base.wording import quantity
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.maps.map_parts import (
     LARGEST_FILE,
     RADIUS_OF_UNIT_AREA,
-    Bounds,
     FireSpot,
     bytes_of,
     check_inside,
-    checked_bounds,
-    checked_map_name,
+    check_map_bounds,
+    check_map_name,
     coordinate,
     decode_text,
     file_content,
     first_points_within,
-    naming,
+    name_file_in_errors,
     refusal,
 )
 from mesa_swarm.maps.toml import number_text, read_toml, toml_text
@@ -117,14 +117,14 @@ class Map:
 
     def __post_init__(self) -> None:
         """Check everything and store the sequences as tuples."""
-        bounds = checked_bounds(self.bounds)
-        checked = {
-            "name": checked_map_name(self.name),
+        bounds = check_map_bounds(self.bounds)
+        values = {
+            "name": check_map_name(self.name),
             "bounds": bounds,
             "obstacles": _parts_within(bounds, "obstacle", self.obstacles, Shape),
             "fires": _parts_within(bounds, "fire", self.fires, FireSpot),
         }
-        for name, value in checked.items():
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -182,7 +182,7 @@ class Map:
         >>> Map.from_toml(hall.to_toml()) == hall
         True
         """
-        with naming(source):
+        with name_file_in_errors(source):
             return cls(**read_toml(text, source))
 
     @classmethod
@@ -197,7 +197,7 @@ class Map:
         """
         from mesa_swarm.maps.svg import read_svg  # noqa: PLC0415 - slow to load
 
-        with naming(source), np.errstate(all="ignore"):  # overflows are refused as shapes
+        with name_file_in_errors(source), np.errstate(all="ignore"):  # overflows are refused as shapes
             return cls(**read_svg(bytes_of(content, source), source))
 
     def to_toml(self) -> str:
@@ -233,7 +233,7 @@ class Map:
         True
         """
         target = Path(path)
-        suffix = _known_suffix(target, WRITABLE)
+        suffix = _check_suffix(target, WRITABLE)
         write_whole(target, self.to_toml() if suffix == ".toml" else self.to_svg(), MapError, folders=False)
 
 
@@ -257,17 +257,17 @@ def builtin_name(text: object) -> str | None:
     return name if name in BUILTIN else None
 
 
-def _parts_within(bounds: Bounds, word: str, parts: Iterable[Part], wanted: type[Part]) -> tuple[Part, ...]:
+def _parts_within(bounds: Bounds, word: str, parts: Iterable[Part], part_class: type[Part]) -> tuple[Part, ...]:
     """Return the parts as a tuple if each is of the wanted type and partly within the bounds."""
     if not isinstance(parts, Iterable):
-        raise InvalidValueError(f"{word}s is {shortened(parts)}; expected a list of {wanted.__name__}")
-    checked = tuple(parts)
-    for number, part in enumerate(checked, start=1):
-        if not isinstance(part, wanted):
-            raise InvalidValueError(f"{word} {number} is {shortened(part)}; expected a {wanted.__name__}")
-    for index in np.flatnonzero(~first_points_within(checked, bounds)):
-        check_inside(f"{word} {index + 1}", checked[index], bounds)
-    return checked
+        raise InvalidValueError(f"{word}s is {shortened(parts)}; expected a list of {part_class.__name__}")
+    all_parts = tuple(parts)
+    for number, part in enumerate(all_parts, start=1):
+        if not isinstance(part, part_class):
+            raise InvalidValueError(f"{word} {number} is {shortened(part)}; expected a {part_class.__name__}")
+    for index in np.flatnonzero(~first_points_within(all_parts, bounds)):
+        check_inside(f"{word} {index + 1}", all_parts[index], bounds)
+    return all_parts
 
 
 def _builtin(name: str) -> Map:
@@ -276,27 +276,27 @@ def _builtin(name: str) -> Map:
 
 
 def _from_file(source: str | os.PathLike[str]) -> Map:
-    path, shown = _existing(source)
-    suffix = _known_suffix(path, READABLE)
+    path, shown_name = _find_file(source)
+    suffix = _check_suffix(path, READABLE)
     content = file_content(path, LARGEST_LEGACY_FILE if suffix == ".map" else LARGEST_FILE)
     if suffix == ".svg":
-        return Map.from_svg(content, shown)
-    text = decode_text(content, shown)
+        return Map.from_svg(content, shown_name)
+    text = decode_text(content, shown_name)
     if suffix == ".toml":
-        return Map.from_toml(text, shown)
-    with naming(shown):
-        return Map(**read_legacy(text, shown, path.stem.strip()))
+        return Map.from_toml(text, shown_name)
+    with name_file_in_errors(shown_name):
+        return Map(**read_legacy(text, shown_name, path.stem.strip()))
 
 
-def _existing(source: str | os.PathLike[str]) -> tuple[Path, str]:
+def _find_file(source: str | os.PathLike[str]) -> tuple[Path, str]:
     """Return the path and how errors show it; a missing file may be a misspelt built-in name."""
-    path, shown = Path(source), shown_path(source)
+    path, shown_name = Path(source), shown_path(source)
     check_present_format(path, MapError)
     if _exists(path):
-        return path, shown
+        return path, shown_name
     if name := builtin_name(path.stem):
-        raise refusal(shown, "no such file", f"a path is a file; the built-in map is the text {name!r}")
-    raise refusal(shown, "no such file", unknown_name("map", path.stem, (*BUILTIN, *ALIASES)))
+        raise refusal(shown_name, "no such file", f"a path is a file; the built-in map is the text {name!r}")
+    raise refusal(shown_name, "no such file", unknown_name("map", path.stem, (*BUILTIN, *ALIASES)))
 
 
 def _exists(path: Path) -> bool:
@@ -306,10 +306,10 @@ def _exists(path: Path) -> bool:
         return False
 
 
-def _known_suffix(path: Path, known: tuple[str, ...]) -> str:
+def _check_suffix(path: Path, suffixes: tuple[str, ...]) -> str:
     suffix = path.suffix.lower()
-    if suffix not in known:
-        raise refusal(str(path), "", f"expected a file that ends in {', '.join(known)}")
+    if suffix not in suffixes:
+        raise refusal(str(path), "", f"expected a file that ends in {', '.join(suffixes)}")
     return suffix
 
 
@@ -340,11 +340,11 @@ def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
     y is turned to point up.
     """
     entries = []
-    tree, unclosed = _tree(_typed(text), source)
+    tree, unclosed = _tree(_as_typed(text), source)
     for call in _calls(tree, source):
-        with naming(source, f"line {call.lineno}"):
+        with name_file_in_errors(source, f"line {call.lineno}"):
             entries.append(_entry(call))
-    with naming(source):
+    with name_file_in_errors(source):
         bounds = _bounds(entries)
     parts = [_part(entry, bounds, source) for entry in entries]
     obstacles = tuple(part for part in parts if isinstance(part, Shape))
@@ -354,7 +354,7 @@ def read_legacy(text: str, source: str, name: str) -> dict[str, Any]:
     return {"name": name, "bounds": bounds, "obstacles": obstacles, "fires": fires}
 
 
-def _typed(text: str) -> str:
+def _as_typed(text: str) -> str:
     """Return what is copied from print as it is typed: plain quotation marks, no indentation, no empty space."""
     text = re.sub("\u2019\u2019|\u2018\u2018", '"', text)
     lines = text.translate(PRINTED).replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -374,13 +374,13 @@ def _tree(text: str, source: str) -> tuple[ast.Module, int]:
     except (RecursionError, MemoryError):  # of Python's parser, for bombs of nested brackets or signs
         raise refusal(source, "", "is nested too deeply") from None
     except (SyntaxError, ValueError) as error:
-        if closed := _with_end(text):
+        if closed := _close_list(text):
             return closed
         line = getattr(error, "lineno", None) or 1
         raise refusal(source, f"line {line}", getattr(error, "msg", error)) from None
 
 
-def _with_end(text: str) -> tuple[ast.Module, int] | None:
+def _close_list(text: str) -> tuple[ast.Module, int] | None:
     """Return the tree and the line of the last list if its bracket at the end, and nothing else, is missing."""
     try:
         tree = ast.parse(f"{text}\n]")
@@ -406,11 +406,11 @@ def _warn_of_end(source: str, line: int, obstacles: int, fires: int) -> None:
 
 def _refuse_computed_strings(text: str, source: str) -> None:
     """Refuse f"..." and the like, which may take Python's parser the square of their length."""
-    for found in _STRING.finditer(text):
-        if set("fFtT") & set(found[1] or ""):
-            line = text.count("\n", 0, found.start()) + 1
+    for match in _STRING.finditer(text):
+        if set("fFtT") & set(match[1] or ""):
+            line = text.count("\n", 0, match.start()) + 1
             raise refusal(
-                source, f"line {line}", f'has a string that begins with {found[1]}; expected a plain one such as "rec"'
+                source, f"line {line}", f'has a string that begins with {match[1]}; expected a plain one such as "rec"'
             )
 
 
@@ -434,9 +434,9 @@ def _entry(call: ast.expr) -> Entry:
         case _:
             raise InvalidValueError('expected Obstacle("rec", [[x, y], [x, y]]) or ("cir", [[x, y], radius])')
     numbers = list(_numbers(what, DEEPEST_NESTING))
-    wanted = NUMBERS_OF_KIND[kind]
-    if len(numbers) != wanted:
-        raise InvalidValueError(f"{kind} has {len(numbers)} numbers; expected {wanted}")
+    expected = NUMBERS_OF_KIND[kind]
+    if len(numbers) != expected:
+        raise InvalidValueError(f"{kind} has {len(numbers)} numbers; expected {expected}")
     if kind != "rec":
         check_number("radius", numbers[2], above=0)
     return Entry(kind, numbers, call.lineno)
@@ -460,17 +460,17 @@ def _bounds(entries: list[Entry]) -> Bounds:
     if not entries:
         raise InvalidValueError("has no obstacles; expected at least one, for they define the size of a .map")
     corners = [entry.far_corner for entry in entries]
-    return checked_bounds((0.0, 0.0, max(x for x, _ in corners), max(y for _, y in corners)))
+    return check_map_bounds((0.0, 0.0, max(x for x, _ in corners), max(y for _, y in corners)))
 
 
 def _part(entry: Entry, bounds: Bounds, source: str) -> Shape | FireSpot:
-    with naming(source, f"line {entry.line}"):
-        part = _upright(entry, height=bounds[3])
+    with name_file_in_errors(source, f"line {entry.line}"):
+        part = _turn_upright(entry, height=bounds[3])
         check_inside(entry.kind, part, bounds)
     return part
 
 
-def _upright(entry: Entry, height: float) -> Shape | FireSpot:
+def _turn_upright(entry: Entry, height: float) -> Shape | FireSpot:
     """Make the shape or fire, with y turned to point up."""
     if entry.kind == "rec":
         x0, y0, x1, y1 = entry.numbers
@@ -490,19 +490,19 @@ def svg_text(name: str, bounds: Bounds, obstacles: Iterable[Shape], fires: Itera
     from xml.sax.saxutils import escape  # noqa: PLC0415 - slow to load
 
     width, height = number_text(bounds[2] - bounds[0]), number_text(bounds[3] - bounds[1])
-    moved = bounds[:2] != (0.0, 0.0)
-    where = f' data-bounds="{" ".join(map(number_text, bounds))}"' if moved else ""
+    is_shifted = bounds[:2] != (0.0, 0.0)
+    attribute = f' data-bounds="{" ".join(map(number_text, bounds))}"' if is_shifted else ""
     size = f'width="{width}" height="{height}"'
     # A separate group for the move: in one transform the reader would round height + y_min.
-    shift = f'<g transform="translate({number_text(-bounds[0])} {number_text(-bounds[1])})">' if moved else ""
+    shift = f'<g transform="translate({number_text(-bounds[0])} {number_text(-bounds[1])})">' if is_shifted else ""
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}"{where}>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="0 0 {width} {height}"{attribute}>',
         f"  <title>{escape(name)}</title>",
         f'  <rect class="background" {size} fill="{GROUND}"/>',
         f'  <g transform="translate(0 {height}) scale(1 -1)" fill="{SOLID}" fill-rule="evenodd">{shift}',
         *(f"    {_shape_text(shape)}" for shape in obstacles),
         *(f"    {_fire_text(fire)}" for fire in fires),
-        "  </g></g>" if moved else "  </g>",
+        "  </g></g>" if is_shifted else "  </g>",
         "</svg>",
     ]
     return "\n".join(lines) + "\n"

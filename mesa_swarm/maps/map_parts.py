@@ -26,13 +26,12 @@ from mesa_swarm.base.errors import (
     without_middle,
 )
 from mesa_swarm.base.files import LONGEST_SHOWN
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
 
 RADIUS_OF_UNIT_AREA = 10.0
 LARGEST_FILE = 20_000_000
 LONGEST_NAME = 200
-
-Bounds = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +64,13 @@ class FireSpot:
 
     def __post_init__(self) -> None:
         """Check the numbers and store them as floats."""
-        x, y = checked_items("position of a fire", self.position, 2)
-        checked = {
+        x, y = check_items("position of a fire", self.position, 2)
+        values = {
             "position": (coordinate("x of a fire", x), coordinate("y of a fire", y)),
             "radius": check_number("radius of a fire", self.radius, above=0, maximum=LARGEST_COORDINATE),
             "temperature": check_number("temperature of a fire", self.temperature, above=0, maximum=1),
         }
-        for name, value in checked.items():
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -85,17 +84,17 @@ def coordinate(name: str, value: object) -> float:
     return check_number(name, value, minimum=-LARGEST_COORDINATE, maximum=LARGEST_COORDINATE) + 0.0
 
 
-def checked_bounds(bounds: object) -> Bounds:
+def check_map_bounds(bounds: object) -> Bounds:
     """Return `(x_min, y_min, x_max, y_max)` as floats if they span an area."""
     names = ("x_min", "y_min", "x_max", "y_max")
-    given = zip(names, checked_items("bounds", bounds, 4), strict=True)
-    x_min, y_min, x_max, y_max = (coordinate(f"{name} of the bounds", value) for name, value in given)
+    pairs = zip(names, check_items("bounds", bounds, 4), strict=True)
+    x_min, y_min, x_max, y_max = (coordinate(f"{name} of the bounds", value) for name, value in pairs)
     check_number("width of the map", x_max - x_min, above=0, maximum=LARGEST_COORDINATE)
     check_number("height of the map", y_max - y_min, above=0, maximum=LARGEST_COORDINATE)
     return x_min, y_min, x_max, y_max
 
 
-def checked_map_name(name: object) -> str:
+def check_map_name(name: object) -> str:
     """Return a map's name: printable, on one line, without spaces around it."""
     if not isinstance(name, str) or not name.isprintable() or not name.strip():
         raise InvalidValueError(f"name of the map is {shortened(name)}; expected a word or two")
@@ -105,7 +104,7 @@ def checked_map_name(name: object) -> str:
     return name
 
 
-def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
+def check_inside(subject: str, part: Shape | FireSpot, bounds: Bounds) -> None:
     """Raise InvalidValueError for an obstacle or fire of which no part is within the bounds."""
     if first_points_within([part], bounds).all():
         return  # a tenth of the work
@@ -115,7 +114,7 @@ def check_inside(what: str, part: Shape | FireSpot, bounds: Bounds) -> None:
     if distance > part.radius:
         x, y = geometry.centroid.coords[0]
         area = "({:g}, {:g}) to ({:g}, {:g})".format(*bounds)
-        raise InvalidValueError(f"{what} at ({x:g}, {y:g}) lies outside the map, which spans {area}")
+        raise InvalidValueError(f"{subject} at ({x:g}, {y:g}) lies outside the map, which spans {area}")
 
 
 def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np.ndarray:
@@ -131,15 +130,15 @@ def first_points_within(parts: Sequence[Shape | FireSpot], bounds: Bounds) -> np
     return (bounds[0] <= x) & (x <= bounds[2]) & (bounds[1] <= y) & (y <= bounds[3])
 
 
-def refusal(source: str, place: str, why: object) -> MapError:
+def refusal(source: str, place: str, reason: object) -> MapError:
     """Return the error that names, on one line, the file, the place in it, and the reason."""
-    shown = source if len(source) <= LONGEST_SHOWN + 3 else f"...{source[-LONGEST_SHOWN:]}"
-    text = " ".join(": ".join(str(part) for part in (shown, place, why) if part).split())
+    shown_source = source if len(source) <= LONGEST_SHOWN + 3 else f"...{source[-LONGEST_SHOWN:]}"
+    text = " ".join(": ".join(str(part) for part in (shown_source, place, reason) if part).split())
     return MapError(without_middle(text))
 
 
 @contextmanager
-def naming(source: str, place: str = "") -> Iterator[None]:
+def name_file_in_errors(source: str, place: str = "") -> Iterator[None]:
     """Turn a wrong value into a MapError that names the file and the place."""
     try:
         yield
@@ -178,7 +177,7 @@ def bytes_of(content: str | bytes, source: str) -> bytes:
         raise refusal(source, f"character {error.start + 1}", "not Unicode text") from None
 
 
-def checked_items(name: str, value: Any, length: int, expected: str = "") -> tuple:
+def check_items(name: str, value: Any, length: int, expected: str = "") -> tuple:
     """Return the items of a list, tuple or array of a given length."""
     try:
         items = () if isinstance(value, (str, bytes)) or not hasattr(value, "__len__") else tuple(value)
@@ -236,20 +235,20 @@ UNSEEN = 200.0
 MOST_PAIRS_AT_ONCE = 1_000_000
 ENOUGH_PAIRS = 100_000
 
-_given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambda: False)
+_is_given_up: ContextVar[Callable[[], bool]] = ContextVar("given_up", default=lambda: False)
 
 
 @contextmanager
-def stopping_when(given_up: Callable[[], bool]) -> Iterator[None]:
-    """Stop reading maps within the block, in this thread, at the next shape once `given_up` returns True.
+def stop_reading_when(is_given_up: Callable[[], bool]) -> Iterator[None]:
+    """Stop reading maps within the block, in this thread, at the next shape once `is_given_up` returns True.
 
     The reader then raises `concurrent.futures.CancelledError`.
     """
-    token = _given_up.set(given_up)
+    token = _is_given_up.set(is_given_up)
     try:
         yield
     finally:
-        _given_up.reset(token)
+        _is_given_up.reset(token)
 
 
 class Work:
@@ -257,14 +256,14 @@ class Work:
 
     def __init__(self, size: int) -> None:
         self.left = MOST_WORK * max(1.0, size / SMALL_FILE)
-        self._given_up = _given_up.get()
+        self._is_given_up = _is_given_up.get()
 
     def spend(self, cost: float) -> None:
         """Subtract the cost of work that is about to begin, and refuse it if that is more than is left.
 
-        A `CancelledError` is raised once the map is no longer waited for, see `stopping_when`.
+        A `CancelledError` is raised once the map is no longer waited for, see `stop_reading_when`.
         """
-        if self._given_up():
+        if self._is_given_up():
             raise CancelledError("the map is no longer waited for")
         if not cost <= self.left:
             raise InvalidValueError(TOO_MUCH)
@@ -288,9 +287,9 @@ class Work:
         low, high = (np.array([end(ring, axis=0) for ring in rings]) for end in (np.min, np.max))
         sizes = np.array([len(ring) for ring in rings])
         most = int(self._affordable / RELATION) + len(rings)
-        for one, other in self._touching(np.hstack([low, high]), most, TOO_MUCH):
-            apart = one != other
-            corners = sizes[one[apart]] + sizes[other[apart]]
+        for first, second in self._touching(np.hstack([low, high]), most, TOO_MUCH):
+            apart = first != second
+            corners = sizes[first[apart]] + sizes[second[apart]]
             self.spend(RELATION * apart.sum() + RELATED_CORNER * corners.sum())
         self._spend_on_pairs(rings, RELATED_PAIR)
 
@@ -306,9 +305,9 @@ class Work:
         sides, rank = sides[long], rank[long]
         least = self.left - self._affordable
         crossing = WIDE_CROSSING if width > WIDE * np.ptp(at, axis=0).max() else CROSSING
-        for one, other in self._touching(_boxes(sides), int(self._affordable / BAND_PAIR), LINE_TOO_CLOSE):
-            apart = np.abs(rank[one] - rank[other]) > 2  # a corner's own edges meet, or cross where it is flat
-            cost = BAND_PAIR * len(one) + crossing / 2 * _crossings(sides[one[apart]], sides[other[apart]])
+        for first, second in self._touching(_boxes(sides), int(self._affordable / BAND_PAIR), LINE_TOO_CLOSE):
+            apart = np.abs(rank[first] - rank[second]) > 2  # a corner's own edges meet, or cross where it is flat
+            cost = BAND_PAIR * len(first) + crossing / 2 * _crossings(sides[first[apart]], sides[second[apart]])
             if self.left - cost < least:
                 raise InvalidValueError(LINE_TOO_CLOSE)
             self.left -= cost
@@ -333,24 +332,24 @@ class Work:
         affordable = int(self._affordable / price)
         too_close = f"has an outline of {count} edges that come near each other too often; simplify it"
         pairs = 0
-        for one, other in self._touching(boxes, 2 * affordable + 3 * count, too_close):
-            pairs += int((one < other).sum())
+        for first, second in self._touching(boxes, 2 * affordable + 3 * count, too_close):
+            pairs += int((first < second).sum())
         if pairs > affordable:
             raise InvalidValueError(too_close)
         self.left -= price * pairs
 
     def _touching(self, boxes: np.ndarray, most: int, refusal: str) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield the pairs of boxes that touch, each both ways and each box with itself; refuse more than most."""
-        found = 0
-        for one, other in _touching(boxes):
-            found += len(one)
-            if found > most:
+        count = 0
+        for first, second in _list_touching(boxes):
+            count += len(first)
+            if count > most:
                 raise InvalidValueError(refusal)
             self.spend(0.0)  # stops if reading is cancelled
-            yield one, other
+            yield first, second
 
 
-def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _list_touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the pairs of boxes that touch, each both ways and each box with itself, in parts of a bounded size."""
     if not len(boxes):
         return
@@ -366,9 +365,9 @@ def _touching(boxes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         parts.append(pairs)
         count += pairs.shape[1]
         if count >= ENOUGH_PAIRS or first + batch >= len(boxes):
-            one, other = np.concatenate(parts, axis=1)
+            pairs = np.concatenate(parts, axis=1)
             for begin in range(0, count, ENOUGH_PAIRS):
-                yield one[begin : begin + ENOUGH_PAIRS], other[begin : begin + ENOUGH_PAIRS]
+                yield tuple(pairs[:, begin : begin + ENOUGH_PAIRS])
             parts, count = [], 0
 
 
@@ -376,9 +375,9 @@ def _most_pairs(boxes: np.ndarray) -> int:
     """Return the number of pairs of boxes that overlap in x, or in y if fewer: sorting is quicker than searching."""
     fewest = len(boxes) ** 2
     for low, high in (boxes[:, [0, 2]].T, boxes[:, [1, 3]].T):
-        begun = np.searchsorted(np.sort(low), high, side="right")
-        ended = np.searchsorted(np.sort(high), low, side="left")
-        fewest = min(fewest, int((begun - ended).sum() - len(boxes)) // 2)
+        begins = np.searchsorted(np.sort(low), high, side="right")
+        ends = np.searchsorted(np.sort(high), low, side="left")
+        fewest = min(fewest, int((begins - ends).sum() - len(boxes)) // 2)
     return fewest
 
 
@@ -404,10 +403,10 @@ def _sides(at: np.ndarray, half: float) -> np.ndarray:
     return np.concatenate(sides)
 
 
-def _crossings(one: np.ndarray, other: np.ndarray) -> int:
+def _crossings(sides: np.ndarray, other_sides: np.ndarray) -> int:
     """Return the number of pairs of edges that cross or touch."""
-    apart = (_side_of(one, other[:, :2]) * _side_of(one, other[:, 2:]) > 0) | (
-        _side_of(other, one[:, :2]) * _side_of(other, one[:, 2:]) > 0
+    apart = (_side_of(sides, other_sides[:, :2]) * _side_of(sides, other_sides[:, 2:]) > 0) | (
+        _side_of(other_sides, sides[:, :2]) * _side_of(other_sides, sides[:, 2:]) > 0
     )
     return int((~apart).sum())
 

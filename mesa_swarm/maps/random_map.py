@@ -8,7 +8,7 @@ import shapely
 from mesa_swarm.base.errors import check_count, check_number
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.maps.map import Map
-from mesa_swarm.maps.map_parts import FireSpot, checked_items
+from mesa_swarm.maps.map_parts import FireSpot, check_items
 from mesa_swarm.world.placement import free_space
 from mesa_swarm.world.shapes import Shape, disc, polygon, rectangle
 
@@ -61,23 +61,23 @@ def random_map(
     [40, 18, 17]
     """
     number = check_count("number", number)
-    wanted = check_count("obstacles", obstacles, maximum=30)
-    extent = _checked_size(size)
+    count = check_count("obstacles", obstacles, maximum=30)
+    extent = _check_size(size)
     width = check_number("passage", passage, above=0, maximum=200)
     burning = check_count("fires", fires, maximum=30)
     streams = Streams(np.random.SeedSequence(number))
     rng = streams["random map"]
     shapes = _outer_walls(*extent)
-    for _ in range(wanted):
-        shapes += _one_more(shapes, extent, width, rng)
+    for _ in range(count):
+        shapes += _draw_obstacle(shapes, extent, width, rng)
     spots: list[FireSpot] = []
     for _ in range(burning):
-        spots += _one_more_fire(spots, shapes, extent, width, streams["random fires"])
+        spots += _draw_fire(spots, shapes, extent, width, streams["random fires"])
     return Map(name=f"random {number}", bounds=(0, 0, *extent), obstacles=tuple(shapes), fires=tuple(spots))
 
 
-def _checked_size(size: object) -> tuple[float, float]:
-    sides = checked_items("size", size, 2, "(width, height)")
+def _check_size(size: object) -> tuple[float, float]:
+    sides = check_items("size", size, 2, "(width, height)")
     width, height = (check_number("size", side, minimum=200, maximum=10_000) for side in sides)
     return width, height
 
@@ -91,18 +91,18 @@ def _outer_walls(width: float, height: float) -> list[Shape]:
     ]
 
 
-def _one_more(
+def _draw_obstacle(
     shapes: list[Shape], extent: tuple[float, float], passage: float, rng: np.random.Generator
 ) -> list[Shape]:
     """Return one obstacle that leaves the free space in one piece, or an empty list if none is found."""
     for _ in range(TRIES):
-        drawn = _drawn(extent, rng)
-        if drawn is not None and _is_whole([*shapes, drawn], extent, passage):
-            return [drawn]
+        shape = _draw_shape(extent, rng)
+        if shape is not None and _is_whole([*shapes, shape], extent, passage):
+            return [shape]
     return []
 
 
-def _drawn(extent: tuple[float, float], rng: np.random.Generator) -> Shape | None:
+def _draw_shape(extent: tuple[float, float], rng: np.random.Generator) -> Shape | None:
     """Return a disc or a wall; None for a wall whose corners lie beyond the map."""
     width, height = extent
     centre = rng.uniform((WALL, WALL), (width - WALL, height - WALL))
@@ -116,12 +116,8 @@ def _drawn(extent: tuple[float, float], rng: np.random.Generator) -> Shape | Non
     return polygon(corners) if inside else None
 
 
-def _one_more_fire(
-    spots: list[FireSpot],
-    shapes: list[Shape],
-    extent: tuple[float, float],
-    passage: float,
-    rng: np.random.Generator,
+def _draw_fire(
+    spots: list[FireSpot], shapes: list[Shape], extent: tuple[float, float], passage: float, rng: np.random.Generator
 ) -> list[FireSpot]:
     """Return one fire with a passage all round, or an empty list if none is found."""
     radius = rng.uniform(*RADII_OF_FIRES) if spots else LARGEST_FIRE

@@ -31,6 +31,7 @@ from svgelements import Arc, Close, CubicBezier, Curve, Line, Matrix, Move, Quad
 from svgelements import Path as SvgPath
 
 from mesa_swarm.base.errors import InvalidValueError, MapError, check_choice, check_number, shortened
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.maps.map_parts import (
     CURVE,
     DISC,
@@ -40,15 +41,14 @@ from mesa_swarm.maps.map_parts import (
     PATH_WORD,
     ROUNDED_CORNER,
     TRANSFORM,
-    Bounds,
     FireSpot,
     Work,
     check_inside,
-    checked_bounds,
-    naming,
+    check_map_bounds,
+    name_file_in_errors,
     refusal,
 )
-from mesa_swarm.world.shapes import LARGEST_COORDINATE, MOST_VERTICES, Shape, checked_rings, disc, polygon
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, MOST_VERTICES, Shape, check_rings, disc, polygon
 
 # CSS pixels by unit. Own table: svgelements rounds a millimetre to 3.7795296 px and reads "abc" as 0.
 PIXELS = {"": 1.0, "px": 1.0, "pt": 96 / 72, "pc": 16.0, "in": 96.0, "cm": 96 / 2.54, "mm": 96 / 25.4}
@@ -83,10 +83,10 @@ _PATH_WORD = re.compile(r"[a-zA-Z]|[\d.]+")
 
 def length(name: str, text: str) -> float:
     """Return a length in CSS pixels (96 to the inch); units without a fixed size, such as % and em, are refused."""
-    found = _LENGTH.fullmatch(text[:LONGEST_LENGTH])
-    if not found or found[2].lower() not in PIXELS:
+    match = _LENGTH.fullmatch(text[:LONGEST_LENGTH])
+    if not match or match[2].lower() not in PIXELS:
         raise InvalidValueError(f"{name} is {shortened(text)}; expected a length such as 5, 5px, 5mm or 5in")
-    return float(found[1]) * PIXELS[found[2].lower()]
+    return float(match[1]) * PIXELS[match[2].lower()]
 
 
 def numbers(name: str, text: str) -> list[float]:
@@ -99,7 +99,9 @@ def numbers(name: str, text: str) -> list[float]:
     try:
         return [float(word) for word in words]
     except ValueError:  # tightly written, such as 3-4 or .5.5
-        return _tight_numbers(name, text)
+        if _NUMBERS.sub("", text).strip(" \t\r\n,"):
+            raise InvalidValueError(f"{name} is {shortened(text)}; expected numbers") from None
+        return [float(word) for word in _NUMBERS.findall(text)]
 
 
 def points(name: str, text: str) -> np.ndarray:
@@ -116,17 +118,17 @@ def transform(text: str) -> np.ndarray:
     if len(text) > LONGEST_TRANSFORM or _TRANSFORM.sub("", text).strip(" \t\r\n,"):
         raise refused
     for kind, arguments in _TRANSFORM.findall(text):
-        given = numbers("transform", arguments)
-        if len(given) not in _TRANSFORM_ARGUMENTS[kind]:
+        values = numbers("transform", arguments)
+        if len(values) not in _TRANSFORM_ARGUMENTS[kind]:
             raise refused
-        if not np.abs(given).max() <= LARGEST_ENTRY:  # of an angle too: svgelements fails on sines of infinity
+        if not np.abs(values).max() <= LARGEST_ENTRY:  # of an angle too: svgelements fails on sines of infinity
             raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")
     own = Matrix(text)
     matrix = np.array([[own.a, own.c, own.e], [own.b, own.d, own.f], [0.0, 0.0, 1.0]], dtype=float)
-    return checked_matrix(_without_dust(matrix))
+    return check_matrix(_drop_dust(matrix))
 
 
-def checked_matrix(matrix: np.ndarray) -> np.ndarray:
+def check_matrix(matrix: np.ndarray) -> np.ndarray:
     """Return a matrix if its numbers are at most 1e12 and areas stay above 0."""
     if not np.abs(matrix).max() <= LARGEST_ENTRY:
         raise InvalidValueError(f"transform has a number beyond {LARGEST_ENTRY:g}")
@@ -166,12 +168,12 @@ def viewbox_numbers(text: str) -> list[float]:
 
 def properties(attributes: Mapping[str, str]) -> dict[str, str]:
     """Return the attributes, overridden by the declarations of the style attribute as in CSS."""
-    merged = {name: value for name, value in attributes.items() if name != "style"}
+    styled = {name: value for name, value in attributes.items() if name != "style"}
     for declaration in attributes.get("style", "").split(";"):
         name, colon, value = declaration.partition(":")
         if colon:
-            merged[name.strip()] = value.replace("!important", "").strip()
-    return merged
+            styled[name.strip()] = value.replace("!important", "").strip()
+    return styled
 
 
 def scale_of(matrix: np.ndarray) -> float:
@@ -186,19 +188,13 @@ def is_similarity(matrix: np.ndarray) -> bool:
     return abs(c * c + d * d - size) <= 1e-9 * size and abs(a * c + b * d) <= 1e-9 * size
 
 
-def moved(at: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def move_points(at: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return points moved by a matrix; the identity leaves every bit as it is."""
     with np.errstate(all="ignore"):  # overflows are refused as shapes
         return at @ matrix[:2, :2].T + matrix[:2, 2]
 
 
-def _tight_numbers(name: str, text: str) -> list[float]:
-    if _NUMBERS.sub("", text).strip(" \t\r\n,"):
-        raise InvalidValueError(f"{name} is {shortened(text)}; expected numbers")
-    return [float(word) for word in _NUMBERS.findall(text)]
-
-
-def _without_dust(matrix: np.ndarray) -> np.ndarray:
+def _drop_dust(matrix: np.ndarray) -> np.ndarray:
     """Set the rounding error of the cosine of rotate(90) to 0, so that rectangles stay rectangles."""
     linear = matrix[:2, :2]
     linear[np.abs(linear) < NEGLIGIBLE * np.abs(linear).max()] = 0.0
@@ -226,14 +222,14 @@ def subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
         yield from _curved_subpaths(text, tolerance)
 
 
-def nested(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+def nest_outlines(rings: list[np.ndarray], even_odd: bool, work: Work) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
     """Yield each outline with its holes according to the fill rule: rings may nest but not cross.
 
     With `even_odd` every ring inside another changes solid to hole; else opposite directions do.
     """
     areas = np.array([_area(ring, work) for ring in rings], dtype=object)
     work.spend_on_parts(rings)
-    inside = _containing(areas)
+    inside = _find_containers(areas)
     turns = [1 if even_odd or shapely.is_ccw(shapely.LinearRing(ring)) else -1 for ring in rings]
     outer = [sum(turns[j] for j in around) for around in inside]
     filled = [(_is_filled(n, even_odd), _is_filled(n + turns[i], even_odd)) for i, n in enumerate(outer)]
@@ -255,11 +251,11 @@ def elliptic_arc(
     return np.column_stack([centre[0] + radii[0] * np.cos(azimuths), centre[1] + radii[1] * np.sin(azimuths)])
 
 
-def chord_count(required: float) -> int:
+def chord_count(chords: float) -> int:
     """Return a whole number of chords, at least 1; refuse a number that would fill the memory."""
-    if not required <= MOST_CHORDS:
+    if not chords <= MOST_CHORDS:
         raise InvalidValueError("has a curve far larger than the map")
-    return max(1, math.ceil(required))
+    return max(1, math.ceil(chords))
 
 
 def _curved_subpaths(text: str, tolerance: float) -> Iterator[tuple[bool, np.ndarray]]:
@@ -331,11 +327,11 @@ def _bezier(segment: CubicBezier | QuadraticBezier, tolerance: float) -> np.ndar
 
 
 def _area(ring: np.ndarray, work: Work) -> shapely.Polygon:
-    work.spend_on_outlines(checked_rings(ring))
+    work.spend_on_outlines(check_rings(ring))
     return polygon(ring).geometry
 
 
-def _containing(areas: np.ndarray) -> list[list[int]]:
+def _find_containers(areas: np.ndarray) -> list[list[int]]:
     """Return for each area the indices of those around it: larger ones, and earlier ones of the same size."""
     around: list[list[int]] = [[] for _ in areas]
     tree = shapely.STRtree(areas)
@@ -370,7 +366,7 @@ IGNORED = (
 )
 
 
-class Drawn(NamedTuple):
+class SvgElement(NamedTuple):
     """An element to be made into shapes: `matrix` leads from its coordinates to the map's, errors name its `place`."""
 
     tag: str
@@ -389,12 +385,12 @@ class Drawn(NamedTuple):
         return self.stroked and not self.filled
 
 
-def fire_of(drawn: Drawn) -> FireSpot:
+def fire_of(element: SvgElement) -> FireSpot:
     """Return the fire of a circle, of the temperature `data-temperature`, by default 1."""
-    round_part = _disc(drawn) if drawn.tag in ("circle", "ellipse") else None
+    round_part = _disc(element) if element.tag in ("circle", "ellipse") else None
     if round_part is None:
         raise InvalidValueError("is a fire; fires are circles, and stay so when they are transformed")
-    text = drawn.attributes.get("data-temperature", "1")
+    text = element.attributes.get("data-temperature", "1")
     try:
         temperature = float(text)
     except ValueError:
@@ -402,113 +398,114 @@ def fire_of(drawn: Drawn) -> FireSpot:
     return FireSpot(tuple(round_part.position.tolist()), round_part.radius, temperature)
 
 
-def _round(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
+def _round(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a disc if the element is round in the map, else a polygon."""
-    round_part = None if drawn.is_ring else _disc(drawn)
+    round_part = None if element.is_ring else _disc(element)
     work.spend(CURVE if round_part is None else DISC)
-    yield round_part or _closed(drawn, work, _ellipse(drawn, tolerance))
+    yield round_part or _fill_or_stroke(element, work, _ellipse(element, tolerance))
 
 
-def _disc(drawn: Drawn) -> Shape | None:
+def _disc(element: SvgElement) -> Shape | None:
     """Return the element as a disc, or None if it is not round in the map."""
-    x, y, rx, ry = _centre_and_radii(drawn)
-    if rx != ry or not is_similarity(drawn.matrix):
+    x, y, rx, ry = _centre_and_radii(element)
+    if rx != ry or not is_similarity(element.matrix):
         return None
-    centre = moved(np.array([x, y]), drawn.matrix)
+    centre = move_points(np.array([x, y]), element.matrix)
     # The root of the determinant is exactly 1 for the identity.
-    return disc(centre, rx * math.sqrt(abs(np.linalg.det(drawn.matrix[:2, :2]))), contact=_contact(drawn))
+    return disc(centre, rx * math.sqrt(abs(np.linalg.det(element.matrix[:2, :2]))), contact=_has_contact(element))
 
 
-def _centre_and_radii(drawn: Drawn) -> tuple[float, float, float, float]:
-    names = ("r", "r") if drawn.tag == "circle" else ("rx", "ry")
-    rx, ry = (check_number(name, _length(drawn, name), above=0) for name in names)
-    return _length(drawn, "cx"), _length(drawn, "cy"), rx, ry
+def _centre_and_radii(element: SvgElement) -> tuple[float, float, float, float]:
+    names = ("r", "r") if element.tag == "circle" else ("rx", "ry")
+    rx, ry = (check_number(name, _length(element, name), above=0) for name in names)
+    return _length(element, "cx"), _length(element, "cy"), rx, ry
 
 
-def _ellipse(drawn: Drawn, tolerance: float) -> np.ndarray:
-    x, y, rx, ry = _centre_and_radii(drawn)
-    return elliptic_arc((x, y), (rx, ry), 0.0, 2 * math.pi, _own(drawn, tolerance))[:-1]
+def _ellipse(element: SvgElement, tolerance: float) -> np.ndarray:
+    x, y, rx, ry = _centre_and_radii(element)
+    return elliptic_arc((x, y), (rx, ry), 0.0, 2 * math.pi, _own_tolerance(element, tolerance))[:-1]
 
 
-def _rect(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    x, y = _length(drawn, "x"), _length(drawn, "y")
-    width = check_number("width", _length(drawn, "width"), above=0)
-    height = check_number("height", _length(drawn, "height"), above=0)
-    rx, ry = _corner_radii(drawn, width, height)
+def _rect(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
+    x, y = _length(element, "x"), _length(element, "y")
+    width = check_number("width", _length(element, "width"), above=0)
+    height = check_number("height", _length(element, "height"), above=0)
+    rx, ry = _corner_radii(element, width, height)
     if rx == 0 or ry == 0:
-        yield _closed(drawn, work, np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)]))
+        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+        yield _fill_or_stroke(element, work, np.array(corners))
         return
     left, right, low, high = x + rx, x + width - rx, y + ry, y + height - ry
     centres = [(right, high), (left, high), (left, low), (right, low)]
     work.spend(4 * ROUNDED_CORNER)
-    quarter, own = math.pi / 2, _own(drawn, tolerance)
+    quarter, own = math.pi / 2, _own_tolerance(element, tolerance)
     arcs = [elliptic_arc(at, (rx, ry), i * quarter, quarter, own) for i, at in enumerate(centres)]
-    yield _closed(drawn, work, np.concatenate(arcs))
+    yield _fill_or_stroke(element, work, np.concatenate(arcs))
 
 
-def _corner_radii(drawn: Drawn, width: float, height: float) -> tuple[float, float]:
+def _corner_radii(element: SvgElement, width: float, height: float) -> tuple[float, float]:
     """Return the radii of rounded corners: a single one holds for both, and half the side is the limit."""
-    given = [drawn.attributes.get(name, "auto") for name in ("rx", "ry")]
-    known = [None if text == "auto" else check_number("rx", length("rx", text), minimum=0) for text in given]
-    rx, ry = (own if own is not None else other or 0.0 for own, other in (known, known[::-1]))
+    texts = [element.attributes.get(name, "auto") for name in ("rx", "ry")]
+    radii = [None if text == "auto" else check_number("rx", length("rx", text), minimum=0) for text in texts]
+    rx, ry = (own if own is not None else other or 0.0 for own, other in (radii, radii[::-1]))
     return min(rx, width / 2), min(ry, height / 2)
 
 
-def _outline(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
+def _outline(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield a polygon, or a polyline, which is closed if it is filled, else a thick line."""
-    at = points("points", drawn.attributes.get("points", ""))
-    yield _closed(drawn, work, at) if drawn.filled or drawn.tag == "polygon" else _band(drawn, work, at)
+    at = points("points", element.attributes.get("points", ""))
+    yield _fill_or_stroke(element, work, at) if element.filled or element.tag == "polygon" else _band(element, work, at)
 
 
-def _line(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
-    ends = [[_length(drawn, "x1"), _length(drawn, "y1")], [_length(drawn, "x2"), _length(drawn, "y2")]]
-    yield _band(drawn, work, np.array(ends))
+def _line(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
+    ends = [[_length(element, "x1"), _length(element, "y1")], [_length(element, "x2"), _length(element, "y2")]]
+    yield _band(element, work, np.array(ends))
 
 
-def _path(drawn: Drawn, tolerance: float, work: Work) -> Iterator[Shape]:
+def _path(element: SvgElement, tolerance: float, work: Work) -> Iterator[Shape]:
     """Yield closed subpaths as outlines with holes, open ones too if filled, else as bands; without fill as rings."""
-    text = drawn.attributes.get("d", "")
+    text = element.attributes.get("d", "")
     closed: list[np.ndarray] = []
     bands: list[np.ndarray] = []
-    for is_closed, at in subpaths(text, _own(drawn, tolerance)):
-        (closed if is_closed or drawn.filled else bands).append(at)
+    for is_closed, at in subpaths(text, _own_tolerance(element, tolerance)):
+        (closed if is_closed or element.filled else bands).append(at)
     if not closed and not bands:
         raise InvalidValueError("d draws nothing")
     if len(closed) > MOST_SUBPATHS:
         raise InvalidValueError(f"d has {len(closed)} parts; expected at most {MOST_SUBPATHS}")
-    if drawn.is_ring:
-        bands, closed = [*map(_ended, closed), *bands], []
-    for outline, holes in nested(closed, drawn.even_odd, work):
-        yield _solid(drawn, work, outline, holes)
+    if element.is_ring:
+        bands, closed = [*map(_close_ring, closed), *bands], []
+    for outline, holes in nest_outlines(closed, element.even_odd, work):
+        yield _solid(element, work, outline, holes)
     for at in bands:
-        yield _band(drawn, work, at)
+        yield _band(element, work, at)
 
 
-def _closed(drawn: Drawn, work: Work, outline: np.ndarray) -> Shape:
+def _fill_or_stroke(element: SvgElement, work: Work, outline: np.ndarray) -> Shape:
     """Return the area in an outline, or, where only its stroke is painted, a ring."""
-    return _band(drawn, work, _ended(outline)) if drawn.is_ring else _solid(drawn, work, outline)
+    return _band(element, work, _close_ring(outline)) if element.is_ring else _solid(element, work, outline)
 
 
-def _ended(outline: np.ndarray) -> np.ndarray:
+def _close_ring(outline: np.ndarray) -> np.ndarray:
     """Return an outline that ends where it begins."""
     return outline if (outline[0] == outline[-1]).all() else np.concatenate([outline, outline[:1]])
 
 
 def _solid(
-    drawn: Drawn, work: Work, outline: np.ndarray, holes: Iterable[np.ndarray] = (), are_apart: bool = False
+    element: SvgElement, work: Work, outline: np.ndarray, holes: Iterable[np.ndarray] = (), are_apart: bool = False
 ) -> Shape:
-    outline, *holes = (moved(np.asarray(ring), drawn.matrix) for ring in (outline, *holes))
-    rings = checked_rings(outline, holes)
+    outline, *holes = (move_points(np.asarray(ring), element.matrix) for ring in (outline, *holes))
+    rings = check_rings(outline, holes)
     work.spend_on_outlines(rings, are_apart)
-    return polygon(rings[0], rings[1:], contact=_contact(drawn))
+    return polygon(rings[0], rings[1:], contact=_has_contact(element))
 
 
-def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
+def _band(element: SvgElement, work: Work, at: np.ndarray) -> Shape:
     """Return a line as thick as its stroke, with square-cut ends and mitred corners as SVG draws it.
 
     One that ends where it begins is a ring, with a corner there.
     """
-    thickness = length("stroke-width", drawn.stroke_width)
+    thickness = length("stroke-width", element.stroke_width)
     width = check_number("stroke-width", thickness, above=0, maximum=LARGEST_COORDINATE)
     if not np.abs(at).max() <= LARGEST_ENTRY:
         raise InvalidValueError(f"is a line with a coordinate that is not within {LARGEST_ENTRY:g}")
@@ -519,23 +516,23 @@ def _band(drawn: Drawn, work: Work, at: np.ndarray) -> Shape:
     if area.geom_type != "Polygon" or area.is_empty:
         raise InvalidValueError("is a line too thin for where it lies; give it a larger stroke-width")
     holes = [ring.coords for ring in area.interiors]
-    return _solid(drawn, work, area.exterior.coords, holes, are_apart=True)  # paid for with the line
+    return _solid(element, work, area.exterior.coords, holes, are_apart=True)  # paid for with the line
 
 
-def _length(drawn: Drawn, name: str) -> float:
-    return length(name, drawn.attributes.get(name, "0"))
+def _length(element: SvgElement, name: str) -> float:
+    return length(name, element.attributes.get(name, "0"))
 
 
-def _own(drawn: Drawn, tolerance: float) -> float:
+def _own_tolerance(element: SvgElement, tolerance: float) -> float:
     """Return the tolerance in the element's own coordinates; never 0, by which chords are divided."""
-    return max(tolerance / scale_of(drawn.matrix), sys.float_info.min)
+    return max(tolerance / scale_of(element.matrix), sys.float_info.min)
 
 
-def _contact(drawn: Drawn) -> bool:
-    return drawn.role != "mark"
+def _has_contact(element: SvgElement) -> bool:
+    return element.role != "mark"
 
 
-_READERS: dict[str, Callable[[Drawn, float, Work], Iterator[Shape]]] = {
+_READERS: dict[str, Callable[[SvgElement, float, Work], Iterator[Shape]]] = {
     "rect": _rect,
     "circle": _round,
     "ellipse": _round,
@@ -552,7 +549,7 @@ def read_svg(content: bytes, source: str) -> dict[str, Any]:
     Errors name the element after `source`, with its id and line; the stem of `source` names a drawing without title.
     """
     work = Work(len(content))
-    walk = _walked(content, source, work)
+    walk = _walk(content, source, work)
     bounds = walk.bounds
     tolerance = TOLERANCE_OF_SIDE * max(bounds[2] - bounds[0], bounds[3] - bounds[1])
     return {
@@ -572,13 +569,13 @@ class _Walk(ContentHandler):
         super().__init__()
         self.work = work
         self.source = source
-        self.drawn: list[Drawn] = []
+        self.elements: list[SvgElement] = []
         self.bounds: Bounds = (0.0, 0.0, 0.0, 0.0)
         self.begun = False
         self._titles: list[str] = []
         self._count = 0
         self._path_words = 0
-        self._open: list[tuple[str, Drawn | None]] = []
+        self._open: list[tuple[str, SvgElement | None]] = []
 
     @property
     def name(self) -> str:
@@ -590,8 +587,8 @@ class _Walk(ContentHandler):
         """Refuse a long name of a namespace: it is repeated for each element in it. `xmlns=""` is None."""
         self.begun = True
         if uri is not None and len(uri) > LONGEST_NAMESPACE:
-            where = f"line {self._locator.getLineNumber()}"
-            raise refusal(self.source, where, f"a namespace has more than {LONGEST_NAMESPACE} characters")
+            place = f"line {self._locator.getLineNumber()}"
+            raise refusal(self.source, place, f"a namespace has more than {LONGEST_NAMESPACE} characters")
 
     def startElementNS(self, name: tuple[str | None, str], qname: str | None, attrs: Any) -> None:  # noqa: N802 (SAX's name)
         """Enter an element."""
@@ -600,10 +597,10 @@ class _Walk(ContentHandler):
         attributes = {key: value for (own, key), value in attrs.items() if own is None}
         place = self._place(tag, attributes)
         self._count += 1
-        with naming(self.source, place):
+        with name_file_in_errors(self.source, place):
             _check_size(self._count, len(self._open))
-            known = space in (None, SVG)
-            self._open.append((tag, self._entered(tag, attributes, place) if known else None))
+            is_svg = space in (None, SVG)
+            self._open.append((tag, self._enter(tag, attributes, place) if is_svg else None))
 
     def endElementNS(self, name: tuple[str | None, str], qname: str | None) -> None:  # noqa: N802 (SAX's name)
         """Leave an element."""
@@ -618,7 +615,7 @@ class _Walk(ContentHandler):
         identity = f" {attributes['id'][:40]!r}" if "id" in attributes else ""
         return f"<{tag[:40]}>{identity} on line {self._locator.getLineNumber()}"
 
-    def _entered(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+    def _enter(self, tag: str, attributes: dict[str, str], place: str) -> SvgElement | None:
         """Return what the children inherit; None where they are ignored."""
         if not self._open:
             return self._root(tag, attributes, place)
@@ -630,7 +627,7 @@ class _Walk(ContentHandler):
         if tag not in SHAPES and tag not in GROUPS:
             raise InvalidValueError(f"is not a shape that maps know: {', '.join(SHAPES)}")
         _check_attributes(attributes)
-        own = _inherited(parent, tag, attributes, place, self.work)
+        own = _inherit(parent, tag, attributes, place, self.work)
         if own is None or tag in GROUPS:
             return own
         words = path_words(own.attributes.get("d", ""))
@@ -638,22 +635,22 @@ class _Walk(ContentHandler):
         if self._path_words > MOST_PATH_WORDS:
             raise InvalidValueError(f"brings all paths to more than {MOST_PATH_WORDS} numbers; simplify them")
         self.work.spend(ELEMENT + (PATH if tag == "path" else 0.0) + PATH_WORD * words)
-        self.drawn.append(own)
+        self.elements.append(own)
         return None
 
-    def _root(self, tag: str, attributes: dict[str, str], place: str) -> Drawn | None:
+    def _root(self, tag: str, attributes: dict[str, str], place: str) -> SvgElement | None:
         if tag != "svg":
             raise InvalidValueError("is not a drawing; expected <svg>")
         width, height = _size(attributes)
         self.bounds = _bounds(attributes, width, height)
-        turned = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
+        upright = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, height], [0.0, 0.0, 1.0]])
         box = attributes.get("viewBox")
         aspect = attributes.get("preserveAspectRatio", "")
-        matrix = turned if box is None else checked_matrix(turned @ viewbox(box, aspect, width, height))
-        return _inherited(Drawn(tag, {}, place, matrix), tag, attributes, place, self.work)
+        matrix = upright if box is None else check_matrix(upright @ viewbox(box, aspect, width, height))
+        return _inherit(SvgElement(tag, {}, place, matrix), tag, attributes, place, self.work)
 
 
-def _walked(content: bytes, source: str, work: Work) -> _Walk:
+def _walk(content: bytes, source: str, work: Work) -> _Walk:
     walk = _Walk(source, work)
     parser = DefusedExpatParser(1, forbid_dtd=True, forbid_entities=True, forbid_external=True)
     parser.setContentHandler(walk)
@@ -705,8 +702,8 @@ def _side(attributes: Mapping[str, str], name: str, from_viewbox: float | None) 
 def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bounds:
     """Return the bounds: from (0, 0), unless `data-bounds` places the drawing elsewhere in the world."""
     if "data-bounds" not in attributes:
-        return checked_bounds((0.0, 0.0, width, height))
-    bounds = checked_bounds(numbers("data-bounds", attributes["data-bounds"]))
+        return check_map_bounds((0.0, 0.0, width, height))
+    bounds = check_map_bounds(numbers("data-bounds", attributes["data-bounds"]))
     size = bounds[2] - bounds[0], bounds[3] - bounds[1]
     if not np.allclose(size, (width, height), rtol=1e-9):
         sides = f"{size[0]:g} x {size[1]:g}, the drawing {width:g} x {height:g}"
@@ -714,7 +711,7 @@ def _bounds(attributes: Mapping[str, str], width: float, height: float) -> Bound
     return bounds
 
 
-def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str, work: Work) -> Drawn | None:
+def _inherit(parent: SvgElement, tag: str, attributes: dict[str, str], place: str, work: Work) -> SvgElement | None:
     """Return an element with what it inherits from its parent; None if it is invisible."""
     style = {key: value for key, value in properties(attributes).items() if value != "inherit"}
     role = _role(attributes) or parent.role
@@ -726,8 +723,8 @@ def _inherited(parent: Drawn, tag: str, attributes: dict[str, str], place: str, 
     matrix = parent.matrix
     if "transform" in style:
         work.spend(TRANSFORM * (1 + style["transform"].count("(")))
-        matrix = checked_matrix(matrix @ transform(style["transform"]))
-    return Drawn(
+        matrix = check_matrix(matrix @ transform(style["transform"]))
+    return SvgElement(
         tag,
         style,
         place,
@@ -753,11 +750,11 @@ def _role(attributes: Mapping[str, str]) -> str | None:
 def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
     """Make the obstacles one by one, and refuse the drawing as soon as it becomes too large."""
     vertices = 0
-    for drawn in _placed(walk):
-        if drawn.role == "fire":
+    for element in _place_elements(walk):
+        if element.role == "fire":
             continue
-        with naming(walk.source, drawn.place):
-            for shape in list(_READERS[drawn.tag](drawn, tolerance, work)):
+        with name_file_in_errors(walk.source, element.place):
+            for shape in list(_READERS[element.tag](element, tolerance, work)):
                 vertices += len(shape.geometry.exterior.coords) if not shape.is_disc else 1
                 if vertices > MOST_VERTICES:
                     raise InvalidValueError(f"brings the drawing to more than {MOST_VERTICES} points; simplify it")
@@ -766,19 +763,19 @@ def _obstacles(walk: _Walk, tolerance: float, work: Work) -> Iterator[Shape]:
 
 
 def _fires(walk: _Walk) -> Iterator[Any]:
-    for drawn in _placed(walk):
-        if drawn.role == "fire":
-            with naming(walk.source, drawn.place):
-                fire = fire_of(drawn)
+    for element in _place_elements(walk):
+        if element.role == "fire":
+            with name_file_in_errors(walk.source, element.place):
+                fire = fire_of(element)
                 check_inside("fire", fire, walk.bounds)
             yield fire
 
 
-def _placed(walk: _Walk) -> Iterator[Drawn]:
+def _place_elements(walk: _Walk) -> Iterator[SvgElement]:
     """Yield all elements, moved to the bounds; done last, where it undoes the move of `to_svg` to the bit."""
     move = np.array([[1.0, 0.0, walk.bounds[0]], [0.0, 1.0, walk.bounds[1]], [0.0, 0.0, 1.0]])
     before = after = move
-    for drawn in walk.drawn:
-        if drawn.matrix is not before:  # neighbours mostly share one
-            before, after = drawn.matrix, move @ drawn.matrix
-        yield drawn._replace(matrix=after)
+    for element in walk.elements:
+        if element.matrix is not before:  # neighbours mostly share one
+            before, after = element.matrix, move @ element.matrix
+        yield element._replace(matrix=after)

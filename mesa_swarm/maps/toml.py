@@ -12,19 +12,19 @@ from functools import partial
 from typing import Any
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened, unknown_name
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.maps.map_parts import (
     DISC,
     POLYGON,
-    Bounds,
     FireSpot,
     Work,
-    checked_bounds,
-    checked_items,
+    check_items,
+    check_map_bounds,
     coordinate,
-    naming,
+    name_file_in_errors,
     refusal,
 )
-from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, checked_rings, disc, polygon, rectangle
+from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, check_rings, disc, polygon, rectangle
 
 TOP_KEYS = ("name", "width", "height", "origin", "bounds", "obstacle", "fire")
 FIRE_KEYS = ("centre", "radius", "temperature")
@@ -49,12 +49,12 @@ def read_toml(text: str, source: str) -> dict[str, Any]:
 
     Errors name line and column of a syntax error, else the table, such as `obstacle 3`, after `source`.
     """
-    table = parsed_toml(text, source)
+    table = parse_toml(text, source)
     work = Work(len(text))
-    with naming(source):
+    with name_file_in_errors(source):
         _refuse_unknown_keys(table, TOP_KEYS)
         bounds = _bounds(table)
-        name = _needed(table, "name")
+        name = _require(table, "name")
     return {
         "name": name,
         "bounds": bounds,
@@ -80,7 +80,7 @@ def number_text(value: float) -> str:
     return str(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
 
 
-def parsed_toml(text: str, source: str) -> dict[str, Any]:
+def parse_toml(text: str, source: str) -> dict[str, Any]:
     """Return the contents of any TOML text, or name line and column of an error in its syntax."""
     _refuse_long_keys(text, source)
     try:
@@ -98,15 +98,15 @@ def _refuse_long_keys(text: str, source: str) -> None:
     """
     dots = on_line = 0
     next_line = 0
-    for found in _DOTTED.finditer(text):
-        if not found[1]:
+    for match in _DOTTED.finditer(text):
+        if not match[1]:
             continue
-        if found.start() >= next_line:
-            next_line = text.find("\n", found.start()) + 1 or len(text)
+        if match.start() >= next_line:
+            next_line = text.find("\n", match.start()) + 1 or len(text)
             on_line = 0
         dots, on_line = dots + 1, on_line + 1
         if dots > MOST_DOTTED or on_line > MOST_DOTTED_ON_LINE:
-            line = text.count("\n", 0, found.start()) + 1
+            line = text.count("\n", 0, match.start()) + 1
             most = f"more than {MOST_DOTTED_ON_LINE} dots, or {MOST_DOTTED} in the file"
             raise refusal(source, f"line {line}", f"has dotted names of {most}; write tables instead")
 
@@ -115,13 +115,13 @@ def _bounds(table: dict[str, Any]) -> Bounds:
     if "bounds" in table:
         if {"width", "height", "origin"} & table.keys():
             raise InvalidValueError("bounds and width, height or origin are both given; keep one of them")
-        return checked_bounds(table["bounds"])
+        return check_map_bounds(table["bounds"])
     width, height = (
-        check_number(side, _needed(table, side), above=0, maximum=LARGEST_COORDINATE) for side in ("width", "height")
+        check_number(side, _require(table, side), above=0, maximum=LARGEST_COORDINATE) for side in ("width", "height")
     )
-    origin = checked_items("origin", table.get("origin", [0.0, 0.0]), 2, "two numbers [x, y]")
+    origin = check_items("origin", table.get("origin", [0.0, 0.0]), 2, "two numbers [x, y]")
     x, y = (coordinate("origin", value) for value in origin)
-    return checked_bounds((x, y, x + width, y + height))
+    return check_map_bounds((x, y, x + width, y + height))
 
 
 def _tables(table: dict[str, Any], key: str, read: Callable[[dict[str, Any]], Any], source: str) -> tuple:
@@ -131,7 +131,7 @@ def _tables(table: dict[str, Any], key: str, read: Callable[[dict[str, Any]], An
         raise refusal(source, key, f"write [[{key}]] with double brackets")
     parts = []
     for number, entry in enumerate(entries, start=1):
-        with naming(source, f"{key} {number}"):
+        with name_file_in_errors(source, f"{key} {number}"):
             if not isinstance(entry, dict):
                 raise InvalidValueError(f"is {shortened(entry)}; expected a [[{key}]] table")
             parts.append(read(entry))
@@ -139,19 +139,19 @@ def _tables(table: dict[str, Any], key: str, read: Callable[[dict[str, Any]], An
 
 
 def _obstacle(work: Work, entry: dict[str, Any]) -> Shape:
-    shape = check_choice("shape", _needed(entry, "shape"), SHAPE_KEYS)
+    shape = check_choice("shape", _require(entry, "shape"), SHAPE_KEYS)
     _refuse_unknown_keys(entry, ("shape", "mark", *SHAPE_KEYS[shape]))
     mark = entry.get("mark", False)
     if not isinstance(mark, bool):
         raise InvalidValueError(f"mark is {shortened(mark)}; expected true or false")
     if shape == "rectangle":
         work.spend(POLYGON)
-        corners = checked_items("corners", _needed(entry, "corners"), 2, "two points [[x, y], [x, y]]")
+        corners = check_items("corners", _require(entry, "corners"), 2, "two points [[x, y], [x, y]]")
         return rectangle(*corners, contact=not mark)
     if shape == "disc":
         work.spend(DISC)
-        return disc(_needed(entry, "centre"), _needed(entry, "radius"), contact=not mark)
-    outline, *holes = checked_rings(_needed(entry, "outline"), entry.get("holes", []))
+        return disc(_require(entry, "centre"), _require(entry, "radius"), contact=not mark)
+    outline, *holes = check_rings(_require(entry, "outline"), entry.get("holes", []))
     work.spend_on_outlines([outline, *holes])
     return polygon(outline, holes, contact=not mark)
 
@@ -159,19 +159,19 @@ def _obstacle(work: Work, entry: dict[str, Any]) -> Shape:
 def _fire(work: Work, entry: dict[str, Any]) -> FireSpot:
     work.spend(DISC)
     _refuse_unknown_keys(entry, FIRE_KEYS)
-    return FireSpot(_needed(entry, "centre"), _needed(entry, "radius"), entry.get("temperature", 1.0))
+    return FireSpot(_require(entry, "centre"), _require(entry, "radius"), entry.get("temperature", 1.0))
 
 
-def _needed(table: dict[str, Any], key: str) -> Any:
+def _require(table: dict[str, Any], key: str) -> Any:
     if key not in table:
         raise InvalidValueError(f"{key} is missing")
     return table[key]
 
 
-def _refuse_unknown_keys(table: dict[str, Any], known: Iterable[str]) -> None:
+def _refuse_unknown_keys(table: dict[str, Any], known_keys: Iterable[str]) -> None:
     for key in table:
-        if key not in known:
-            raise InvalidValueError(unknown_name("key", key, known))
+        if key not in known_keys:
+            raise InvalidValueError(unknown_name("key", key, known_keys))
 
 
 def _size_lines(bounds: Bounds) -> list[str]:

@@ -8,14 +8,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.base.errors import (
-    InvalidValueError,
-    UnknownNameError,
-    check_choice,
-    shortened,
-    unknown_name,
-)
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.part import Column, Part, Phase, Stage
 from mesa_swarm.model.state_hash import described_bodies
 from mesa_swarm.physics.engine import begin_way
@@ -29,12 +23,12 @@ from mesa_swarm.world.bodies import (
     Load,
     Obstacle,
     Pose,
-    checked_resistance,
-    checked_temperature,
-    handles,
+    check_resistance,
+    check_temperature,
+    handle_classes,
     placed,
 )
-from mesa_swarm.world.movers import Driven, Movers, occupied, poses_of_agents
+from mesa_swarm.world.movers import Driven, Movers, find_occupied_room, poses_of_agents
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, as_numbers
 from mesa_swarm.world.statics import CARRIED, DRIVEN, FIRE, FIXED, KINDS, LOAD, MOST_KINDS, OBSTACLE, PUSHED, ROBOT
 
@@ -306,7 +300,7 @@ class BodiesPart(Part):
         >>> float(robot.distance[0]), model.kinds[robot.kind[0]]
         (5.0, 'predator')
         """
-        body_class = handles()[check_choice("mode", mode, handles())]
+        body_class = handle_classes()[check_choice("mode", mode, handle_classes())]
         _check_shape("body", shape)
         name = self.checked_kind(kind, body_class.usual_kind)
         if mode != "pushed" and resistance is not None:
@@ -320,11 +314,11 @@ class BodiesPart(Part):
             raise InvalidValueError(f"agent was given for a {mode} body; leave it out, or use mode='driven'")
         if temperature is not None and not shape.contact:
             raise InvalidValueError("temperature was given for a mark on the ground, which does not radiate")
-        heat = checked_temperature(temperature)
+        heat = check_temperature(temperature)
         if mode == "fixed":
             body: Body = self.add_fixed(shape, name)
         elif mode == "pushed":
-            body = self.add_pushed(shape, checked_resistance(cast(float, resistance)), name)
+            body = self.add_pushed(shape, check_resistance(cast(float, resistance)), name)
         else:
             body = self.add_driven(shape, name, agent)
         if temperature is not None:
@@ -424,7 +418,7 @@ class BodiesPart(Part):
         for turn in PUT_DOWN:
             azimuth = float(robot.heading) + turn
             x, y = robot.position + distance * np.array([np.cos(azimuth), np.sin(azimuth)])
-            pose = float(x), float(y), wrapped(azimuth)
+            pose = float(x), float(y), wrap_angle(azimuth)
             if self._has_room_for(body, pose):
                 self._put_down(body, pose)
                 return True
@@ -444,7 +438,7 @@ class BodiesPart(Part):
         if (gaps < self.swarm.radius).any():
             return False
         x, y, _ = pose
-        near = (each for each in occupied(self.table.agents) if _is_near(*each, x, y, body))
+        near = (each for each in find_occupied_room(self.table.agents) if _is_near(*each, x, y, body))
         return not any(body.form.meets(pose, geometry, radius) for geometry, radius in near)
 
     def _put_down(self, body: Driven, pose: Pose) -> None:
@@ -498,7 +492,7 @@ class BodiesPart(Part):
         array([120., 110.])
         """
         _check_shape("load", shape)
-        return self.add_pushed(shape, checked_resistance(resistance), KINDS[LOAD])
+        return self.add_pushed(shape, check_resistance(resistance), KINDS[LOAD])
 
     def add_fixed(self, shape: Shape, kind: str) -> Obstacle:
         """Add an obstacle or a mark of a kind."""
@@ -581,7 +575,7 @@ class BodiesPart(Part):
         for number, body in reversed([*zip(numbers, gone, strict=True)]):
             if number < len(self.listed):
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self.kinds))):
-                    self.swarm.forget_contact(kind, number)
+                    self.swarm.forget_contacts(kind, np.array([number]))
             self.table.drop(body)
         self.scene_changed()
 
@@ -666,7 +660,7 @@ def wrapped_all(headings: np.ndarray) -> np.ndarray:
     """Return headings in [-pi, pi), those that are there already unchanged."""
     outside = np.flatnonzero(~((headings >= -np.pi) & (headings < np.pi)))
     turned = headings.copy()
-    turned[outside] = [wrapped(heading) for heading in headings[outside].tolist()]
+    turned[outside] = [wrap_angle(heading) for heading in headings[outside].tolist()]
     return turned
 
 

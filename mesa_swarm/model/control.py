@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, asked, check_count, shortened
 from mesa_swarm.base.trigger import Trigger
-from mesa_swarm.control.arbiter import Arbiter, Subsumption, begin_decisions, driver
+from mesa_swarm.control.arbiter import Arbiter, Subsumption, begin_decisions, name_driver
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
@@ -376,7 +376,7 @@ class ControlPart(Part):
         return made.senses
 
     def _refuse(self, row: int, layer: int) -> None:
-        robot, name = self.swarm.agents[row], driver(cast(Arbiter, self.arbiter), layer)
+        robot, name = self.swarm.agents[row], name_driver(cast(Arbiter, self.arbiter), layer)
         raise BehaviourError(
             f"{name} commanded NaN to robot {robot.unique_id} in step {self.model.steps}; "
             f"expected {speeds_in_words(robot.design.numbers)}"

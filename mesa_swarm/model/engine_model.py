@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import mesa
 import numpy as np
 
-from mesa_swarm.base.errors import (
-    InvalidValueError,
-    StepWarning,
-    check_choice,
-    check_count,
-    check_number,
-    shortened,
-)
+from mesa_swarm.base.errors import InvalidValueError, StepWarning, check_choice, check_count, check_number, shortened
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Seed, Streams
 from mesa_swarm.base.trigger import Trigger
@@ -31,15 +24,7 @@ from mesa_swarm.model.control import ControlPart
 from mesa_swarm.model.events import EventLog, EventsPart
 from mesa_swarm.model.fields import FieldsPart
 from mesa_swarm.model.imperfections import ImperfectionsPart, imperfections_of
-from mesa_swarm.model.mesa_model import (
-    GIVEN,
-    LATE,
-    Collector,
-    MesaModel,
-    add_reporters,
-    rows_in,
-    seed_sequence,
-)
+from mesa_swarm.model.mesa_model import GIVEN, LATE, Collector, MesaModel, add_reporters, rows_in, seed_sequence
 from mesa_swarm.model.observers import Observers
 from mesa_swarm.model.parameters import Dial, Noise, Slip
 from mesa_swarm.model.parts import AnyPart, Parts, delegate
@@ -51,14 +36,14 @@ from mesa_swarm.model.state_hash import state_hash_of
 from mesa_swarm.physics.contact import Contacts
 from mesa_swarm.physics.engine import CompiledEngine, Engine
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
-from mesa_swarm.physics.threads import checked_threads
+from mesa_swarm.physics.threads import check_threads
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.radio import Radio
-from mesa_swarm.robots.real_robots import Scale, scale_or_none
+from mesa_swarm.robots.real_robots import Scale, check_scale
 from mesa_swarm.robots.robot import Robot, remove_together
 from mesa_swarm.robots.snapshots import Snapshots
 from mesa_swarm.robots.swarm import Swarm
-from mesa_swarm.world.arena import Agents, Arena, next_id, uncollected
+from mesa_swarm.world.arena import Agents, Arena, get_next_id, pause_collection
 from mesa_swarm.world.bodies import Body, Load, Obstacle
 from mesa_swarm.world.fields import NamedFields
 from mesa_swarm.world.movers import Driven, Movers
@@ -140,7 +125,7 @@ class EngineModel(MesaModel):
         effect = imperfections_of(noise, slip, imperfections)
         turn_angle = np.radians(check_number("turn_angle_degrees", turn_angle_degrees, minimum=0, maximum=90))
         computing: Engine = ENGINES[check_choice("engine", engine, ENGINES)]()
-        computing.threads = checked_threads(threads)
+        computing.threads = check_threads(threads)
         self.map, self.scale = Map.load(map), scale
         super().__init__(rng)
         self.streams = Streams(seed_sequence(rng, self.rng))
@@ -158,7 +143,7 @@ class EngineModel(MesaModel):
             if reporters is not None and not isinstance(reporters, Mapping):
                 raise InvalidValueError(f"{name} is {shortened(reporters)}; expected a dict of reporters by name")
         self.datacollector = Collector({**REPORTERS, **(model_reporters or {})}, agent_reporters)
-        next_id(self)  # from here on the model has its counter
+        get_next_id(self)  # from here on the model has its counter
         self._own = frozenset({*self.__dict__, *LATE, "_own", "_common", "scenario", GIVEN} - of_user)
 
     def _stand(self, engine: Engine, turn_angle: float, radio: Radio | None) -> None:
@@ -174,7 +159,7 @@ class EngineModel(MesaModel):
         stand(ProcessesPart(self))
         stand(StatePart())
         stand(EventsPart(self))
-        with uncollected():
+        with pause_collection():
             for shape in self.map.obstacles:
                 self.add_obstacle(shape)
 
@@ -284,12 +269,12 @@ class EngineModel(MesaModel):
 
     @scale.setter
     def scale(self, scale: Scale | None) -> None:
-        self._scale = scale_or_none(scale)
+        self._scale = check_scale(scale)
 
     @property
     def robots(self) -> Agents[Robot]:
         """The robots as Mesa agents, in the order of the swarm's rows."""
-        found = Agents.listed(self.swarm.agents, self.random)
+        found = Agents.of_list(self.swarm.agents, self.random)
         self.swarm.listed[id(found)] = found
         return found
 
@@ -491,7 +476,7 @@ class EngineModel(MesaModel):
 
     @threads.setter
     def threads(self, threads: int) -> None:
-        self.parts.robots.engine.threads = checked_threads(threads)
+        self.parts.robots.engine.threads = check_threads(threads)
         self.parts.replan()
 
     @property

@@ -46,7 +46,7 @@ class FieldsPart(Part):
 
     def parameters(self) -> list[Field]:
         """Return the declarations of all fields."""
-        return [field.declared for field in self.live.values()]
+        return [field.declaration for field in self.live.values()]
 
     def mark(self) -> dict[str, Any]:
         """Return how often values of fields were changed other than by advancing, and which fields there are."""
@@ -56,7 +56,7 @@ class FieldsPart(Part):
     def store(self) -> dict[str, Any]:
         """Return the declarations of all fields, and the largest values that they had."""
         return {
-            "declared": [list(astuple(field.declared)) for field in self.live.values()],
+            "declared": [list(astuple(field.declaration)) for field in self.live.values()],
             "peaks": [field.peak for field in self.live.values()],
         }
 
@@ -71,7 +71,7 @@ class FieldsPart(Part):
         before, self.live = self.live, {}
         for field in fields:
             known = before.get(field.name)
-            if known is None or known.declared != field:
+            if known is None or known.declaration != field:
                 known = self.add_field(field)
             self.live = {**self.live, field.name: known}
         for earlier in before.values():

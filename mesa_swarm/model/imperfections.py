@@ -8,7 +8,7 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.kernels.part import Column, Itself, Part
 from mesa_swarm.physics.imperfect import Imperfect
-from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections, together
+from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections, combine_imperfections
 from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING
 
 # Half of its speed is what a slipping wheel loses.
@@ -25,7 +25,7 @@ def imperfections_of(noise: float, slip: float, dial: float) -> Imperfections | 
             )
         check_number(name, value, minimum=0, maximum=1)
     disturbed = Imperfections(sensing=Imperfection(error=noise), slip_probability=slip, slip_magnitude=SLIP_MAGNITUDE)
-    return together(MEASURED.at(dial), disturbed)
+    return combine_imperfections(MEASURED.at(dial), disturbed)
 
 
 class ImperfectionsPart(Part):

@@ -46,7 +46,7 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.base.wording import in_brief
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.maps.map_parts import decode_text, file_content
-from mesa_swarm.maps.toml import parsed_toml
+from mesa_swarm.maps.toml import parse_toml
 from mesa_swarm.model.gallery import PACKAGE, description, find_model, model_address, short_name
 from mesa_swarm.model.parameters import Parameter, parameters_of
 
@@ -261,7 +261,7 @@ def _joined(text: str) -> str:
 def _read(file: Path, model_class: type) -> dict[str, Any]:
     """Return the contents of a file; what is wrong in it is named with the file and the key."""
     try:
-        inside = parsed_toml(decode_text(file_content(file, LARGEST_INFO_FILE), file.name), file.name)
+        inside = parse_toml(decode_text(file_content(file, LARGEST_INFO_FILE), file.name), file.name)
     except MapError as error:  # these functions read maps as well; it names the file
         raise InvalidValueError(str(error)) from None
     try:

@@ -18,7 +18,7 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 
 COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
 # Columns of frames: by what robots are coloured, and their texts.
@@ -136,7 +136,7 @@ class Chart:
     def numbers(self, model: Any) -> np.ndarray:
         """Return the same, or raise whatever the function raises."""
         value = getattr(model, self.source) if isinstance(self.source, str) else self.source(model)
-        return np.array(unmasked(value), float).reshape(len(self.curves))
+        return np.array(fill_masked(value), float).reshape(len(self.curves))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -251,7 +251,7 @@ def _values(model: Any, what: str, source: Source) -> np.ndarray:
         values = model.swarm.columns[source]
     else:
         try:
-            values = unmasked(source(model))
+            values = fill_masked(source(model))
         except Exception as error:  # a function of a user's may raise anything
             raise InvalidValueError(f"{what} of looks, {_name_of(source)}, failed: {error_line(error)}") from error
     if values.shape not in ((count,), (count, 1)):

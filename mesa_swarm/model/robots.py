@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_name, check_number, shortened
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Role, Stage
 from mesa_swarm.model.state import checked_state
@@ -20,7 +20,7 @@ from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import Device
 from mesa_swarm.robots.robot import SIDES, Robot, add_handles, remove_together
 from mesa_swarm.robots.sensors import BUILT_IN, Sensor
-from mesa_swarm.world.arena import uncollected
+from mesa_swarm.world.arena import pause_collection
 from mesa_swarm.world.placement import free_places, place_apart
 from mesa_swarm.world.shapes import as_numbers
 
@@ -331,7 +331,7 @@ class RobotsPart(Part):
 
     def _free_poses(self, design: RobotDesign, n: int) -> tuple[np.ndarray, np.ndarray]:
         bodies, streams, world = self.model.parts.bodies, self.model.streams, self.model.map
-        with uncollected():
+        with pause_collection():
             solid = (body for body in (*bodies.listed, *bodies.fires()) if body.mode != "carried")
             space = free_places(world.bounds, [body.shape for body in solid], design.radius)
         old, radii, where = self.swarm.position, self.swarm.radius, f"map {world.name}"
@@ -348,7 +348,7 @@ class RobotsPart(Part):
         for x, y, heading in table:
             self.model.parts.bodies.checked_point((x, y))
             check_number("heading", heading, minimum=-1e9, maximum=1e9)
-        return table[:, :2].copy(), np.array([wrapped(heading) for heading in table[:, 2]], dtype=float)
+        return table[:, :2].copy(), np.array([wrap_angle(heading) for heading in table[:, 2]], dtype=float)
 
     def _sides(self, n: int, tendency: str | Sequence[str] | None) -> np.ndarray:
         if tendency is None:

@@ -13,7 +13,7 @@ from mesa_swarm.geometry.room import room_to_try
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.processes import Process
 from mesa_swarm.world.bodies import Body, BodyTable, placed
-from mesa_swarm.world.movers import Driven, occupied, swept
+from mesa_swarm.world.movers import Driven, find_occupied_room, sweep_geometry
 from mesa_swarm.world.placement import QUARTER_SEGMENTS, place_apart
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape, disc, rectangle
 
@@ -99,7 +99,7 @@ def scatter(
 def _free_places(model: EngineModel, number: int, size: float, gap: float, rng: np.random.Generator) -> np.ndarray:
     """Return places (number, 2) of obstacles of this size."""
     radius = size * (1.0 + 2.0 * CLEAR) + gap
-    space = room_to_try(model.map.bounds, list(occupied(model.bodies)), radius, QUARTER_SEGMENTS)
+    space = room_to_try(model.map.bounds, list(find_occupied_room(model.bodies)), radius, QUARTER_SEGMENTS)
     try:
         return place_apart(number, radius, space, model.swarm.position, model.swarm.radius, rng)
     except PlacementError:
@@ -224,7 +224,7 @@ class _Obstacles:
 
     def __init__(self, model: EngineModel, bodies: Sequence[Driven]) -> None:
         moving = {body.unique_id for body in bodies}
-        others = list(occupied(body for body in model.bodies if body.unique_id not in moving))
+        others = list(find_occupied_room(body for body in model.bodies if body.unique_id not in moving))
         outlines = [placed(body.form.outline, body.pose) for body in bodies]
         self.swept = np.array([*outlines, *(geometry for geometry, _ in others)], object)
         self.radius = np.array([*(body.form.radius for body in bodies), *(radius for _, radius in others)])
@@ -233,7 +233,7 @@ class _Obstacles:
 
     def permit(self, row: int, step: tuple[float, float]) -> bool:
         """Return whether the way of a body is free, and if so note that it goes there."""
-        path, radius = swept(self.swept[row], step), self.radius[row]
+        path, radius = sweep_geometry(self.swept[row], step), self.radius[row]
         x_min, y_min, x_max, y_max = path.bounds
         low_x, low_y, high_x, high_y = self.bounds
         if x_min - radius < low_x or y_min - radius < low_y or x_max + radius > high_x or y_max + radius > high_y:

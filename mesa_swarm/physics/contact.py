@@ -43,7 +43,7 @@ class StaticArrays(NamedTuple):
     owner: Integers
     body: Codes
     bounds: Reals
-    touched: CellLists
+    touch_cells: CellLists
     movers: MoverArrays | None
 
 
@@ -66,32 +66,33 @@ class ContactArrays(NamedTuple):
 
 
 @compiled
-def solids_in(statics, movers):
+def unpack_solids(statics, movers):
     """Return the `StaticArrays` in a block, with the movers in another one, or None."""
     s = unpack(statics, StaticArrays)
-    return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, unpack(movers, MoverArrays))
+    return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touch_cells, unpack(movers, MoverArrays))
 
 
 @compiled
 def deepest_static(x, y, radius, statics):
     """Return depth, normal, flatness and item of the deepest overlap of a disc with static bodies."""
     edges, discs = statics.edges, statics.discs
-    found = deepest_listed(x, y, radius, edges, discs, statics.touched, _deepest_border(x, y, radius, statics.bounds))
-    return deepest_moving(x, y, radius, edges, discs, statics.movers, found)
+    border = _deepest_border(x, y, radius, statics.bounds)
+    deepest = deepest_listed(x, y, radius, edges, discs, statics.touch_cells, border)
+    return deepest_moving(x, y, radius, edges, discs, statics.movers, deepest)
 
 
 @compiled
-def deepest_moving(x, y, radius, edges, discs, movers, found):
+def deepest_moving(x, y, radius, edges, discs, movers, deepest):
     """Return the deepest overlap with driven bodies if it is deeper than what was found."""
     if movers is None:
-        return found
-    return deepest_listed(x, y, radius, edges, discs, movers.touched, found)
+        return deepest
+    return deepest_listed(x, y, radius, edges, discs, movers.touch_cells, deepest)
 
 
 @compiled
 def deepest_listed(x, y, radius, edges, discs, lists, deepest_found):
     """Return the deepest overlap with the items that are listed if it is deeper than what was found."""
-    deepest, normal_x, normal_y, flat, found = deepest_found
+    deepest, normal_x, normal_y, flat, deepest_item = deepest_found
     start, items, cell = lists.start, lists.items, cell_at(x, y, lists.grid)
     for k in range(start[cell], start[cell + 1]):
         item = items[k]
@@ -101,8 +102,8 @@ def deepest_listed(x, y, radius, edges, discs, lists, deepest_found):
             depth, nx, ny = disc_overlap(x, y, radius, discs, item - edges.shape[0])
             face = False
         if depth > deepest:
-            deepest, normal_x, normal_y, flat, found = depth, nx, ny, face, item
-    return deepest, normal_x, normal_y, flat, found
+            deepest, normal_x, normal_y, flat, deepest_item = depth, nx, ny, face, item
+    return deepest, normal_x, normal_y, flat, deepest_item
 
 
 @compiled
@@ -173,10 +174,10 @@ class Contacts:
         """Collect the contacts of the last step; `others` are the agents of kinds that are not listed in `bodies`."""
         rows = np.flatnonzero(swarm.collided)
         kind, index = swarm.contact_kind[rows], swarm.contact_index[rows]
-        other, known = np.full(len(rows), -1), index != BORDER
-        of_robots = known & (kind == ROBOT)
+        other, is_body = np.full(len(rows), -1), index != BORDER
+        of_robots = is_body & (kind == ROBOT)
         other[of_robots] = swarm.unique_ids[index[of_robots]]
-        for place in np.flatnonzero(known & ~of_robots).tolist():
+        for place in np.flatnonzero(is_body & ~of_robots).tolist():
             other[place] = others.get(kind[place], bodies)[index[place]].unique_id
         return cls(
             robot=swarm.unique_ids[rows],
@@ -190,7 +191,7 @@ class Contacts:
 @compiled(apart=True)
 def push_all_from_statics(rows, position, radius, statics, contacts, free):
     """Move the robots in these rows out of static bodies, and write for which ones that was possible."""
-    bounds, movers, grid, start = statics.bounds, statics.movers, statics.touched.grid, statics.touched.start
+    bounds, movers, grid, start = statics.bounds, statics.movers, statics.touch_cells.grid, statics.touch_cells.start
     for i in rows:
         x, y, r = position[i, 0], position[i, 1], radius[i]
         cell = cell_at(x, y, grid)
@@ -198,15 +199,15 @@ def push_all_from_statics(rows, position, radius, statics, contacts, free):
         clear = start[cell] == start[cell + 1] and (
             bounds[0] + r <= x <= bounds[2] - r and bounds[1] + r <= y <= bounds[3] - r
         )
-        free[i] = (clear and no_body_near(x, y, movers)) or push_from_statics(i, position, r, statics, contacts)
+        free[i] = (clear and is_clear_of_bodies(x, y, movers)) or push_from_statics(i, position, r, statics, contacts)
 
 
 @compiled
-def no_body_near(x, y, movers):
+def is_clear_of_bodies(x, y, movers):
     """Return whether no driven body can be touched from a place."""
     if movers is None:
         return True
-    start, cell = movers.touched.start, cell_at(x, y, movers.touched.grid)
+    start, cell = movers.touch_cells.start, cell_at(x, y, movers.touch_cells.grid)
     return start[cell] == start[cell + 1]
 
 

@@ -22,9 +22,9 @@ class CrowdArrays(NamedTuple):
 
     The first three are these columns. Row p of the copies is the robot in row ``order[p]`` of the swarm; cell c of the
     grid holds rows ``start[c]`` to ``start[c + 1]``. Within a cell they ascend by row of the swarm, so that the order
-    follows from the places alone. `cell_of`, `listed`, `radii` and `numbers` are the cell of each, its place when they
-    were sorted, radius and number; `places` and `before` where it is now, and was before this piece of the step; `free`
-    whether it is clear of static bodies; `rows` are 0 to n - 1.
+    follows from the places alone. `cell_of`, `reference`, `radii` and `numbers` are the cell of each, its place when
+    they were sorted, radius and number; `places` and `before` where it is now, and was before this piece of the step;
+    `free` whether it is clear of static bodies; `rows` are 0 to n - 1.
     """
 
     position: RealRows
@@ -34,7 +34,7 @@ class CrowdArrays(NamedTuple):
     start: Integers
     order: Integers
     cell_of: Integers
-    listed: RealRows
+    reference: RealRows
     radii: Reals
     numbers: Integers
     places: RealRows
@@ -48,9 +48,9 @@ class CrowdArrays(NamedTuple):
         """Return room for copies of these columns."""
         n = len(position)
         start, order, cell_of = np.zeros(cells_of(grid) + 1, np.int64), np.arange(n), np.zeros(n, np.int64)
-        listed, radii, numbers = np.zeros((n, 2)), np.zeros(n), np.zeros(n, np.int64)
+        reference, radii, numbers = np.zeros((n, 2)), np.zeros(n), np.zeros(n, np.int64)
         places, before, free = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n, np.bool_)
-        sorted_arrays = start, order, cell_of, listed, radii, numbers
+        sorted_arrays = start, order, cell_of, reference, radii, numbers
         contacts, rows = ContactArrays.of(n), np.arange(n)
         return cls(position, radius, number, grid, *sorted_arrays, places, before, free, contacts, rows)
 
@@ -111,10 +111,10 @@ class Crowd:
 
     def list_pairs(self, margin: float) -> None:
         """List the pairs within this margin of each other."""
-        self.pairs = near_pairs(self.arrays.listed, self.arrays.radii, margin, self.arrays.grid)
+        self.pairs = near_pairs(self.arrays.reference, self.arrays.radii, margin, self.arrays.grid)
         self.near.state[LISTED] = True
 
-    def pairs_from(self, first: int, last: int, find: Callable[..., int], *given: Any) -> np.ndarray:
+    def pairs_from(self, first: int, last: int, find: Callable[..., int], *arguments: Any) -> np.ndarray:
         """Return the pairs of rows [first, last): ``find(*given, first, last, room)`` writes them.
 
         It returns how many there are, also where there is not room for all.
@@ -122,7 +122,7 @@ class Crowd:
         room = self._rooms.get(first)
         if room is None:
             room = _room_for(last - first)
-        while (count := find(*given, first, last, room)) >= len(room):
+        while (count := find(*arguments, first, last, room)) >= len(room):
             room = _room_for(count)
         self._rooms[first] = room
         return room[:count]
@@ -147,12 +147,12 @@ def put_pairs(pairs, near):
 def sort_by_cell(crowd):
     """Sort robots by cell, and copy their places, radii and numbers in that order."""
     c = unpack(crowd, CrowdArrays)
-    position, radius, number, order, listed = c.position, c.radius, c.number, c.order, c.listed
+    position, radius, number, order, reference = c.position, c.radius, c.number, c.order, c.reference
     radii, numbers = c.radii, c.numbers
     sort_into_cells(position, c.grid, c.start, order, c.cell_of)
     for p in range(order.shape[0]):
         i = order[p]
-        listed[p, 0], listed[p, 1] = position[i, 0], position[i, 1]
+        reference[p, 0], reference[p, 1] = position[i, 0], position[i, 1]
         radii[p], numbers[p] = radius[i], number[i]
 
 

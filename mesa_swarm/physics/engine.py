@@ -11,8 +11,8 @@ from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.physics.crowd import LISTED, Crowd
-from mesa_swarm.physics.loads import push_all, stuck_loads, take_back
-from mesa_swarm.physics.motion import achieved_motion, slip_of
+from mesa_swarm.physics.loads import find_stuck_loads, push_all, return_loads
+from mesa_swarm.physics.motion import write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.packed import (
     ONLY,
     SETTLE,
@@ -25,21 +25,14 @@ from mesa_swarm.physics.packed import (
     sense_robots,
     sense_robots_and_movers,
 )
-from mesa_swarm.physics.sensing import (
-    EyeArrays,
-    err,
-    sense_inside,
-    sense_line,
-    sense_proximity,
-    sense_radiation,
-)
+from mesa_swarm.physics.sensing import EyeArrays, add_errors, sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.separation import MARGIN
-from mesa_swarm.physics.settle import settle
+from mesa_swarm.physics.settle import settle_robots
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
 from mesa_swarm.physics.travel import Blocks, RobotArrays, travel, travel_together
 from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
-from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slipped_wheels
+from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slip_wheels
 from mesa_swarm.robots.swarm import Swarm
 
 FEWEST_CELLS = 64
@@ -92,12 +85,7 @@ class Engine(ABC):
         """Move robots that overlap anything to free room nearby."""
 
     def move(
-        self,
-        swarm: Swarm,
-        surroundings: Surroundings,
-        driven: np.ndarray,
-        turn_angle: float,
-        draws: np.ndarray | None,
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
     ) -> None:
         """Move loads, driven bodies and robots, and write position, heading, slip and the contact columns.
 
@@ -122,12 +110,12 @@ class Engine(ABC):
         start, start_heading = columns["position"].copy(), columns["heading"].copy()
         pushed = {} if room is None else push_all(surroundings, room, columns, motion)
         extra_turn = self.travel(swarm, surroundings, motion, turn_angle)
-        while room is not None and (stuck := stuck_loads(surroundings, room, pushed, columns)):
+        while room is not None and (stuck := find_stuck_loads(surroundings, room, pushed, columns)):
             columns["position"][:], columns["heading"][:] = start, start_heading
-            take_back(surroundings, room, pushed, stuck)
+            return_loads(surroundings, room, pushed, stuck)
             extra_turn = self.travel(swarm, surroundings, motion, turn_angle)
         if np.count_nonzero(collided):
-            achieved_motion(start, columns["position"], start_heading, extra_turn, collided, motion)
+            write_achieved_motion(start, columns["position"], start_heading, extra_turn, collided, motion)
             wheels = np.where(collided[:, None], wheels_of(swarm, drives, motion), wheels)
         write_slip(swarm, driven, wheels)
 
@@ -174,12 +162,7 @@ class CompiledEngine(Engine):
             sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
 
     def move(
-        self,
-        swarm: Swarm,
-        surroundings: Surroundings,
-        driven: np.ndarray,
-        turn_angle: float,
-        draws: np.ndarray | None,
+        self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
     ) -> None:
         """Write position, heading, slip and the contact columns, of plain robots without loads in one call."""
         self._prepare(swarm, surroundings)
@@ -245,7 +228,7 @@ class CompiledEngine(Engine):
     def settle(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Move robots that overlap anything to free room nearby."""
         self._prepare(swarm, surroundings)
-        settle(swarm, surroundings, self._crowd.arrays.grid)
+        settle_robots(swarm, surroundings, self._crowd.arrays.grid)
 
     def _list_pairs(self) -> None:
         """List the pairs of robots near each other, unless sensing has."""
@@ -263,14 +246,16 @@ class CompiledEngine(Engine):
         else:
             self._sense_together(swarm, n)
         if draws is not None:
-            err(columns["distance"], columns["design"], table.proximity, table.noise, draws, step, columns["error"])
+            add_errors(
+                columns["distance"], columns["design"], table.proximity, table.noise, draws, step, columns["error"]
+            )
 
     def _sense_together(self, swarm: Swarm, n: int) -> None:
         """Do what the kernel does, the rows of robots in ranges."""
-        crowd, given = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
+        crowd, arguments = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
         crowd.sort()
-        found = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *given))
-        crowd.pairs = np.concatenate(found)
+        pairs = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *arguments))
+        crowd.pairs = np.concatenate(pairs)
         crowd.near.state[LISTED] = True
         if swarm.table.exposed or swarm.disturbed:
             sense_inside(*self._inside)
@@ -303,15 +288,15 @@ class CompiledEngine(Engine):
                 edges=statics.edges,
                 discs=statics.discs,
                 static_kind=statics.kind,
-                seen=statics.seen,
+                sight_cells=statics.sight_cells,
                 distance=columns["distance"],
                 kind=columns["kind"],
             )
         )
-        written = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
+        outputs = {name: columns[name] for name in ("position", "heading", "collided", *CONTACT_COLUMNS)}
         self._heat = Block(surroundings.radiating)
         self._extra_turn = np.zeros(n)
-        robots = RobotArrays(motion=self._motion, radius=columns["radius"], extra_turn=self._extra_turn, **written)
+        robots = RobotArrays(motion=self._motion, radius=columns["radius"], extra_turn=self._extra_turn, **outputs)
         self._robots, self._statics = Block(robots), Block(surroundings.still)
         movers = None if surroundings.moving is None else surroundings.moving.block
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
@@ -328,8 +313,8 @@ class CompiledEngine(Engine):
         walls = statics.edges, statics.kind, statics.rings, statics.bounds
         self._inside = *robots, *walls, columns["distance"], columns["kind"]
         blocks = self._eyes.numbers, self._crowd.block, NO_NUMBERS if movers is None else movers
-        where = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
-        arrays = SenseArrays(*blocks, *where, *self._inside)
+        places = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
+        arrays = SenseArrays(*blocks, *places, *self._inside)
         block, function = Block(arrays), sense_robots if movers is None else sense_robots_and_movers
         radiation, line, marks = columns["radiation"], columns["line"], surroundings.marks
         widths = columns["distance"].shape[1], radiation.shape[1] + line.shape[1]
@@ -413,7 +398,7 @@ def rolling_wheels(swarm: Swarm, driven: np.ndarray, draws: np.ndarray | None) -
     if draws is None:
         return driven
     wheels = np.empty_like(driven)
-    slipped_wheels(driven, *table.slip, design, draws, wheels)
+    slip_wheels(driven, *table.slip, design, draws, wheels)
     return wheels
 
 
@@ -422,9 +407,9 @@ def write_slip(swarm: Swarm, driven: np.ndarray, wheels: np.ndarray) -> None:
     command, slip = swarm.columns["command"], swarm.columns["slip"]
     # Motors of limited acceleration roll on where none is driven: only the others have a share of what is driven.
     if driven is not command and not swarm.table.limited:
-        slip_of(driven, wheels, slip)
+        write_wheel_slip(driven, wheels, slip)
         wheels = driven * (1.0 - slip)
-    slip_of(command, wheels, slip)
+    write_wheel_slip(command, wheels, slip)
 
 
 def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndarray) -> None:
@@ -432,10 +417,10 @@ def write_motion(swarm: Swarm, drives: Rows, wheels: np.ndarray, motion: np.ndar
     mixed = swarm.table.mixed
     motion.fill(0.0)
     for drive, rows in drives:
-        made = motion[rows]
+        own_motion = motion[rows]
         own = (rows, slice(getattr(drive, "numbers", 2))) if mixed else rows
-        drive.motion(wheels[own], swarm.columns["radius"][rows], made)
-        motion[rows] = made
+        drive.motion(wheels[own], swarm.columns["radius"][rows], own_motion)
+        motion[rows] = own_motion
 
 
 def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
@@ -443,7 +428,7 @@ def wheels_of(swarm: Swarm, drives: Rows, motion: np.ndarray) -> np.ndarray:
     wheels, mixed = np.zeros((len(motion), swarm.table.wheels)), swarm.table.mixed
     for drive, rows in drives:
         own = (rows, slice(getattr(drive, "numbers", 2))) if mixed else rows
-        made = wheels[own]
-        drive.wheels(motion[rows], swarm.columns["radius"][rows], made)
-        wheels[own] = made
+        own_wheels = wheels[own]
+        drive.wheels(motion[rows], swarm.columns["radius"][rows], own_wheels)
+        wheels[own] = own_wheels
     return wheels

@@ -6,9 +6,9 @@ from zlib import crc32
 import numpy as np
 
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.physics.radio import GOLDEN, mixed
+from mesa_swarm.physics.radio import GOLDEN, mix_bits
 from mesa_swarm.robots.design import RANGE, places_of_custom_sensors
-from mesa_swarm.robots.drive import no_longer
+from mesa_swarm.robots.drive import limit_length
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal
 from mesa_swarm.robots.sensors import BUILT_IN, LineSensor, ProximitySensor, RadiationSensor
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LAST_READ, LASTING, Swarm
@@ -62,14 +62,14 @@ class Imperfect:
             failed, numbers = swarm.columns[FAILED_SENSORS], np.array([len(d.sensors) for d in swarm.designs], np.int64)
             robots = numbers, swarm.columns["design"], swarm.columns["number"]
             break_sensors(failed, *robots, float(self.imperfections.sensor_failure), step, np.uint64(self.key))
-            blind(swarm, failed)
+            blind_sensors(swarm, failed)
 
     def _spoil_readings(self, swarm: Swarm, step: int) -> None:
         columns, table, limits = swarm.columns, swarm.table, self.imperfections.sensing.limits
         by_chance = columns["design"], columns["number"], step, np.uint64(self.key)
         last = {name: imperfection_column(swarm, name) for name in ("distance", "kind", "radiation", "line")}
-        seen = columns["distance"], columns["kind"], last["distance"], last["kind"]
-        spoil(*seen, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
+        readings = columns["distance"], columns["kind"], last["distance"], last["kind"]
+        spoil(*readings, np.ascontiguousarray(table.proximity[:, :, RANGE]), NOTHING, 0, limits, *by_chance)
         # The kinds that only proximity sensors read are neither looked at nor stored for the others.
         radiation, line = columns["radiation"], columns["line"]
         if radiation.shape[1]:
@@ -88,7 +88,7 @@ class Imperfect:
         if self._reads:
             self._spoil_custom(swarm, step)
         if FAILED_SENSORS in swarm.columns:
-            blind_custom(swarm, swarm.columns[FAILED_SENSORS])
+            blind_custom_sensors(swarm, swarm.columns[FAILED_SENSORS])
 
     def _spoil_custom(self, swarm: Swarm, step: int) -> None:
         columns, limits, key = swarm.columns, self.imperfections.sensing.limits, np.uint64(self.key)
@@ -105,40 +105,40 @@ class Imperfect:
 
         Where robots' wheels are perfect, that is the column command itself.
         """
-        columns, table, given = swarm.columns, swarm.table, self.imperfections
+        columns, table, imperfections = swarm.columns, swarm.table, self.imperfections
         fails = FAILED_WHEELS in columns
         if not (self._drives or fails or table.battery.any()):
             return columns["command"]
         driven = columns["command"].copy()
         worn = [imperfection_column(swarm, name) for name in ("told", "wheels", "used", "broken")]
         bodies = columns["max_speed"], columns["design"], table.sideways, table.numbers, columns["number"]
-        slips = float(given.slip_probability), float(given.slip_magnitude)
-        charge = np.where(table.battery > 0.0, table.battery, given.battery)
-        limits = given.driving.limits, (float(given.failure), *slips)
+        slips = float(imperfections.slip_probability), float(imperfections.slip_magnitude)
+        charge = np.where(table.battery > 0.0, table.battery, imperfections.battery)
+        limits = imperfections.driving.limits, (float(imperfections.failure), *slips)
         spoil_wheels(driven, *worn, *bodies, charge, *limits, step, np.uint64(self.key))
         if fails:
             wheels = table.sideways, table.numbers, columns["design"], columns["number"]
-            rate = float(given.wheel_failure)
+            rate = float(imperfections.wheel_failure)
             fail_wheels(driven, columns[FAILED_WHEELS], *wheels, rate, step, np.uint64(self.key))
         return driven
 
 
-def blind(swarm: Swarm, failed: np.ndarray) -> None:
+def blind_sensors(swarm: Swarm, failed: np.ndarray) -> None:
     """Let the built-in sensors that failed (n, s) read nothing."""
     columns = swarm.columns
     nothing = {"distance": NOTHING, "kind": -1, "radiation": 0.0, "line": False}
-    named = {ProximitySensor: ("distance", "kind"), RadiationSensor: ("radiation",), LineSensor: ("line",)}
+    columns_of_kind = {ProximitySensor: ("distance", "kind"), RadiationSensor: ("radiation",), LineSensor: ("line",)}
     for d, design in enumerate(swarm.designs):
         rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
-        counts = dict.fromkeys(named, 0)
+        counts = dict.fromkeys(columns_of_kind, 0)
         for s, sensor in enumerate(design.sensors if len(rows) else ()):
-            for kind in (kind for kind in named if isinstance(sensor, kind)):
-                for name in named[kind]:
+            for kind in (kind for kind in columns_of_kind if isinstance(sensor, kind)):
+                for name in columns_of_kind[kind]:
                     columns[name][rows[failed[rows, s]], counts[kind]] = nothing[name]
                 counts[kind] += 1
 
 
-def blind_custom(swarm: Swarm, failed: np.ndarray) -> None:
+def blind_custom_sensors(swarm: Swarm, failed: np.ndarray) -> None:
     """Let the custom sensors that failed (n, s) read nothing."""
     columns = swarm.columns
     for d, design in enumerate(swarm.designs):
@@ -166,20 +166,20 @@ def imperfection_column(swarm: Swarm, name: str) -> np.ndarray:
 
 
 @compiled
-def chance(key, number, channel, moment, what):
+def draw_uniform(key, number, channel, moment, draw):
     """Return a number in [0, 1) that the key, robot, channel, moment and question decide."""
-    bits = mixed(key + GOLDEN * np.uint64(number))
-    bits = mixed(bits + GOLDEN * np.uint64(channel))
-    bits = mixed(bits + GOLDEN * np.uint64(moment))
-    bits = mixed(bits + GOLDEN * np.uint64(what))
+    bits = mix_bits(key + GOLDEN * np.uint64(number))
+    bits = mix_bits(bits + GOLDEN * np.uint64(channel))
+    bits = mix_bits(bits + GOLDEN * np.uint64(moment))
+    bits = mix_bits(bits + GOLDEN * np.uint64(draw))
     return (bits >> np.uint64(11)) * 2.0**-53
 
 
 @compiled
-def normal(key, number, channel, moment):
+def draw_normal(key, number, channel, moment):
     """Return a number of the standard normal distribution (Box and Muller 1958)."""
-    length = math.sqrt(-2.0 * math.log(1.0 - chance(key, number, channel, moment, LENGTH)))
-    return length * math.cos(2.0 * math.pi * chance(key, number, channel, moment, PHASE))
+    length = math.sqrt(-2.0 * math.log(1.0 - draw_uniform(key, number, channel, moment, LENGTH)))
+    return length * math.cos(2.0 * math.pi * draw_uniform(key, number, channel, moment, PHASE))
 
 
 @compiled
@@ -195,15 +195,15 @@ def spoil(reading, kind, last, last_kind, largest, nothing, first_channel, limit
             most, channel = largest[design[i], s], first_channel + s
             if most < 0.0:
                 continue
-            fate = chance(key, number[i], channel, moment, FATE)
+            fate = draw_uniform(key, number[i], channel, moment, FATE)
             if step % period != 0:
                 reading[i, s], kind[i, s] = last[i, s], last_kind[i, s]
             elif fate < dropout:
                 reading[i, s], kind[i, s] = nothing, -1
             elif fate < dropout + outliers:
-                reading[i, s], kind[i, s] = most * chance(key, number[i], channel, moment, PLACE), OBSTACLE
+                reading[i, s], kind[i, s] = most * draw_uniform(key, number[i], channel, moment, PLACE), OBSTACLE
             elif reading[i, s] >= 0.0:
-                wrong = reading[i, s] * (1.0 + error * normal(key, number[i], channel, moment))
+                wrong = reading[i, s] * (1.0 + error * draw_normal(key, number[i], channel, moment))
                 reading[i, s] = min(max(wrong, 0.0), most)
             last[i, s], last_kind[i, s] = reading[i, s], kind[i, s]
 
@@ -218,53 +218,53 @@ def spoil_any(reading, last, least, largest, first_channel, limits, design, numb
             low, high, channel = least[design[i], s], largest[design[i], s], first_channel + s
             if math.isnan(low):
                 continue
-            fate = chance(key, number[i], channel, moment, FATE)
+            fate = draw_uniform(key, number[i], channel, moment, FATE)
             if step % period != 0:
                 reading[i, s] = last[i, s]
             elif fate < dropout:
                 reading[i, s] = math.nan
             elif fate < dropout + outliers and math.isfinite(high - low):
-                reading[i, s] = low + (high - low) * chance(key, number[i], channel, moment, PLACE)
+                reading[i, s] = low + (high - low) * draw_uniform(key, number[i], channel, moment, PLACE)
             elif not math.isnan(reading[i, s]):
-                wrong = reading[i, s] * (1.0 + error * normal(key, number[i], channel, moment))
+                wrong = reading[i, s] * (1.0 + error * draw_normal(key, number[i], channel, moment))
                 reading[i, s] = min(max(wrong, low), high)
             last[i, s] = reading[i, s]
 
 
 @compiled
 def spoil_wheels(
-    command, held, wheels, used, broken, max_speed, design, sideways, numbers, number, charge, limits, wear, step, key
+    command, held, wheels, worn, broken, max_speed, design, sideways, numbers, number, charge, limits, wear, step, key
 ):
     """Replace commands by disturbed wheel speeds; add up the charge used, and break robots down."""
     error, dropout, outliers, hold, period, lag = limits
     failure, slip_probability, slip_magnitude = wear
     moment, share = step // hold, 1.0 - math.exp(-1.0 / lag) if lag > 0.0 else 1.0
     for i in range(command.shape[0]):
-        if chance(key, number[i], BODY, step, FATE) < failure:
+        if draw_uniform(key, number[i], BODY, step, FATE) < failure:
             broken[i] = True
         battery = charge[design[i]]
-        stands = broken[i] or (battery > 0.0 and used[i] >= battery)
+        stands = broken[i] or (battery > 0.0 and worn[i] >= battery)
         count = numbers[design[i]]
         for w in range(count):
             if step % period == 0:
                 held[i, w] = command[i, w]
-            wanted, channel = held[i, w], WHEEL + w
-            fate = chance(key, number[i], channel, moment, FATE)
+            command_now, channel = held[i, w], WHEEL + w
+            fate = draw_uniform(key, number[i], channel, moment, FATE)
             if stands or fate < dropout:
-                wanted = 0.0
+                command_now = 0.0
             elif fate < dropout + outliers:
-                wanted = max_speed[i] * (2.0 * chance(key, number[i], channel, moment, PLACE) - 1.0)
+                command_now = max_speed[i] * (2.0 * draw_uniform(key, number[i], channel, moment, PLACE) - 1.0)
             else:
-                wanted *= 1.0 + error * normal(key, number[i], channel, moment)
-            wheels[i, w] += share * (wanted - wheels[i, w])
+                command_now *= 1.0 + error * draw_normal(key, number[i], channel, moment)
+            wheels[i, w] += share * (command_now - wheels[i, w])
             wheels[i, w] = 0.0 if stands else min(max(wheels[i, w], -max_speed[i]), max_speed[i])
         if sideways[design[i]]:
-            wheels[i, 0], wheels[i, 1] = no_longer(wheels[i, 0], wheels[i, 1], max_speed[i])
+            wheels[i, 0], wheels[i, 1] = limit_length(wheels[i, 0], wheels[i, 1], max_speed[i])
         for w in range(count):
-            slips = slip_probability > 0.0 and chance(key, number[i], WHEEL + w, step, SLIP) < slip_probability
+            slips = slip_probability > 0.0 and draw_uniform(key, number[i], WHEEL + w, step, SLIP) < slip_probability
             command[i, w] = wheels[i, w] * (1.0 - slip_magnitude) if slips else wheels[i, w]
             if max_speed[i] > 0.0:
-                used[i] += (1.0 / count) * abs(wheels[i, w]) / max_speed[i]
+                worn[i] += (1.0 / count) * abs(wheels[i, w]) / max_speed[i]
 
 
 @compiled
@@ -274,7 +274,7 @@ def break_sensors(failed, counts, design, number, rate, step, key):
         return
     for i in range(failed.shape[0]):
         for s in range(counts[design[i]]):
-            if chance(key, number[i], SENSOR + s, step, FAIL) < rate:
+            if draw_uniform(key, number[i], SENSOR + s, step, FAIL) < rate:
                 failed[i, s] = True
 
 
@@ -289,7 +289,7 @@ def fail_wheels(command, failed, sideways, numbers, design, number, rate, step, 
             continue
         total, driven = 0.0, 0
         for w in range(numbers[design[i]]):
-            if rate > 0.0 and chance(key, number[i], WHEEL + w, step, FAIL) < rate and failed[i, w] == 0:
+            if rate > 0.0 and draw_uniform(key, number[i], WHEEL + w, step, FAIL) < rate and failed[i, w] == 0:
                 failed[i, w] = STUCK
             if failed[i, w] == STUCK:
                 command[i, w] = 0.0

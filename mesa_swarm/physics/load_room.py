@@ -39,7 +39,7 @@ class Forms(NamedTuple):
 class Stops(NamedTuple):
     """Where a load leans on bodies: unit vectors towards it, lever arms about its centre, and its points there.
 
-    `force` and `yielding` are scratch of `loads.borne`.
+    `force` and `yielding` are scratch of `loads.free_wrench`.
     """
 
     x: np.ndarray
@@ -179,11 +179,11 @@ def has_room(k, x, y, heading, count, room):
 @compiled(apart=True)
 def find_stops(k, distance, count, poses, room):
     """Write the stops of load k and return their number: all that is within a distance of it, of what is near."""
-    found = 0
+    stop_count = 0
     for n in range(count):
         if is_within(k, room.near[n], room.forms.core_radius[k] + distance, room):
-            found = find_stops_on(k, room.near[n], distance, found, poses, room)
-    return found
+            stop_count = find_stops_on(k, room.near[n], distance, stop_count, poses, room)
+    return stop_count
 
 
 @compiled

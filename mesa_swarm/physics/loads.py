@@ -27,7 +27,7 @@ import numpy as np
 
 from mesa_swarm.geometry.exact import MOST_PARTS, exact_sum, hypot
 from mesa_swarm.geometry.outlines import gap_to_point, nearest_to_point
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.load_room import Room, find_stops, has_room, list_near, place_load, place_outlines
@@ -76,19 +76,19 @@ class Pushes(NamedTuple):
 
 def push_all(surroundings: Surroundings, room: Room, columns: dict, motion: np.ndarray) -> dict[int, Pose]:
     """Move every load that is pushed hard enough; return the old poses of those that moved."""
-    t, rows, n = surroundings.bodies, surroundings.loads, len(motion)
-    old = np.column_stack([t.position[rows], t.heading[rows]])
+    table, rows, n = surroundings.bodies, surroundings.loads, len(motion)
+    old = np.column_stack([table.position[rows], table.heading[rows]])
     robots = Pushers(motion=motion, **{name: columns[name] for name in Pushers._fields[:-1]})
     pushes = Pushes(parts=np.empty(MOST_PARTS), **{name: np.empty(n) for name in Pushes._fields[:-1]})
-    push_loads(robots, surroundings.poses, t.resistance, room, pushes, t.pushers, t.moved)
-    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(t.moved[rows]).tolist()}
+    push_loads(robots, surroundings.poses, table.resistance, room, pushes, table.pushers, table.moved)
+    before: dict[int, Pose] = {k: tuple(old[k].tolist()) for k in np.flatnonzero(table.moved[rows]).tolist()}
     if before:
         surroundings.follow()
     return before
 
 
 @compiled
-def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
+def push_loads(robots, poses, resistance, room, pushes, pushers, has_moved):
     """Move all loads, one after the other; write how many robots push each, and which ones moved."""
     place_outlines(poses, room)
     least = math.inf
@@ -101,7 +101,7 @@ def push_loads(robots, poses, resistance, room, pushes, pushers, moved):
         x, y, heading = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
         longest = min(LONGEST_PIECE * least, room.forms.thickness[k])
         move_load(k, count, longest, resistance[row] ** room.two, poses, room, pushes)
-        moved[row] = poses.position[row, 0] != x or poses.position[row, 1] != y or poses.heading[row] != heading
+        has_moved[row] = poses.position[row, 0] != x or poses.position[row, 1] != y or poses.heading[row] != heading
 
 
 @compiled(apart=True)
@@ -148,12 +148,14 @@ def move_load(k, count, longest, resistance_square, poses, room, pushes):
     wrench, left, stops, near = wrench_of(count, pushes), 1.0, 0, -1
     distance = 2.0 * longest / 2**HALVINGS
     for _ in range(MOST_WAYS):
-        moves, x, y, turn = twist_of(borne(wrench, stops, k, room), count, resistance_square, longest, k, room, pushes)
+        moves, x, y, turn = twist_of(
+            free_wrench(wrench, stops, k, room), count, resistance_square, longest, k, room, pushes
+        )
         if not moves:
             return
         if near < 0:
             near = list_near(k, longest + distance, poses, room)
-        left -= left * go(k, left * x, left * y, left * turn, near, poses, room)
+        left -= left * move_along(k, left * x, left * y, left * turn, near, poses, room)
         if left == 0.0:
             return
         stops = find_stops(k, distance, near, poses, room)
@@ -183,8 +185,8 @@ def twist_of(wrench, count, resistance_square, longest, k, room, pushes):
     force_x, force_y, torque = wrench
     turn = torque / room.forms.lever_square[k]
     # Python's square is the power of C, which now and then rounds otherwise than a product.
-    needed = force_x**room.two + force_y**room.two + turn * torque
-    if needed <= resistance_square * (1.0 + EQUAL):
+    dissipation = force_x**room.two + force_y**room.two + turn * torque
+    if dissipation <= resistance_square * (1.0 + EQUAL):
         return False, 0.0, 0.0, 0.0
     for p in range(count):
         # Robots that are driven back by the others do not affect its speed.
@@ -200,7 +202,7 @@ def twist_of(wrench, count, resistance_square, longest, k, room, pushes):
 
 
 @compiled
-def borne(wrench, count, k, room):
+def free_wrench(wrench, count, k, room):
     """Return the wrench that remains when the first stops bear load k, without friction.
 
     The forces of the stops are the least, in the metric of the limit surface, that keep the load from moving
@@ -222,7 +224,7 @@ def borne(wrench, count, k, room):
 
 
 @compiled
-def go(k, way_x, way_y, turn, near, poses, room):
+def move_along(k, way_x, way_y, turn, near, poses, room):
     """Move load k along a way as far as there is room, found by bisection, and return the share of the way."""
     row = poses.loads[k]
     x, y, heading = poses.position[row, 0], poses.position[row, 1], poses.heading[row]
@@ -234,15 +236,15 @@ def go(k, way_x, way_y, turn, near, poses, room):
         step /= 2.0
     if free > 0.0:
         poses.position[row, 0], poses.position[row, 1] = x + free * way_x, y + free * way_y
-        poses.heading[row] = wrapped(heading + free * turn)
+        poses.heading[row] = wrap_angle(heading + free * turn)
     place_load(k, poses.position[row, 0], poses.position[row, 1], poses.heading[row], room)
     return free
 
 
-def stuck_loads(surroundings: Surroundings, room: Room, moved: Iterable[int], columns: dict) -> list[int]:
+def find_stuck_loads(surroundings: Surroundings, room: Room, loads: Iterable[int], columns: dict) -> list[int]:
     """Return which of the loads that moved are overlapped by a robot."""
     position, radius = columns["position"], columns["radius"]
-    return [k for k in moved if is_overlapped(k, position, radius, surroundings.poses, room)]
+    return [k for k in loads if is_overlapped(k, position, radius, surroundings.poses, room)]
 
 
 @compiled
@@ -259,14 +261,14 @@ def is_overlapped(k, position, radius, poses, room):
     return False
 
 
-def take_back(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
+def return_loads(surroundings: Surroundings, room: Room, before: dict[int, Pose], stuck: list[int]) -> None:
     """Return loads to where they were, and those that then overlap them; drop them from `before`."""
-    t, poses = surroundings.bodies, surroundings.poses
+    table, poses = surroundings.bodies, surroundings.poses
     while stuck:
         for k in stuck:
             row = surroundings.loads[k]
-            *t.position[row], t.heading[row] = before.pop(k)
-            t.moved[row] = False
+            *table.position[row], table.heading[row] = before.pop(k)
+            table.moved[row] = False
         place_outlines(poses, room)
         stuck = [k for k in before if not has_room_here(k, poses, room)]
     surroundings.follow()

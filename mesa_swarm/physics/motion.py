@@ -2,7 +2,7 @@
 
 import math
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.compiled import compiled
 
 # A motion may overlap at most this share of a radius before contact is resolved.
@@ -52,7 +52,7 @@ def sinc(half_turn: float) -> float:
 
 
 @compiled
-def moved_by(heading, ahead, left, turn, pieces):
+def move_along_arc(heading, ahead, left, turn, pieces):
     """Return by how much a robot moves in one of `pieces` equal parts of its arc, dx and dy, and its next heading.
 
     The body moves with constant (ahead, left, turn): its chord is sinc(turn / 2) times the arc and points along the
@@ -62,20 +62,20 @@ def moved_by(heading, ahead, left, turn, pieces):
     half_way = heading + turn / 2.0
     chord = sinc(turn / 2.0) / pieces
     cosine, sine = math.cos(half_way), math.sin(half_way)
-    return chord * (cosine * ahead - sine * left), chord * (sine * ahead + cosine * left), wrapped(heading + turn)
+    return chord * (cosine * ahead - sine * left), chord * (sine * ahead + cosine * left), wrap_angle(heading + turn)
 
 
 @compiled
-def advance(position, heading, motion, pieces):
+def advance_robots(position, heading, motion, pieces):
     """Move every robot along one of `pieces` equal parts of its arc; positions and headings are written."""
     for i in range(position.shape[0]):
-        dx, dy, heading[i] = moved_by(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
+        dx, dy, heading[i] = move_along_arc(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
         position[i, 0] += dx
         position[i, 1] += dy
 
 
 @compiled
-def achieved_motion(start, position, start_heading, extra_turn, collided, motion):
+def write_achieved_motion(start, position, start_heading, extra_turn, collided, motion):
     """Replace the motion of robots that collided by the one that they achieved.
 
     `motion` (n, 3) is along the body: ahead, to the left, and the turn (rad). `start`, `position` (n, 2) and
@@ -96,7 +96,7 @@ def achieved_motion(start, position, start_heading, extra_turn, collided, motion
 
 
 @compiled
-def slip_of(command, wheels, slip):
+def write_wheel_slip(command, wheels, slip):
     """Write (m - v) / m per wheel, 0 where m = 0 (A.5)."""
     for i in range(command.shape[0]):
         for w in range(command.shape[1]):

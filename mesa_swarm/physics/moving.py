@@ -11,8 +11,8 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.grid import Bounds, CellLists, Grid, cell_index
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
@@ -62,9 +62,9 @@ class MoverArrays(NamedTuple):
     outlines: MovingItems
     items: Integers
     body_of: Integers
-    touched: CellLists
+    touch_cells: CellLists
     touch: float
-    seen: CellLists
+    sight_cells: CellLists
     sight: float
 
 
@@ -85,7 +85,7 @@ class Moving:
         rows: np.ndarray,
         indices: np.ndarray,
         statics: Statics,
-        bounds: tuple[float, float, float, float],
+        bounds: Bounds,
         sight: float,
         touch: float,
     ) -> None:
@@ -113,25 +113,25 @@ class Moving:
             [np.hypot(local[:, 2] - local[:, 0], local[:, 3] - local[:, 1]), 2.0 * statics.discs[disc_row, 2]]
         )
         self.items = np.concatenate([edges, discs])
-        m = len(bodies)
+        count = len(bodies)
         columns = bodies.position, bodies.heading, bodies.aim, bodies.aim_heading, bodies.blocked, bodies.reach
-        scratch = np.empty((m, 2)), np.empty(m), np.zeros(m, np.bool_)
+        scratch = np.empty((count, 2)), np.empty(count), np.zeros(count, np.bool_)
         begun = *columns, rows, self.start, self.start_heading
         self.arrays = MoverArrays(
             *(*begun, *scratch),
             outlines=outlines,
             items=self.items,
             body_of=self.body_of,
-            touched=self._lists(bounds, touch),
+            touch_cells=self._lists(bounds, touch),
             touch=float(touch),
-            seen=self._lists(bounds, sight),
+            sight_cells=self._lists(bounds, sight),
             sight=float(sight),
         )
         self._block = Block(self.arrays)
         self._listed_for_sight = False
         self.place()
 
-    def _lists(self, bounds: tuple[float, float, float, float], reach: float) -> CellLists:
+    def _lists(self, bounds: Bounds, reach: float) -> CellLists:
         """Return empty lists that have room for the items at any pose."""
         cell = max(2.0 * reach, float(self._extent.sum()) / max(len(self._extent), 1), 1e-9)
         grid = Grid.over(bounds, cell, FEWEST_CELLS + CELLS_PER_ITEM * len(self._extent))
@@ -161,20 +161,20 @@ class Moving:
 
     def return_to_start(self, blocked: Callable[[], np.ndarray]) -> None:
         """Put all bodies where they begin the step; those that are then `blocked` stay there."""
-        t, rows = self.bodies, self.rows
-        at_start = t.position[rows] == self.start[rows], t.heading[rows] == self.start_heading[rows]
+        table, rows = self.bodies, self.rows
+        at_start = table.position[rows] == self.start[rows], table.heading[rows] == self.start_heading[rows]
         if not (at_start[0].all() and at_start[1].all()):
-            t.position[rows], t.heading[rows] = self.start[rows], self.start_heading[rows]
+            table.position[rows], table.heading[rows] = self.start[rows], self.start_heading[rows]
             self.place()
-        t.blocked[rows] = blocked()
-        if t.asked(rows).any():
+        table.blocked[rows] = blocked()
+        if table.are_to_move(rows).any():
             self._listed_for_sight = False
 
     def go_freely(self) -> None:
         """Put all bodies that are not blocked where they were asked to be, in a world without robots."""
-        t = self.bodies
-        free = self.rows[~t.blocked[self.rows]]
-        t.position[free], t.heading[free] = t.aim[free], t.aim_heading[free]
+        table = self.bodies
+        free = self.rows[~table.blocked[self.rows]]
+        table.position[free], table.heading[free] = table.aim[free], table.aim_heading[free]
         self.place()
 
 
@@ -188,7 +188,7 @@ def place_bodies(block, edges, discs):
 def list_seen(block, edges, discs):
     """List the items of all bodies by the cells from which they can be seen."""
     movers = unpack(block, MoverArrays)
-    list_items(edges, discs, movers.items, movers.sight, movers.seen)
+    list_items(edges, discs, movers.items, movers.sight, movers.sight_cells)
 
 
 @compiled
@@ -210,7 +210,7 @@ def place_items(position, heading, outlines, edges, discs):
 def list_items(edges, discs, items, reach, lists):
     """List items by the cells from which they are within reach, see `list_boxes_by_cell`; in place."""
     x, y, per_unit, columns, rows = lists.grid
-    start, listed = lists.start, lists.items
+    start, entries = lists.start, lists.items
     start[:] = 0
     for fill in range(2):
         for item in items:
@@ -224,7 +224,7 @@ def list_items(edges, discs, items, reach, lists):
                     c = column + columns * row
                     if fill == 1:
                         start[c] -= 1
-                        listed[start[c]] = item
+                        entries[start[c]] = item
                     else:
                         start[c] += 1
         if fill == 0:
@@ -250,7 +250,7 @@ def bound_of_way(b, movers):
     if movers.blocked[b]:
         return 0.0
     aim, start = movers.aim, movers.start
-    turn = abs(wrapped(movers.aim_heading[b] - movers.start_heading[b]))
+    turn = abs(wrap_angle(movers.aim_heading[b] - movers.start_heading[b]))
     return math.hypot(aim[b, 0] - start[b, 0], aim[b, 1] - start[b, 1]) + movers.reach[b] * turn
 
 
@@ -264,9 +264,9 @@ def count_body_pieces(pieces, radius, movers):
         return pieces
     m, longest = unpack(movers, MoverArrays), LONGEST_STEP * least_radius(radius)
     for b in m.rows:
-        needed = math.ceil(bound_of_way(b, m) / longest - 1e-9)
-        if needed <= MOST_PIECES:
-            pieces = max(pieces, int(needed))
+        least = math.ceil(bound_of_way(b, m) / longest - 1e-9)
+        if least <= MOST_PIECES:
+            pieces = max(pieces, int(least))
     return pieces
 
 
@@ -286,7 +286,7 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
         movers.jumps,
     )
     jumps[:] = False
-    longest, moved = LONGEST_STEP * least_radius(radius), False
+    longest, has_moved = LONGEST_STEP * least_radius(radius), False
     for b in movers.rows:
         movers.before[b, 0], movers.before[b, 1], before_heading[b] = position[b, 0], position[b, 1], heading[b]
         way = bound_of_way(b, movers)
@@ -299,18 +299,18 @@ def advance_bodies(piece, pieces, radius, movers, edges, discs):
             share = (piece + 1) / pieces
             position[b, 0] = start[b, 0] + share * (aim[b, 0] - start[b, 0])
             position[b, 1] = start[b, 1] + share * (aim[b, 1] - start[b, 1])
-            heading[b] = wrapped(start_heading[b] + share * wrapped(aim_heading[b] - start_heading[b]))
-        moved = True
-    if moved:
+            heading[b] = wrap_angle(start_heading[b] + share * wrap_angle(aim_heading[b] - start_heading[b]))
+        has_moved = True
+    if has_moved:
         follow_bodies(movers, edges, discs)
-    return moved
+    return has_moved
 
 
 @compiled
 def follow_bodies(movers, edges, discs):
     """Write and list the items of all bodies where these are now."""
     place_items(movers.position, movers.heading, movers.outlines, edges, discs)
-    list_items(edges, discs, movers.items, movers.touch, movers.touched)
+    list_items(edges, discs, movers.items, movers.touch, movers.touch_cells)
 
 
 @compiled
@@ -319,8 +319,8 @@ def return_bodies(goes, movers, edges, discs):
     position, heading, before, before_heading = movers.position, movers.heading, movers.before, movers.before_heading
     went = False
     for b in movers.rows:
-        here = position[b, 0] == before[b, 0] and position[b, 1] == before[b, 1] and heading[b] == before_heading[b]
-        if goes[b] and not here:
+        is_back = position[b, 0] == before[b, 0] and position[b, 1] == before[b, 1] and heading[b] == before_heading[b]
+        if goes[b] and not is_back:
             position[b, 0], position[b, 1], heading[b] = before[b, 0], before[b, 1], before_heading[b]
             movers.blocked[b] = True
             went = True

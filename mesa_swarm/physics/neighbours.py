@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_number
-from mesa_swarm.geometry.grid import Grid, cell_index
+from mesa_swarm.geometry.grid import Bounds, Grid, cell_index
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
 from mesa_swarm.physics.radio import is_cut_but, is_nearer_robot, sorted_senders
-from mesa_swarm.physics.sensing import into_frame
+from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling
 from mesa_swarm.robots.sensors import LARGEST_RANGE, Sensor
@@ -37,7 +37,7 @@ def read_neighbours(
     start, order = sorted_senders(places, grid)
     nearest, squares = np.empty(most, np.int64), np.empty(most)
     for i in range(position.shape[0]):
-        x, y, me, found = position[i, 0], position[i, 1], rows[i], 0
+        x, y, me, count = position[i, 0], position[i, 1], rows[i], 0
         first = cell_index(x - reach, left, per_unit, columns)
         last = cell_index(x + reach, left, per_unit, columns)
         lowest = cell_index(y - reach, below, per_unit, grid_rows)
@@ -48,29 +48,29 @@ def read_neighbours(
                 square = (places[j, 0] - x) ** 2 + (places[j, 1] - y) ** 2
                 if (j == me and bodies[j] < 0) or square > reach * reach:
                     continue
-                if found == most and not is_nearer_robot(
+                if count == most and not is_nearer_robot(
                     square, number[j], squares[most - 1], number[nearest[most - 1]]
                 ):
                     continue
                 if occluded and is_cut_but(places[j, 0], places[j, 1], x, y, obstacles, owners, bodies[j]):
                     continue
-                found = min(found + 1, most)
-                place = found - 1
+                count = min(count + 1, most)
+                place = count - 1
                 while place > 0 and is_nearer_robot(square, number[j], squares[place - 1], number[nearest[place - 1]]):
                     squares[place], nearest[place] = squares[place - 1], nearest[place - 1]
                     place -= 1
                 squares[place], nearest[place] = square, j
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
-        for k in range(found):
+        for k in range(count):
             j = nearest[k]
-            ahead, aside = into_frame(places[j, 0] - x, places[j, 1] - y, cosine, sine)
+            ahead, aside = rotate_into_frame(places[j, 0] - x, places[j, 1] - y, cosine, sine)
             out[i, step * k], out[i, step * k + 1] = math.sqrt(squares[k]), math.atan2(aside, ahead)
             if lamp:
                 out[i, step * k + 2] = lamps[j]
 
 
 @lru_cache(maxsize=64)
-def _grid_of(bounds: tuple[float, float, float, float], reach: float, robots: int) -> tuple:
+def _grid_of(bounds: Bounds, reach: float, robots: int) -> tuple:
     return Grid.over(bounds, max(reach, 1e-9), FEWEST_CELLS + CELLS_PER_ROBOT * robots).numbers
 
 
@@ -187,6 +187,6 @@ def _bodies(model: Any, kind: str) -> dict[str, np.ndarray]:
     """Return the same of the bodies of a kind, without those that robots carry and those that are out."""
     table, kinds = model.parts.bodies.table, model.kinds
     code = kinds.index(kind) if kind in kinds else NOTHING
-    rows = np.flatnonzero((table.kind == code) & (table.seen == code) & (table.mode != CARRIED))
+    rows = np.flatnonzero((table.kind == code) & (table.visible_kinds == code) & (table.mode != CARRIED))
     number = table.numbers[rows]
     return {"places": table.position[rows], "number": number, "bodies": number, "lamps": np.empty(0)}

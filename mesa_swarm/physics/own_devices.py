@@ -5,13 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.base.errors import (
-    BehaviourError,
-    InvalidValueError,
-    SwarmError,
-    UncompiledBehaviourWarning,
-    shortened,
-)
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, SwarmError, UncompiledBehaviourWarning, shortened
 from mesa_swarm.physics.radio import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
@@ -19,6 +13,7 @@ from mesa_swarm.robots.design import places_of_custom_sensors
 from mesa_swarm.robots.devices import Device, DeviceFunction, device_function_of, own_function
 from mesa_swarm.robots.sensors import Sensor
 from mesa_swarm.robots.swarm import Swarm
+from mesa_swarm.world.read_only import locked_view
 
 # What functions may take of the surroundings.
 OF_SCENE: dict[str, Callable] = {"obstacles": obstacles_of, "owners": lambda scene: scene.statics.owner}
@@ -43,14 +38,14 @@ class OwnDevices:
         for name in swarm.table.readings:
             swarm.columns[name].fill(np.nan)
         for reader in self._readers:
-            _guarded(reader.read, reader.sensor, model, scene)
+            _call_device(reader.read, reader.sensor, model, scene)
 
     def act(self, model: Any, scene: Surroundings) -> None:
         """Let all actuators do what is set."""
         self._bind(model)
         self._check_set(model)
         for doer in self._doers:
-            _guarded(doer.act, doer.actuator, model, scene)
+            _call_device(doer.act, doer.actuator, model, scene)
 
     def _check_set(self, model: Any) -> None:
         """Refuse numbers that are not finite: what they do cannot be undone."""
@@ -113,7 +108,7 @@ class Doer:
     def act(self, model: Any, scene: Surroundings) -> None:
         """Do what the robots in these rows have set."""
         if self._call is not None:
-            self._call(model, scene, {"value": _read_only(self._column[self.rows])})
+            self._call(model, scene, {"value": locked_view(self._column[self.rows])})
         self.actuator.apply(model, self.rows)
 
 
@@ -127,15 +122,15 @@ class Call:
         self._all = len(rows) == len(swarm)
         self._sources: list[Callable] | None = None
 
-    def __call__(self, model: Any, scene: Surroundings, given: dict) -> None:
+    def __call__(self, model: Any, scene: Surroundings, arguments: dict) -> None:
         """Call the function for the present state."""
         if self._asks:
-            given = {**self._arguments(model), **given}
+            arguments = {**self._arguments(model), **arguments}
         if self._sources is None:
-            known = *given, *OF_SCENE, "rows"
-            self._swarm.check_takes(self._device, self.compiled.function, known)
-            self._sources = [self._source(name, given) for name in self.compiled.takes]
-        self.compiled(*[source(given, scene) for source in self._sources])
+            known_names = *arguments, *OF_SCENE, "rows"
+            self._swarm.check_takes(self._device, self.compiled.function, known_names)
+            self._sources = [self._source(name, arguments) for name in self.compiled.takes]
+        self.compiled(*[source(arguments, scene) for source in self._sources])
 
     def _arguments(self, model: Any) -> Mapping[str, Any]:
         more = self._device.arguments(model)
@@ -145,31 +140,26 @@ class Call:
             )
         return more
 
-    def _source(self, name: str, given: Mapping) -> Callable:
+    def _source(self, name: str, arguments: Mapping) -> Callable:
         """Return a function that finds the value of a parameter in what is given at each call and the surroundings."""
-        if name in given:
-            return lambda given, scene: given[name]
+        if name in arguments:
+            return lambda arguments, scene: arguments[name]
         if name == "rows":
-            return lambda given, scene: self._rows
+            return lambda arguments, scene: self._rows
         if name in OF_SCENE:
-            return lambda given, scene: OF_SCENE[name](scene)
+            return lambda arguments, scene: OF_SCENE[name](scene)
         if hasattr(self._device, name):
             value = getattr(self._device, name)
-            return lambda given, scene: value
-        column = _read_only(self._swarm.columns[name].view())
+            return lambda arguments, scene: value
+        column = locked_view(self._swarm.columns[name])
         if self._all:
-            return lambda given, scene: column
-        return lambda given, scene: _read_only(column[self._rows])
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array
+            return lambda arguments, scene: column
+        return lambda arguments, scene: locked_view(column[self._rows])
 
 
 def _rows_with(swarm: Swarm, has: list[bool]) -> np.ndarray:
     """Return the rows of the robots whose designs have something, in ascending order."""
-    return _read_only(np.flatnonzero(np.array(has, np.bool_)[swarm.columns["design"]]))
+    return locked_view(np.flatnonzero(np.array(has, np.bool_)[swarm.columns["design"]]))
 
 
 def _sensors_by_rows(swarm: Swarm) -> Iterator[tuple[Sensor, int, np.ndarray]]:
@@ -188,13 +178,13 @@ def _actuators_by_rows(swarm: Swarm) -> Iterator[tuple[Actuator, np.ndarray]]:
             yield actuator, rows
 
 
-def _guarded(do: Callable, device: Device, model: Any, scene: Surroundings) -> None:
+def _call_device(do: Callable, device: Device, model: Any, scene: Surroundings) -> None:
     """Call a function of the user's; an error of it becomes one line that names the device."""
     try:
         do(model, scene)
     except (SwarmError, UncompiledBehaviourWarning):
         raise
     except Exception as error:
-        what = " ".join(f"{type(error).__name__}: {error}".split())
+        problem = " ".join(f"{type(error).__name__}: {error}".split())
         kind = "sensor" if isinstance(device, Sensor) else "actuator"
-        raise BehaviourError(f"{kind} {device.name} failed in step {model.steps}: it raised {what}") from error
+        raise BehaviourError(f"{kind} {device.name} failed in step {model.steps}: it raised {problem}") from error

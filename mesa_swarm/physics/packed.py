@@ -21,7 +21,7 @@ from mesa_swarm.kernels.type_names import (
     RealTables,
 )
 from mesa_swarm.physics.crowd import LISTED, SIZE, CrowdArrays, PairArrays, near_pairs, put_pairs, sort_by_cell
-from mesa_swarm.physics.motion import achieved_motion, copy_places, slip_of
+from mesa_swarm.physics.motion import copy_places, write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.sensing import sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.separation import SETTLED
 from mesa_swarm.physics.travel import RobotArrays, get_apart, travel_pieces
@@ -177,7 +177,7 @@ def _move(m, movers, n):
         if not near.state[LISTED]:
             sort_by_cell(crowd)
             c = unpack(crowd, CrowdArrays)
-            if not put_pairs(near_pairs(c.listed, c.radii, m.margin, c.grid), near):
+            if not put_pairs(near_pairs(c.reference, c.radii, m.margin, c.grid), near):
                 return LIST
         wheels_to_motion(driven, r.radius, motion)
         copy_places(r.position, start)
@@ -192,12 +192,12 @@ def _move(m, movers, n):
             if not put_pairs(pairs, near):
                 progress[PIECE], progress[PIECES] = piece, pieces
                 return LIST
-    achieved_motion(start, r.position, start_heading, r.extra_turn, collided, motion)
+    write_achieved_motion(start, r.position, start_heading, r.extra_turn, collided, motion)
     motion_to_wheels(motion, r.radius, rolled)
     for i in range(n):
         if not collided[i]:
             rolled[i, 0], rolled[i, 1] = driven[i, 0], driven[i, 1]
-    slip_of(driven, rolled, m.slip)
+    write_wheel_slip(driven, rolled, m.slip)
     return DONE
 
 

@@ -12,7 +12,7 @@ from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
-from mesa_swarm.physics.sensing import into_frame
+from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.radio import HEARD, OF_HEARD, SEND, Radio
 from mesa_swarm.robots.swarm import Swarm
@@ -37,7 +37,7 @@ class HearArrays(NamedTuple):
     grid: GridNumbers
     edges: RealRows
     discs: RealRows
-    touched: CellLists
+    touch_cells: CellLists
     heard_layer: Integers
     heard_task: Integers
     heard_from: RealRows
@@ -104,7 +104,7 @@ class Channel:
                     grid=self._grid,
                     edges=statics.edges,
                     discs=statics.discs[: statics.first_apart],
-                    touched=statics.touched,
+                    touch_cells=statics.touch_cells,
                     states=radio.state,
                     goals=radio.goal,
                     **columns,
@@ -144,8 +144,8 @@ class Channel:
 def obstacles_of(surroundings: Surroundings) -> tuple:
     """Return what stops a broadcast, as `is_cut` takes it."""
     statics, moving = surroundings.statics, surroundings.moving
-    driven = None if moving is None else tuple(moving.arrays.touched)
-    return statics.edges, statics.discs[: statics.first_apart], *statics.touched, driven
+    driven = None if moving is None else tuple(moving.arrays.touch_cells)
+    return statics.edges, statics.discs[: statics.first_apart], *statics.touch_cells, driven
 
 
 @compiled(nogil=True)
@@ -156,7 +156,7 @@ def hear_all(block, step, first, last):
     h = unpack(block, HearArrays)
     position, heading, number, grid = h.position, h.heading, h.number, h.grid
     limits = h.reach, 0.0, NO_WORD, h.occlusion
-    obstacles = h.edges, h.discs, h.touched.grid, h.touched.start, h.touched.items, None
+    obstacles = h.edges, h.discs, h.touch_cells.grid, h.touch_cells.start, h.touch_cells.items, None
     if h.states:
         heard = h.heard_layer, h.heard_task, h.heard_from
         hear_states(position, heading, number, h.layer, h.task, limits, grid, obstacles, *heard)
@@ -209,7 +209,7 @@ def hear_goals(position, heading, number, sent_goal, beacons, limits, grid, obst
 
 @compiled
 def hear_messages(
-    position, heading, number, sends, limits, grid, obstacles, count, away, bearing, senders,
+    position, heading, number, sends, limits, grid, obstacles, count, distance, bearing, senders,
 ):  # fmt: skip
     """Write how many messages each robot hears, and of each how far and where its sender is, and its row.
 
@@ -220,7 +220,7 @@ def hear_messages(
     of_row = np.flatnonzero(sends)
     places, most = position[of_row], senders.shape[1]
     start, order = sorted_senders(places, grid)
-    count[:], away[:], bearing[:], senders[:] = 0, math.nan, math.nan, -1
+    count[:], distance[:], bearing[:], senders[:] = 0, math.nan, math.nan, -1
     for i in range(position.shape[0]):
         x, y, heard = position[i, 0], position[i, 1], 0
         first = cell_index(x - reach, left, per_unit, columns)
@@ -234,7 +234,7 @@ def hear_messages(
                 if j == i or square > reach * reach:
                     continue
                 if heard == most and not is_nearer_robot(
-                    square, number[j], away[i, most - 1], number[senders[i, most - 1]]
+                    square, number[j], distance[i, most - 1], number[senders[i, most - 1]]
                 ):
                     continue
                 if loss > 0.0 and is_lost(word, number[j], number[i], loss):
@@ -244,17 +244,17 @@ def hear_messages(
                 heard = min(heard + 1, most)
                 place = heard - 1
                 while place > 0 and is_nearer_robot(
-                    square, number[j], away[i, place - 1], number[senders[i, place - 1]]
+                    square, number[j], distance[i, place - 1], number[senders[i, place - 1]]
                 ):
-                    away[i, place], senders[i, place] = away[i, place - 1], senders[i, place - 1]
+                    distance[i, place], senders[i, place] = distance[i, place - 1], senders[i, place - 1]
                     place -= 1
-                away[i, place], senders[i, place] = square, j
+                distance[i, place], senders[i, place] = square, j
         count[i] = heard
         cosine, sine = math.cos(heading[i]), math.sin(heading[i])
         for k in range(heard):
             j = senders[i, k]
-            ahead, aside = into_frame(position[j, 0] - x, position[j, 1] - y, cosine, sine)
-            away[i, k], bearing[i, k] = math.sqrt(away[i, k]), math.atan2(aside, ahead)
+            ahead, aside = rotate_into_frame(position[j, 0] - x, position[j, 1] - y, cosine, sine)
+            distance[i, k], bearing[i, k] = math.sqrt(distance[i, k]), math.atan2(aside, ahead)
 
 
 @compiled
@@ -287,14 +287,14 @@ def nearest_heard(position, number, places, targets, numbers, limits, grid, obst
                 j = order[k]
                 if (places[j, 0] - x) ** 2 + (places[j, 1] - y) ** 2 > reach * reach or numbers[j] == number[i]:
                     continue
-                away = (targets[j, 0] - x) ** 2 + (targets[j, 1] - y) ** 2
-                if away > best or (away == best and numbers[j] > numbers[nearest[i]]):
+                square = (targets[j, 0] - x) ** 2 + (targets[j, 1] - y) ** 2
+                if square > best or (square == best and numbers[j] > numbers[nearest[i]]):
                     continue
                 if loss > 0.0 and is_lost(word, numbers[j], number[i], loss):
                     continue
                 if occlusion and is_cut(places[j, 0], places[j, 1], x, y, obstacles):
                     continue
-                nearest[i], best = j, away
+                nearest[i], best = j, square
     return nearest
 
 
@@ -308,13 +308,13 @@ def sorted_senders(places, grid):
 
 
 @compiled
-def put_in_frames(position, heading, points, chosen, out):
+def put_in_frames(position, heading, points, rows, out):
     """Write for every robot the chosen point in the robot's frame, NaN where none is chosen."""
     for i in range(position.shape[0]):
         out[i, 0], out[i, 1] = math.nan, math.nan
-        if chosen[i] >= 0:
-            dx, dy = points[chosen[i], 0] - position[i, 0], points[chosen[i], 1] - position[i, 1]
-            out[i, 0], out[i, 1] = into_frame(dx, dy, math.cos(heading[i]), math.sin(heading[i]))
+        if rows[i] >= 0:
+            dx, dy = points[rows[i], 0] - position[i, 0], points[rows[i], 1] - position[i, 1]
+            out[i, 0], out[i, 1] = rotate_into_frame(dx, dy, math.cos(heading[i]), math.sin(heading[i]))
 
 
 @compiled
@@ -383,12 +383,12 @@ def item_meets(item, ax, ay, bx, by, edges, discs):
 @compiled
 def is_lost(word, sender, hearer, probability):
     """Return whether a broadcast is lost, by a hash of the step's word and both numbers: independent of order."""
-    bits = mixed(mixed(word + GOLDEN * np.uint64(sender)) + GOLDEN * np.uint64(hearer))
+    bits = mix_bits(mix_bits(word + GOLDEN * np.uint64(sender)) + GOLDEN * np.uint64(hearer))
     return (bits >> np.uint64(11)) * 2.0**-53 < probability
 
 
 @compiled
-def mixed(bits):
+def mix_bits(bits):
     """Return 64 bits that all depend on all of those given (the finaliser of SplitMix64)."""
     bits = (bits ^ (bits >> np.uint64(30))) * FIRST_FACTOR
     bits = (bits ^ (bits >> np.uint64(27))) * SECOND_FACTOR

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mesa_swarm.geometry.grid import CellLists, cell_at, cell_index
-from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment
+from mesa_swarm.geometry.overlap import is_in_polygon, nearest_on_segment
 from mesa_swarm.geometry.sector import rays_to_disc, rays_to_segment, sector_to_disc, sector_to_segment
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
@@ -58,7 +58,7 @@ class EyeArrays(NamedTuple):
     edges: RealRows
     discs: RealRows
     static_kind: Codes
-    seen: CellLists
+    sight_cells: CellLists
     distance: RealRows
     kind: CodeRows
 
@@ -92,7 +92,7 @@ class ChunkArrays(NamedTuple):
     discs: RealRows
     disc_kind: Codes
     near: RealRows
-    what: CodeRows
+    kinds: CodeRows
 
 
 @compiled(nogil=True, apart=True)
@@ -107,27 +107,27 @@ def sense_proximity(eyes, crowd, movers, first, last, pairs):
     e, c = unpack(eyes, EyeArrays), unpack(crowd, CrowdArrays)
     heading, design, sensors, counts, reach = e.heading, e.design, e.sensors, e.counts, e.reach
     edges, discs, static_kind, distance, kind = e.edges, e.discs, e.static_kind, e.distance, e.kind
-    order, places, radii = c.order, c.listed, c.radii
-    near, what = np.empty((CHUNK, distance.shape[1])), np.empty((CHUNK, distance.shape[1]), np.int8)
+    order, places, radii = c.order, c.reference, c.radii
+    near, kinds = np.empty((CHUNK, distance.shape[1])), np.empty((CHUNK, distance.shape[1]), np.int8)
     axes, designs = np.empty((CHUNK, 2)), np.empty(CHUNK, np.int64)
-    found, count = np.empty((MOST_FOUND, 2), np.int64), NONE
+    near_items, count = np.empty((MOST_FOUND, 2), np.int64), NONE
     for begin in range(first, last, CHUNK):
         end = min(begin + CHUNK, last)
-        _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, what)
+        _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, kinds)
         chunk = ChunkArrays(
-            begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, what
+            begin, end, places, radii, axes, designs, sensors, counts, discs, static_kind[len(edges) :], near, kinds
         )
-        m = _find_statics(chunk, reach, edges, static_kind, e.seen, found, NONE)
+        m = _find_statics(chunk, reach, edges, static_kind, e.sight_cells, near_items, NONE)
         if movers is not None:
-            m = _find_statics(chunk, reach, edges, static_kind, unpack(movers, MoverArrays).seen, found, m)
-        m, count = _find_robots(chunk, e.largest_radius, e.margin, reach, c.grid, c.start, pairs, count, found, m)
-        _see_discs(chunk, found, m)
-        _write_chunk(begin, end, order, near, what, distance, kind)
+            m = _find_statics(chunk, reach, edges, static_kind, unpack(movers, MoverArrays).sight_cells, near_items, m)
+        m, count = _find_robots(chunk, e.largest_radius, e.margin, reach, c.grid, c.start, pairs, count, near_items, m)
+        _see_discs(chunk, near_items, m)
+        _write_chunk(begin, end, order, near, kinds, distance, kind)
     return count
 
 
 @compiled
-def _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, what):
+def _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, near, kinds):
     """Begin the readings of some robots with the range of each sensor: nothing farther is seen."""
     for k in range(end - begin):
         i = order[begin + k]
@@ -135,27 +135,27 @@ def _begin_chunk(begin, end, order, heading, design, sensors, axes, designs, nea
         axes[k, 0], axes[k, 1] = math.cos(heading[i]), math.sin(heading[i])
         for s in range(near.shape[1]):
             near[k, s] = sensors[designs[k], s, RANGE]
-            what[k, s] = NOTHING
+            kinds[k, s] = NOTHING
 
 
 @compiled
-def _write_chunk(begin, end, order, near, what, distance, kind):
+def _write_chunk(begin, end, order, near, kinds, distance, kind):
     """Write the readings of some robots into their rows."""
     for k in range(end - begin):
         i = order[begin + k]
         for s in range(near.shape[1]):
-            distance[i, s] = near[k, s] if what[k, s] != NOTHING else -1.0
-            kind[i, s] = what[k, s]
+            distance[i, s] = near[k, s] if kinds[k, s] != NOTHING else -1.0
+            kind[i, s] = kinds[k, s]
 
 
 # Arrays are not passed on inside the loops below: each costs as much as evaluating a sensor.
 
 
 @compiled(apart=True)
-def _find_statics(chunk, reach, edges, static_kind, lists, found, m):
+def _find_statics(chunk, reach, edges, static_kind, lists, near_items, m):
     """Update readings by the edges that the cells of some robots list, and note the discs; return how many."""
     begin, places, radii, axes, designs = chunk.begin, chunk.places, chunk.radii, chunk.axes, chunk.designs
-    sensors, counts, discs, near, what = chunk.sensors, chunk.counts, chunk.discs, chunk.near, chunk.what
+    sensors, counts, discs, near, kinds = chunk.sensors, chunk.counts, chunk.discs, chunk.near, chunk.kinds
     grid, start, items = lists.grid, lists.start, lists.items
     for k in range(chunk.end - begin):
         x, y, d = places[begin + k, 0], places[begin + k, 1], designs[k]
@@ -166,33 +166,33 @@ def _find_statics(chunk, reach, edges, static_kind, lists, found, m):
                 disc = item - edges.shape[0]
                 dx, dy = discs[disc, 0] - x, discs[disc, 1] - y
                 if m == MOST_FOUND:
-                    _see_discs(chunk, found, m)
+                    _see_discs(chunk, near_items, m)
                     m = NONE
-                found[m, 0], found[m, 1] = k, -1 - disc
+                near_items[m, 0], near_items[m, 1] = k, -1 - disc
                 m += dx * dx + dy * dy <= (reach[d] + discs[disc, 2]) ** 2
                 continue
             ax, ay = edges[item, 0] - x, edges[item, 1] - y
             bx, by = edges[item, 2] - x, edges[item, 3] - y
-            if not segment_within(ax, ay, bx, by, reach[d]):
+            if not is_segment_within(ax, ay, bx, by, reach[d]):
                 continue
             kind = static_kind[item]
-            ax, ay = into_frame(ax, ay, axes[k, 0], axes[k, 1])
-            bx, by = into_frame(bx, by, axes[k, 0], axes[k, 1])
+            ax, ay = rotate_into_frame(ax, ay, axes[k, 0], axes[k, 1])
+            bx, by = rotate_into_frame(bx, by, axes[k, 0], axes[k, 1])
             for s in range(counts[d]):
-                seen = look_at_segment(
+                gap = look_at_segment(
                     ax - sensors[d, s, MOUNT_X], ay - sensors[d, s, MOUNT_Y],
                     bx - sensors[d, s, MOUNT_X], by - sensors[d, s, MOUNT_Y],
                     sensors[d, s, AXIS_X], sensors[d, s, AXIS_Y], sensors[d, s, COS_HALF],
                     sensors[d, s, SIN_HALF], sensors[d, s, HALF], sensors[d, s, RAYS], near[k, s],
                     TOUCH * radii[begin + k],
                 )  # fmt: skip
-                if is_nearest_body(seen, kind, near[k, s], what[k, s]):
-                    near[k, s], what[k, s] = seen, kind
+                if is_nearest_body(gap, kind, near[k, s], kinds[k, s]):
+                    near[k, s], kinds[k, s] = gap, kind
     return m
 
 
 @compiled(apart=True)
-def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, found, m):
+def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count, near_items, m):
     """Note the robots near each of some robots, and list pairs; return the numbers of both."""
     begin, places, radii, designs = chunk.begin, chunk.places, chunk.radii, chunk.designs
     left, below, per_unit, columns, rows = grid
@@ -206,34 +206,34 @@ def _find_robots(chunk, largest_radius, margin, reach, grid, start, pairs, count
         lowest = cell_index(y - far, below, per_unit, rows)
         highest = cell_index(y + far, below, per_unit, rows)
         for row in range(lowest, highest + 1):
-            one, other = start[first + columns * row], start[last + columns * row + 1]
-            while one < other:
-                stop = min(other, one + MOST_FOUND)
-                if m + stop - one > MOST_FOUND:
-                    _see_discs(chunk, found, m)
+            item, end_of_row = start[first + columns * row], start[last + columns * row + 1]
+            while item < end_of_row:
+                stop = min(end_of_row, item + MOST_FOUND)
+                if m + stop - item > MOST_FOUND:
+                    _see_discs(chunk, near_items, m)
                     m = NONE
-                for q in range(one, stop):
+                for q in range(item, stop):
                     dx, dy = places[q, 0] - x, places[q, 1] - y
                     square, near_by = dx * dx + dy * dy, r + radii[q] + margin
                     # Without branches, which no processor could foresee: what does not count is written over.
-                    found[m, 0], found[m, 1] = k, q
+                    near_items[m, 0], near_items[m, 1] = k, q
                     m += (square <= (sight + radii[q]) ** 2) & (q != p)
-                    here = min(count, room)
-                    pairs[here, 0], pairs[here, 1] = p, q
+                    place = min(count, room)
+                    pairs[place, 0], pairs[place, 1] = p, q
                     count += (square < near_by * near_by) & (q > p)
-                one = stop
+                item = stop
     return m, count
 
 
 @compiled(apart=True)
-def _see_discs(chunk, found, m):
+def _see_discs(chunk, near_items, m):
     """Update the readings of some robots by the m discs that were found near them: robots, or -1 - k for disc k.
 
     Sensor by sensor, first the discs that are beside its sector or beyond its range are sorted out, in a loop without
     branches: most are.
     """
     begin, places, radii, axes, designs = chunk.begin, chunk.places, chunk.radii, chunk.axes, chunk.designs
-    sensors, counts, near, what = chunk.sensors, chunk.counts, chunk.near, chunk.what
+    sensors, counts, near, kinds = chunk.sensors, chunk.counts, chunk.near, chunk.kinds
     discs, disc_kind = chunk.discs, chunk.disc_kind
     owner, kind, hits = np.empty(m, np.int64), np.empty(m, np.int8), np.empty(m, np.int64)
     ahead, aside, radius = np.empty(m), np.empty(m), np.empty(m)
@@ -241,7 +241,7 @@ def _see_discs(chunk, found, m):
     for d in range(counts.shape[0]):
         n = 0
         for f in range(m):
-            k, q = found[f, 0], found[f, 1]
+            k, q = near_items[f, 0], near_items[f, 1]
             px, py = places[begin + k, 0], places[begin + k, 1]
             if q >= 0:
                 dx, dy, radius[n], kind[n] = places[q, 0] - px, places[q, 1] - py, radii[q], ROBOT
@@ -249,7 +249,7 @@ def _see_discs(chunk, found, m):
                 q = -1 - q
                 dx, dy, radius[n], kind[n] = discs[q, 0] - px, discs[q, 1] - py, discs[q, 2], disc_kind[q]
             owner[n] = k
-            ahead[n], aside[n] = into_frame(dx, dy, axes[k, 0], axes[k, 1])
+            ahead[n], aside[n] = rotate_into_frame(dx, dy, axes[k, 0], axes[k, 1])
             n += designs[k] == d
         for s in range(counts[d]):
             mount_x, mount_y, ux, uy = (
@@ -260,7 +260,7 @@ def _see_discs(chunk, found, m):
             # A sector of more than half a circle has no side that could be sorted out.
             wide = math.inf if cos_half < 0.0 else 0.0
             for f in range(n):
-                x[f], y[f] = into_frame(ahead[f] - mount_x, aside[f] - mount_y, ux, uy)
+                x[f], y[f] = rotate_into_frame(ahead[f] - mount_x, aside[f] - mount_y, ux, uy)
                 side = max(abs(y[f]) * cos_half - x[f] * sin_half, -x[f]) - (radius[f] + wide)
                 beyond = x[f] * x[f] + y[f] * y[f] - (far + radius[f]) ** 2
                 beside[f] = max(side, beyond)
@@ -271,21 +271,21 @@ def _see_discs(chunk, found, m):
             for f in hits[:count]:
                 k = owner[f]
                 if rays > 0:
-                    seen = rays_to_disc(x[f], y[f], radius[f], half, rays, near[k, s])
+                    gap = rays_to_disc(x[f], y[f], radius[f], half, rays, near[k, s])
                 else:
-                    seen = sector_to_disc(x[f], y[f], radius[f], cos_half, sin_half, near[k, s])
-                if is_nearest_body(seen, kind[f], near[k, s], what[k, s]):
-                    near[k, s], what[k, s] = seen, kind[f]
+                    gap = sector_to_disc(x[f], y[f], radius[f], cos_half, sin_half, near[k, s])
+                if is_nearest_body(gap, kind[f], near[k, s], kinds[k, s]):
+                    near[k, s], kinds[k, s] = gap, kind[f]
 
 
 @compiled
-def into_frame(x, y, axis_x, axis_y):
+def rotate_into_frame(x, y, axis_x, axis_y):
     """Return a vector in a frame whose x axis is the unit vector (axis_x, axis_y)."""
     return axis_x * x + axis_y * y, axis_x * y - axis_y * x
 
 
 @compiled
-def segment_within(ax, ay, bx, by, far):
+def is_segment_within(ax, ay, bx, by, far):
     """Return whether the box around a segment meets a square of half side `far` about the origin."""
     return min(ax, bx) <= far and max(ax, bx) >= -far and min(ay, by) <= far and max(ay, by) >= -far
 
@@ -298,8 +298,8 @@ def look_at_segment(ax, ay, bx, by, axis_x, axis_y, cos_half, sin_half, half, ra
     """
     if is_just_behind(ax, ay, bx, by, touch):
         return 0.0
-    ax, ay = into_frame(ax, ay, axis_x, axis_y)
-    bx, by = into_frame(bx, by, axis_x, axis_y)
+    ax, ay = rotate_into_frame(ax, ay, axis_x, axis_y)
+    bx, by = rotate_into_frame(bx, by, axis_x, axis_y)
     if rays > 0.0:
         return rays_to_segment(ax, ay, bx, by, half, int(rays), limit)
     return sector_to_segment(ax, ay, bx, by, cos_half, sin_half, limit)
@@ -321,9 +321,9 @@ def is_just_behind(ax, ay, bx, by, touch):
 
 
 @compiled
-def is_nearest_body(seen, what, distance, kind):
+def is_nearest_body(gap, body_kind, distance, kind):
     """Return whether this is the nearest so far; of equally near bodies the lowest kind, independent of order."""
-    return seen < distance or (seen == distance and (kind == NOTHING or what < kind))
+    return gap < distance or (gap == distance and (kind == NOTHING or body_kind < kind))
 
 
 @compiled
@@ -339,15 +339,15 @@ def sense_inside(position, heading, design, sensors, counts, edges, edge_kind, r
             if not (bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3]):
                 distance[i, s], kind[i, s] = 0.0, OBSTACLE
             for p in range(rings.shape[0]):
-                what = edge_kind[rings[p, 0]]
+                body_kind = edge_kind[rings[p, 0]]
                 nearest = math.inf if kind[i, s] == NOTHING else distance[i, s]
-                nearer = is_nearest_body(0.0, what, nearest, kind[i, s])
-                if nearer and in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
-                    distance[i, s], kind[i, s] = 0.0, what
+                nearer = is_nearest_body(0.0, body_kind, nearest, kind[i, s])
+                if nearer and is_in_polygon(x, y, edges, rings[p, 0], rings[p, 1]):
+                    distance[i, s], kind[i, s] = 0.0, body_kind
 
 
 @compiled
-def err(distance, design, sensors, noise, draws, step, error):
+def add_errors(distance, design, sensors, noise, draws, step, error):
     """Disturb readings: with probability p a distance d becomes d (1 +- magnitude), within [0, range]; -1 stays -1.
 
     Of `draws`, uniform in [0, 1), those below p / 2 subtract, and from there to p add. The relative error is drawn anew
@@ -389,7 +389,7 @@ def sense_hot_discs(i, s, pose, sensor, heat, radiation):
     for k in range(heat.disc_row.shape[0]):
         disc, temperature = heat.disc_row[k], heat.temperature[heat.disc_body[k]]
         if temperature > radiation[i, s]:
-            x, y = in_sensor(heat.discs[disc, 0], heat.discs[disc, 1], pose, sensor)
+            x, y = place_in_sensor(heat.discs[disc, 0], heat.discs[disc, 1], pose, sensor)
             limits = sensor[COS_HALF], sensor[SIN_HALF], sensor[RANGE]
             if sector_to_disc(x, y, heat.discs[disc, 2], *limits) < math.inf:
                 radiation[i, s] = temperature
@@ -401,15 +401,15 @@ def sense_hot_edges(i, s, pose, sensor, heat, radiation):
     for k in range(heat.edge_row.shape[0]):
         edge, temperature = heat.edge_row[k], heat.temperature[heat.edge_body[k]]
         if temperature > radiation[i, s]:
-            ax, ay = in_sensor(heat.edges[edge, 0], heat.edges[edge, 1], pose, sensor)
-            bx, by = in_sensor(heat.edges[edge, 2], heat.edges[edge, 3], pose, sensor)
+            ax, ay = place_in_sensor(heat.edges[edge, 0], heat.edges[edge, 1], pose, sensor)
+            bx, by = place_in_sensor(heat.edges[edge, 2], heat.edges[edge, 3], pose, sensor)
             limits = sensor[COS_HALF], sensor[SIN_HALF], sensor[RANGE]
             if sector_to_segment(ax, ay, bx, by, *limits) < math.inf:
                 radiation[i, s] = temperature
 
 
 @compiled
-def in_sensor(x, y, pose, sensor):
+def place_in_sensor(x, y, pose, sensor):
     """Return a point of the world in the frame of a sensor; `pose` is x, y, cosine and sine of the robot's heading."""
     robot_x, robot_y, cosine, sine = pose
     dx, dy = x - robot_x, y - robot_y
@@ -434,7 +434,7 @@ def sense_line(position, heading, design, mounts, marks, rings, discs, line):
             y = position[i, 1] + sine * mx + cosine * my
             line[i, s] = False
             for p in range(rings.shape[0]):
-                if in_polygon(x, y, marks, rings[p, 0], rings[p, 1]):
+                if is_in_polygon(x, y, marks, rings[p, 0], rings[p, 1]):
                     line[i, s] = True
             for k in range(discs.shape[0]):
                 if math.hypot(x - discs[k, 0], y - discs[k, 1]) <= discs[k, 2]:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mesa_swarm.geometry.grid import cell_at
-from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows
@@ -25,7 +25,7 @@ from mesa_swarm.physics.contact import (
     edge_overlap,
     note_contact,
     push_all_from_statics,
-    solids_in,
+    unpack_solids,
 )
 from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
 from mesa_swarm.physics.motion import copy_places, least_radius
@@ -66,31 +66,31 @@ def separate(crowd, statics, movers, pairs, most_sweeps):
     """Push until no two robots overlap, at most `most_sweeps` times, and return whether that succeeded, and the pairs.
 
     They are out of static bodies where that is possible; which ones are clear of them is kept in `free`. `pairs` are
-    those that were within the margin at the places `listed`. Where robots have gone too far from these, the pairs are
-    listed anew, and the places written.
+    those that were within the margin at the places `reference`. Where robots have gone too far from these, the pairs
+    are listed anew, and the places written.
     """
-    c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
-    position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
+    c, solids = unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
+    position, radius, number, contacts, free, reference = c.places, c.radii, c.numbers, c.contacts, c.free, c.reference
     n, margin, begins = len(radius), MARGIN * least_radius(radius), True
-    push, awake, moved = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
-    group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(listed, position)
+    push, awake, moved_rows = np.zeros((n, 2)), np.zeros(n, np.bool_), np.empty(n, np.int64)
+    group, strayed, far = np.zeros(n, np.int64), np.zeros(1, np.bool_), farthest_of_all(reference, position)
     for _ in range(most_sweeps):
         anew = 2.0 * far > margin
         if anew:
             pairs = near_pairs(position, radius, margin, c.grid)
-            copy_places(position, listed)
+            copy_places(position, reference)
         if anew or begins:
             start, own = pairs_by_robot(pairs, n)
-            chosen, count, begins = np.arange(len(pairs) + 1), len(pairs), False
-        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
+            selection, count, begins = np.arange(len(pairs) + 1), len(pairs), False
+        overlaps = push_pairs(position, radius, number, pairs, selection[:count], push, contacts)
         if overlaps == 0:
             return free.all(), pairs
-        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
-        push_all_from_statics(moved[:moving], position, radius, solids, contacts, free)
-        far = farthest_from(listed, position, moved[:moving])
-        count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
+        moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
+        push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
+        far = farthest_from(reference, position, moved_rows[:moving])
+        count = list_pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
-            awake[moved[k]] = False
+            awake[moved_rows[k]] = False
     return False, pairs
 
 
@@ -100,23 +100,25 @@ def separate_near(crowd, statics, movers, pairs, most_sweeps):
 
     `STRAYED` means that one has to go farther: all are where they were.
     """
-    state, met = overlaps_of(crowd, pairs)
+    state, overlaps = check_overlaps(crowd, pairs)
     c = unpack(crowd, CrowdArrays)
-    if len(met) == 0:
+    if len(overlaps) == 0:
         return state if c.free.all() else max(state, STUCK)
     groups = start_groups(crowd, pairs)
-    _, state = separate_groups(crowd, statics, movers, pairs, groups, met, met, most_sweeps, NONE, len(c.radii))
-    return finish_separation(crowd, statics, movers, pairs, groups, met, met[:0], most_sweeps, state)
+    _, state = separate_groups(
+        crowd, statics, movers, pairs, groups, overlaps, overlaps, most_sweeps, NONE, len(c.radii)
+    )
+    return finish_separation(crowd, statics, movers, pairs, groups, overlaps, overlaps[:0], most_sweeps, state)
 
 
 @compiled(nogil=True, apart=True)
-def overlaps_of(crowd, pairs):
+def check_overlaps(crowd, pairs):
     """Return `STRAYED` if robots went too far since pairs were listed, else `SETTLED`, and which pairs overlap."""
     c = unpack(crowd, CrowdArrays)
     position, radius = c.places, c.radii
-    if 2.0 * farthest_of_all(c.listed, position) > MARGIN * least_radius(radius):
-        return STRAYED, overlapping(position, radius, pairs[:0])
-    return SETTLED, overlapping(position, radius, pairs)
+    if 2.0 * farthest_of_all(c.reference, position) > MARGIN * least_radius(radius):
+        return STRAYED, find_overlaps(position, radius, pairs[:0])
+    return SETTLED, find_overlaps(position, radius, pairs)
 
 
 @compiled(nogil=True, apart=True)
@@ -131,41 +133,41 @@ def start_groups(crowd, pairs):
 
 
 @compiled(nogil=True, apart=True)
-def separate_groups(crowd, statics, movers, pairs, groups, begin, met, most_sweeps, first, last):
-    """Separate groups of robots near each other in which pairs `met` overlap; groups do not influence each other.
+def separate_groups(crowd, statics, movers, pairs, groups, begin, all_overlaps, most_sweeps, first, last):
+    """Separate groups of robots near each other in which pairs `all_overlaps` overlap; groups are independent.
 
     Only the groups that the pairs `begin` are in, and of these only those that are within rows [first, last). Return
     the first pair of each of the others, which is left for later, and the worst state in which a group ends:
     `SETTLED`; `STUCK` if robots overlap after `most_sweeps`; `STRAYED` if one has gone so far that it may have met
     robots beyond its group, which is then left as it is.
     """
-    c, solids, margin = unpack(crowd, CrowdArrays), solids_in(statics, movers), groups.margin
-    position, radius, number, contacts, free, listed = c.places, c.radii, c.numbers, c.contacts, c.free, c.listed
+    c, solids, margin = unpack(crowd, CrowdArrays), unpack_solids(statics, movers), groups.margin
+    position, radius, number, contacts, free, reference = c.places, c.radii, c.numbers, c.contacts, c.free, c.reference
     start, own, push, awake, group = groups.start, groups.own, groups.push, groups.awake, groups.group
-    chosen, count, later = collect_groups(first, last, begin, met, pairs, start, own, group)
-    moved, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
+    selection, count, later = collect_groups(first, last, begin, all_overlaps, pairs, start, own, group)
+    moved_rows, strayed, worst = np.empty(last - first, np.int64), np.zeros(len(begin), np.bool_), SETTLED
     for _ in range(most_sweeps):
-        overlaps = push_pairs(position, radius, number, pairs, chosen[:count], push, contacts)
+        overlaps = push_pairs(position, radius, number, pairs, selection[:count], push, contacts)
         if overlaps == 0:
             return later, worst
-        moving = apply_pushes(position, push, radius, pairs, chosen[:overlaps], awake, moved)
-        push_all_from_statics(moved[:moving], position, radius, solids, contacts, free)
-        if 2.0 * farthest_from(listed, position, moved[:moving]) > margin:
-            mark_strayed(listed, position, moved[:moving], margin, group, strayed)
+        moving = apply_pushes(position, push, radius, pairs, selection[:overlaps], awake, moved_rows)
+        push_all_from_statics(moved_rows[:moving], position, radius, solids, contacts, free)
+        if 2.0 * farthest_from(reference, position, moved_rows[:moving]) > margin:
+            mark_strayed(reference, position, moved_rows[:moving], margin, group, strayed)
             worst = STRAYED
-        count = pairs_of(moved[:moving], awake, pairs, start, own, chosen, group, strayed)
+        count = list_pairs_of(moved_rows[:moving], awake, pairs, start, own, selection, group, strayed)
         for k in range(moving):
-            awake[moved[k]] = False
+            awake[moved_rows[k]] = False
     return later, max(worst, STUCK)
 
 
 @compiled(apart=True)
-def collect_groups(first, last, begin, met, pairs, start, own, group):
+def collect_groups(first, last, begin, overlaps, pairs, start, own, group):
     """Give numbers to the groups that pairs `begin` belong to, where all of a group is within rows [first, last).
 
-    Return their pairs `met` in an array with room for all, how many there are, and the first pair of each other group.
+    Return their pairs `overlaps` in an array with room for all, how many there are, and the first pair of other groups.
     """
-    members, later, left = np.empty(last - first, np.int64), np.empty(len(begin), np.int64), 0
+    members, later, waiting = np.empty(last - first, np.int64), np.empty(len(begin), np.int64), 0
     all_rows = last - first == len(group)
     for number in range(len(begin)):
         i = pairs[begin[number], 0]
@@ -185,35 +187,37 @@ def collect_groups(first, last, begin, met, pairs, start, own, group):
                     members[size] = other
                     size += 1
         if not whole:
-            later[left] = begin[number]
-            left += 1
+            later[waiting] = begin[number]
+            waiting += 1
             for at in range(size):
                 group[members[at]] = LATER
-    chosen, count = np.empty(len(pairs) + 1, np.int64), 0
-    for k in met:
+    selection, count = np.empty(len(pairs) + 1, np.int64), 0
+    for k in overlaps:
         i = pairs[k, 0]
-        chosen[count] = k
+        selection[count] = k
         count += (first <= i < last) and group[i] >= 0
-    return chosen, count, later[:left]
+    return selection, count, later[:waiting]
 
 
 @compiled
-def mark_strayed(listed, position, moved, margin, group, strayed):
+def mark_strayed(reference, position, moved_rows, margin, group, strayed):
     """Mark the groups of which a robot has gone farther than half the margin."""
-    for i in moved:
-        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+    for i in moved_rows:
+        dx, dy = position[i, 0] - reference[i, 0], position[i, 1] - reference[i, 1]
         if 2.0 * math.sqrt(dx * dx + dy * dy) > margin:
             strayed[group[i]] = True
 
 
 @compiled(nogil=True, apart=True)
-def finish_separation(crowd, statics, movers, pairs, groups, met, later, most_sweeps, state):
+def finish_separation(crowd, statics, movers, pairs, groups, overlaps, later, most_sweeps, state):
     """Separate the groups that were left for `later`, and return the worst state; put all back if some have strayed."""
     c, group = unpack(crowd, CrowdArrays), groups.group
     if len(later):
         for i in range(len(group)):
             group[i] = min(group[i], LATER)
-        _, worst = separate_groups(crowd, statics, movers, pairs, groups, later, met, most_sweeps, NONE, len(group))
+        _, worst = separate_groups(
+            crowd, statics, movers, pairs, groups, later, overlaps, most_sweeps, NONE, len(group)
+        )
         state = max(state, worst)
     if state == STRAYED:
         copy_places(groups.begins, c.places)
@@ -223,21 +227,21 @@ def finish_separation(crowd, statics, movers, pairs, groups, met, later, most_sw
 
 
 @compiled
-def farthest_of_all(listed, position):
+def farthest_of_all(reference, position):
     """Return the largest distance of robots from where they were listed."""
     square = 0.0
     for i in range(position.shape[0]):
-        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+        dx, dy = position[i, 0] - reference[i, 0], position[i, 1] - reference[i, 1]
         square = max(square, dx * dx + dy * dy)
     return math.sqrt(square)
 
 
 @compiled
-def farthest_from(listed, position, moved):
+def farthest_from(reference, position, moved_rows):
     """Return the largest distance of the robots that were moved from where they were listed."""
     square = 0.0
-    for i in moved:
-        dx, dy = position[i, 0] - listed[i, 0], position[i, 1] - listed[i, 1]
+    for i in moved_rows:
+        dx, dy = position[i, 0] - reference[i, 0], position[i, 1] - reference[i, 1]
         square = max(square, dx * dx + dy * dy)
     return math.sqrt(square)
 
@@ -262,40 +266,40 @@ def pairs_by_robot(pairs, n):
 
 
 @compiled
-def pairs_of(moved, awake, pairs, start, own, chosen, group, strayed):
-    """Write the pairs of robots that were moved, each once, into `chosen`, and return how many; `awake` marks them.
+def list_pairs_of(moved_rows, awake, pairs, start, own, selection, group, strayed):
+    """Write the pairs of robots that were moved, each once, into `selection`, and return how many; `awake` marks them.
 
-    Those of groups that have strayed are left out. `chosen` has room for one more than all pairs.
+    Those of groups that have strayed are left out. `selection` has room for one more than all pairs.
     """
     count = 0
-    for i in moved:
+    for i in moved_rows:
         if strayed[group[i]]:
             continue
         for place in range(start[i], start[i + 1]):
             k = own[place]
             other = pairs[k, 0] + pairs[k, 1] - i
-            chosen[count] = k
+            selection[count] = k
             count += not awake[other] or i < other
     return count
 
 
 @compiled
-def overlapping(position, radius, pairs):
+def find_overlaps(position, radius, pairs):
     """Return which pairs overlap by more than rounding."""
-    met, count = np.empty(pairs.shape[0], np.int64), 0
+    overlaps, count = np.empty(pairs.shape[0], np.int64), 0
     for k in range(pairs.shape[0]):
         i, j = pairs[k, 0], pairs[k, 1]
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-        met[count] = k
+        overlaps[count] = k
         count += radius[i] + radius[j] - math.sqrt(dx * dx + dy * dy) > SLOP * min(radius[i], radius[j])
-    return met[:count]
+    return overlaps[:count]
 
 
 @compiled
-def push_pairs(position, radius, number, pairs, chosen, push, contacts):
-    """Add to `push` half of each overlap of the pairs `chosen` (A.7); return how many overlap: they come first."""
+def push_pairs(position, radius, number, pairs, selection, push, contacts):
+    """Add to `push` half of each overlap of the pairs `selection` (A.7); return how many overlap: they come first."""
     count = 0
-    for k in chosen:
+    for k in selection:
         i, j = pairs[k, 0], pairs[k, 1]
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
         distance = math.sqrt(dx * dx + dy * dy)
@@ -312,19 +316,19 @@ def push_pairs(position, radius, number, pairs, chosen, push, contacts):
         push[j, 1] -= ny * overlap / 2.0
         note_contact(i, A_ROBOT, j, nx, ny, overlap, contacts)
         note_contact(j, A_ROBOT, i, -nx, -ny, overlap, contacts)
-        chosen[count] = k
+        selection[count] = k
         count += 1
     return count
 
 
 @compiled
-def apply_pushes(position, push, radius, pairs, met, awake, moved):
+def apply_pushes(position, push, radius, pairs, overlaps, awake, moved_rows):
     """Push all robots at once, each at most a quarter of its radius; return the count of rows ``moved[:count]``.
 
     They are marked in `awake`.
     """
     count = 0
-    for k in met:
+    for k in overlaps:
         for side in range(2):
             i = pairs[k, side]
             if push[i, 0] == 0.0 and push[i, 1] == 0.0:
@@ -335,7 +339,7 @@ def apply_pushes(position, push, radius, pairs, met, awake, moved):
             position[i, 1] += share * push[i, 1]
             push[i, 0], push[i, 1] = 0.0, 0.0
             awake[i] = True
-            moved[count] = i
+            moved_rows[count] = i
             count += 1
     return count
 
@@ -343,14 +347,14 @@ def apply_pushes(position, push, radius, pairs, met, awake, moved):
 @compiled(apart=True)
 def return_to_free_places(crowd, statics, movers, pairs):
     """Return to their last free place the robots that overlap, and those that then overlap them."""
-    c, solids = unpack(crowd, CrowdArrays), solids_in(statics, movers)
-    position, before, radius, listed, contacts, free = c.places, c.before, c.radii, c.listed, c.contacts, c.free
+    c, solids = unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
+    position, before, radius, reference, contacts, free = c.places, c.before, c.radii, c.reference, c.contacts, c.free
     n = len(radius)
     back = np.zeros(n, np.bool_)
-    farthest = max(farthest_of_all(listed, position), farthest_of_all(listed, before))
+    farthest = max(farthest_of_all(reference, position), farthest_of_all(reference, before))
     # All pairs that can overlap, at whichever of its two places each robot ends.
     if n and 2.0 * farthest > MARGIN * least_radius(radius):
-        pairs = near_pairs(listed, radius, 2.0 * farthest, c.grid)
+        pairs = near_pairs(reference, radius, 2.0 * farthest, c.grid)
     goes = np.zeros(n, np.bool_)
     for i in range(n):
         if not free[i]:  # the last push may have freed it
@@ -414,8 +418,8 @@ def _return_bodies(position, radius, edges, discs, movers, goes):
 @compiled
 def mark_overlapped(x, y, radius, edges, discs, movers, bodies):
     """Mark the driven bodies that overlap a disc, and return whether there is one."""
-    body_of, start, items = movers.body_of, movers.touched.start, movers.touched.items
-    cell = cell_at(x, y, movers.touched.grid)
+    body_of, start, items = movers.body_of, movers.touch_cells.start, movers.touch_cells.items
+    cell = cell_at(x, y, movers.touch_cells.grid)
     any_marked = False
     for k in range(start[cell], start[cell + 1]):
         item = items[k]
@@ -446,5 +450,5 @@ def stop_jumps(position, radius, edges, discs, movers):
         for i in range(position.shape[0]):
             x, y, far = position[i, 0], position[i, 1], reach[b] + radius[i]
             near = len(rows) > 0 and (x - place[b, 0]) ** 2 + (y - place[b, 1]) ** 2 < far * far
-            bodies[b] |= near and in_polygon(x, y, edges, rows[0], rows[-1] + 1)
+            bodies[b] |= near and is_in_polygon(x, y, edges, rows[0], rows[-1] + 1)
     return_bodies(bodies & jumps, movers, edges, discs)

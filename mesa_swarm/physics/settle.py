@@ -6,7 +6,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import PlacementError
 from mesa_swarm.geometry.grid import GridNumbers
-from mesa_swarm.geometry.overlap import in_polygon
+from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.contact import SLOP, deepest_static, push_all_from_statics
@@ -20,7 +20,7 @@ SWEEPS = np.int64(400)
 RING = 0.125
 
 
-def settle(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
+def settle_robots(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
     """Move every robot that overlaps anything to free room nearby, whatever the tangle, or raise `PlacementError`.
 
     `grid` finds robots near each other.
@@ -32,24 +32,24 @@ def settle(swarm: Swarm, surroundings: Surroundings, grid: GridNumbers) -> None:
     leave_solids(position, radius, solids, rings)
     crowd = CrowdArrays.of(grid, position, radius, number)._replace(places=position, radii=radius, numbers=number)
     push_all_from_statics(crowd.rows, position, radius, solids, crowd.contacts, crowd.free)
-    crowd.listed[:] = position
+    crowd.reference[:] = position
     pairs = near_pairs(position, radius, MARGIN * radius.min(), grid)
     blocks = Block(crowd), Block(surroundings.still)
     bodies = *(block.numbers for block in blocks), None if moving is None else moving.block
     state = separate_near(*bodies, pairs, SWEEPS)
-    settled = state == SETTLED
+    is_free_of_overlaps = state == SETTLED
     if state == STRAYED:
-        settled, _ = separate(*bodies, pairs, SWEEPS)
-    if not settled:
-        lost = leave_each_other(position, radius, solids, rings)
-        if lost >= 0:
-            raise no_room(lost, radius)
+        is_free_of_overlaps, _ = separate(*bodies, pairs, SWEEPS)
+    if not is_free_of_overlaps:
+        robot = leave_each_other(position, radius, solids, rings)
+        if robot >= 0:
+            raise no_room_error(robot, radius)
 
 
-def no_room(i: int, radius: np.ndarray) -> PlacementError:
+def no_room_error(i: int, radius: np.ndarray) -> PlacementError:
     """Return the error for robot i, for which there is no room left."""
-    which = f"robot {i + 1} of {len(radius)} (radius {radius[i]:g})"
-    return PlacementError(f"no room is left for {which}; remove robots or obstacles")
+    robot = f"robot {i + 1} of {len(radius)} (radius {radius[i]:g})"
+    return PlacementError(f"no room is left for {robot}; remove robots or obstacles")
 
 
 @compiled
@@ -58,7 +58,7 @@ def is_free(x, y, radius, statics, rings):
     if deepest_static(x, y, radius, statics)[0] > SLOP * radius:
         return False
     for p in range(rings.shape[0]):
-        if in_polygon(x, y, statics.edges, rings[p, 0], rings[p, 1]):
+        if is_in_polygon(x, y, statics.edges, rings[p, 0], rings[p, 1]):
             return False
     return True
 

@@ -19,14 +19,15 @@ from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
 from mesa_swarm.physics.engine import CONTACT_COLUMNS, Engine, begin_way, hold_readings
-from mesa_swarm.physics.motion import advance, count_pieces
+from mesa_swarm.physics.motion import advance_robots, count_pieces
 from mesa_swarm.physics.moving import LONGEST_STEP, MOST_PIECES
-from mesa_swarm.physics.sensing import err
+from mesa_swarm.physics.sensing import add_errors
 from mesa_swarm.physics.separation import MOST_SWEEPS
-from mesa_swarm.physics.settle import RING, SWEEPS, no_room
+from mesa_swarm.physics.settle import RING, SWEEPS, no_room_error
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS
@@ -86,7 +87,7 @@ class Solids:
         return np.hstack([to_polygons, to_discs]).min(axis=1)
 
 
-def ring_around_map(bounds: tuple[float, float, float, float], margin: float) -> Polygon:
+def ring_around_map(bounds: Bounds, margin: float) -> Polygon:
     """Return the outside of a map as far as `margin` from it."""
     x_min, y_min, x_max, y_max = bounds
     around = shapely.box(x_min - margin, y_min - margin, x_max + margin, y_max + margin)
@@ -108,15 +109,15 @@ def sense_proximity_by_shapely(
     """Write the readings of all proximity sensors, without error; -1 where no body is seen."""
     centres = np.concatenate([solids.centres, shapely.points(swarm.position)])
     radii = np.concatenate([solids.radii, swarm.radius])
-    seen = surroundings.bodies.seen[surroundings.rows[solids.disc_shape]]
-    kinds = np.concatenate([seen, np.full(len(swarm), ROBOT)])
+    body_kinds = surroundings.bodies.visible_kinds[surroundings.rows[solids.disc_shape]]
+    kinds = np.concatenate([body_kinds, np.full(len(swarm), ROBOT)])
     distance[:], kind[:] = -1.0, NOTHING
     for i in range(len(swarm)):
         others = np.arange(len(radii)) != len(solids.radii) + i
         discs = centres[others], radii[others], kinds[others]
         for s in range(swarm.table.counts[swarm.design[i]]):
             view = view_of(swarm, i, swarm.table.proximity[swarm.design[i], s], reach_beyond(radii))
-            distance[i, s], kind[i, s] = nearest(view, solids, *discs)
+            distance[i, s], kind[i, s] = nearest_in_view(view, solids, *discs)
 
 
 def sense_radiation_by_shapely(swarm: Swarm, surroundings: Surroundings, radiation: np.ndarray) -> None:
@@ -131,9 +132,9 @@ def sense_radiation_by_shapely(swarm: Swarm, surroundings: Surroundings, radiati
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].radiation)):
             view = view_of(swarm, i, swarm.table.radiation[design, s], beyond)
-            seen = [heat for centre, radius, heat in discs if distance_to_disc(view, centre, radius) <= view.range]
-            seen += [heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range]
-            radiation[i, s] = max(seen, default=0.0)
+            heats = [heat for centre, radius, heat in discs if distance_to_disc(view, centre, radius) <= view.range]
+            heats += [heat for line, heat in outlines if view.apex.distance(view.area.intersection(line)) <= view.range]
+            radiation[i, s] = max(heats, default=0.0)
 
 
 def sense_line_by_shapely(swarm: Swarm, surroundings: Surroundings, line: np.ndarray) -> None:
@@ -142,17 +143,19 @@ def sense_line_by_shapely(swarm: Swarm, surroundings: Surroundings, line: np.nda
     line[:] = False
     for i, design in enumerate(swarm.design):
         for s in range(len(swarm.designs[design].line)):
-            point = Point(in_world(swarm, i, swarm.table.line[design, s]))
+            point = Point(place_in_world(swarm, i, swarm.table.line[design, s]))
             line[i, s] = any(point.distance(geometry) <= radius for geometry, radius in marks)
 
 
-def nearest(view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray) -> tuple[float, int]:
+def nearest_in_view(
+    view: View, solids: Solids, centres: np.ndarray, radii: np.ndarray, kinds: np.ndarray
+) -> tuple[float, int]:
     """Return distance and kind of the nearest body in a view; of equally near bodies the lowest kind."""
     polygons = solids.tree.query(view.apex, predicate="dwithin", distance=view.range)
     near = np.flatnonzero(shapely.distance(view.apex, centres) - radii <= view.range)
-    seen = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in polygons]
-    seen += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
-    return min((body for body in seen if body[0] <= view.range), default=(-1.0, NOTHING))
+    bodies = [(distance_to_polygon(view, solids.polygons[p]), int(solids.polygon_body[p])) for p in polygons]
+    bodies += [(distance_to_disc(view, centres[k], radii[k]), int(kinds[k])) for k in near]
+    return min((body for body in bodies if body[0] <= view.range), default=(-1.0, NOTHING))
 
 
 def distance_to_polygon(view: View, polygon: Polygon) -> float:
@@ -180,14 +183,14 @@ def _first_hit(ray: LineString, centre: Point, radius: float) -> float:
 
 def view_of(swarm: Swarm, i: int, sensor: np.ndarray, beyond: float) -> View:
     """Return the view of a sensor of robot i, a row of `DesignTable.proximity` or `radiation`; see `reach_beyond`."""
-    apex = in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
+    apex = place_in_world(swarm, i, sensor[[MOUNT_X, MOUNT_Y]])
     azimuth = swarm.heading[i] + math.atan2(sensor[AXIS_Y], sensor[AXIS_X])
     half, count, reach = sensor[HALF], int(sensor[RAYS]), sensor[RANGE] + beyond
     turns = np.linspace(-half, half, count) if count > 1 else np.zeros(count)
     if count == 0 and half < math.pi:
         turns = np.array([-half, half])
     rays = tuple(LineString([apex, _toward(apex, azimuth + turn, reach)]) for turn in turns)
-    area = MultiLineString(rays) if count else wedge(apex, azimuth, half, reach)
+    area = MultiLineString(rays) if count else make_wedge(apex, azimuth, half, reach)
     return View(Point(apex), area, rays, sensor[RANGE])
 
 
@@ -196,7 +199,7 @@ def reach_beyond(radii: np.ndarray) -> float:
     return 1.0 + radii.max(initial=0.0)
 
 
-def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGeometry:
+def make_wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGeometry:
     """Return a wedge that covers the sector of half angle `half` (rad) about an azimuth as far as `reach`.
 
     A half angle of 0 makes the wedge a line; pi or more, a plain polygon around the apex.
@@ -209,7 +212,7 @@ def wedge(apex: np.ndarray, azimuth: float, half: float, reach: float) -> BaseGe
     return Polygon(fan[:-1]) if half >= math.pi else Polygon([apex, *fan])
 
 
-def in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
+def place_in_world(swarm: Swarm, i: int, mount: np.ndarray) -> np.ndarray:
     """Return the place of a mount of robot i in the world (A.8, A.9)."""
     cosine, sine = math.cos(swarm.heading[i]), math.sin(swarm.heading[i])
     return swarm.position[i] + np.array([[cosine, -sine], [sine, cosine]]) @ mount
@@ -258,20 +261,20 @@ class Touches:
 class Travelling:
     """The driven bodies on their way through a step, and all solids as they are in each piece of it."""
 
-    def __init__(self, surroundings: Surroundings, renewed: Callable[[], Solids], radius: np.ndarray) -> None:
-        self.solids, self._renewed = renewed(), renewed
-        self._bodies, self._rows = t, rows = surroundings.bodies, surroundings.driven
+    def __init__(self, surroundings: Surroundings, make_solids: Callable[[], Solids], radius: np.ndarray) -> None:
+        self.solids, self._make_solids = make_solids(), make_solids
+        self._bodies, self._rows = table, rows = surroundings.bodies, surroundings.driven
         self._begin = self._before = self._poses()
         self._longest = LONGEST_STEP * radius.min(initial=math.inf)
-        self._end = np.column_stack([t.aim[rows], t.aim_heading[rows]])
+        self._end = np.column_stack([table.aim[rows], table.aim_heading[rows]])
         ways = self._end - self._begin
-        self._turns = np.array([wrapped(turn) for turn in ways[:, 2]])
-        far = np.hypot(ways[:, 0], ways[:, 1]) + t.reach[rows] * abs(self._turns)
-        self._needed = np.ceil(far / self._longest - 1e-9)
+        self._turns = np.array([wrap_angle(turn) for turn in ways[:, 2]])
+        far = np.hypot(ways[:, 0], ways[:, 1]) + table.reach[rows] * abs(self._turns)
+        self._pieces_of = np.ceil(far / self._longest - 1e-9)
 
     def pieces(self, pieces: int) -> int:
         """Return the number of pieces of a step, more than those of the robots if bodies travel farther."""
-        travels = self._needed[self._under_way & (self._needed <= MOST_PIECES)]
+        travels = self._pieces_of[self._under_way & (self._pieces_of <= MOST_PIECES)]
         return max(pieces, int(travels.max(initial=0.0)))
 
     def advance(self, piece: int, pieces: int, position: np.ndarray, radius: np.ndarray) -> None:
@@ -279,40 +282,40 @@ class Travelling:
         self._before = self._poses()
         moves = self._under_way
         for b in np.flatnonzero(moves).tolist():
-            jumps = self._needed[b] > MOST_PIECES
+            jumps = self._pieces_of[b] > MOST_PIECES
             if jumps or piece == pieces - 1:
                 self._put(b, self._end[b])
             else:
                 pose = self._begin[b] + (piece + 1) / pieces * (self._end[b] - self._begin[b])
-                self._put(b, (*pose[:2], wrapped(self._begin[b, 2] + (piece + 1) / pieces * self._turns[b])))
+                self._put(b, (*pose[:2], wrap_angle(self._begin[b, 2] + (piece + 1) / pieces * self._turns[b])))
             if jumps and self._overlapped(b, position, radius).any():
                 self._stop(b)
         if moves.any():
-            self.solids = self._renewed()
+            self.solids = self._make_solids()
 
     def return_overlapping(self, position: np.ndarray, radius: np.ndarray, goes: np.ndarray) -> bool:
         """Return the bodies that overlap robots to where they were before this piece, and mark these robots.
 
         The result is whether a body moved, or a robot was marked that was not before.
         """
-        changed = False
-        here = self._poses()
-        for b in range(len(here)):
+        has_changed = False
+        poses = self._poses()
+        for b in range(len(poses)):
             if self._bodies.mode[self._rows[b]] == CARRIED:
                 continue
-            met = self._overlapped(b, position, radius)
-            changed |= bool((met & ~goes).any())
-            goes |= met
-            if met.any() and (here[b] != self._before[b]).any():
+            overlapped = self._overlapped(b, position, radius)
+            has_changed |= bool((overlapped & ~goes).any())
+            goes |= overlapped
+            if overlapped.any() and (poses[b] != self._before[b]).any():
                 self._stop(b)
-                changed = True
-        if changed:
-            self.solids = self._renewed()
-        return changed
+                has_changed = True
+        if has_changed:
+            self.solids = self._make_solids()
+        return has_changed
 
     @property
     def _under_way(self) -> np.ndarray:
-        return (self._needed > 0) & ~self._bodies.blocked[self._rows]
+        return (self._pieces_of > 0) & ~self._bodies.blocked[self._rows]
 
     def _poses(self) -> np.ndarray:
         return np.column_stack([self._bodies.position[self._rows], self._bodies.heading[self._rows]])
@@ -346,7 +349,7 @@ def travel_by_shapely(
         before = position.copy()
         contacts.face[:] = 0.0
         bodies.advance(piece, pieces, position, radius)
-        advance(position, heading, motion, pieces)
+        advance_robots(position, heading, motion, pieces)
         if not separate_by_shapely(position, radius, bodies.solids, contacts, int(MOST_SWEEPS)):
             return_overlapping(position, before, radius, bodies.solids, contacts, bodies)
         turn_along_faces(np.arange(len(heading)), heading, motion, contacts.face, turn_angle, extra_turn)
@@ -484,8 +487,8 @@ def return_overlapping(
         went = (goes != back).any()
         position[goes] = before[goes]
         back = goes.copy()
-        changed = bodies is not None and bodies.return_overlapping(position, radius, goes)
-        if not (went or changed):
+        has_changed = bodies is not None and bodies.return_overlapping(position, radius, goes)
+        if not (went or has_changed):
             return
 
 
@@ -503,11 +506,11 @@ def settle_by_shapely(columns: dict[str, np.ndarray], bounds: tuple[float, ...],
 def separate_placed_robots(position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids) -> None:
     """Move, one after the other, robots that still overlap anything."""
     for i in range(len(radius)):
-        here = position[i : i + 1]
-        if is_free_of_solids(here, radius[i], solids)[0] and is_apart_from_robots(i, here, position, radius)[0]:
+        place = position[i : i + 1]
+        if is_free_of_solids(place, radius[i], solids)[0] and is_apart_from_robots(i, place, position, radius)[0]:
             continue
         if not find_room_among_solids(i, position, radius, bounds, solids, apart=True):
-            raise no_room(i, radius)
+            raise no_room_error(i, radius)
 
 
 def is_free_of_solids(places: np.ndarray, radius: float, solids: Solids) -> np.ndarray:
@@ -533,7 +536,7 @@ def find_room_among_solids(
     i: int, position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids, *, apart: bool
 ) -> bool:
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
-    for places in rings(position[i].copy(), radius[i], bounds):
+    for places in places_on_rings(position[i].copy(), radius[i], bounds):
         # The solid outside ends somewhere; beyond that there is no room either.
         free = is_on_map(places, bounds) & is_free_of_solids(places, radius[i], solids)
         if apart:
@@ -544,7 +547,7 @@ def find_room_among_solids(
     return False
 
 
-def rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]) -> Iterator[np.ndarray]:
+def places_on_rings(centre: np.ndarray, radius: float, bounds: tuple[float, ...]) -> Iterator[np.ndarray]:
     """Yield places on growing circles around a point until they are beyond the map."""
     farthest = 2 * Point(bounds[:2]).distance(Point(bounds[2:]))
     distance = 0.0
@@ -569,7 +572,7 @@ class ShapelyEngine(Engine):
         old = distance.copy(), kind.copy()
         sense_proximity_by_shapely(swarm, surroundings, self._solids_of(swarm, surroundings), distance, kind)
         if draws is not None:
-            err(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
+            add_errors(distance, columns["design"], table.proximity, table.noise, draws, step, columns["error"])
         hold_readings(swarm, step, *old)
         sense_radiation_by_shapely(swarm, surroundings, columns["radiation"])
         sense_line_by_shapely(swarm, surroundings, columns["line"])

@@ -6,7 +6,8 @@ from typing import cast
 
 import numpy as np
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.load_room import Poses, Room, room_of
 from mesa_swarm.physics.moving import Moving, MovingItems, place_items
@@ -29,12 +30,12 @@ class Surroundings:
     """The world without its robots: all bodies, as they are now.
 
     `rows` are those of its shapes in the table of `bodies`, the last `apart` of them numbered apart (see `Statics`);
-    `loads` and `driven` those of the bodies that robots push, and that `moving` moves. `listed` (m, 3) are the poses of
-    the loads when the tables were made; they may move by `slack` from there. `items` is what `place_items` takes, and
-    `room` what loads may not overlap: None without loads.
+    `loads` and `driven` those of the bodies that robots push, and that `moving` moves. `reference` (m, 3) has the poses
+    of the loads when the tables were made; they may move by `slack` from there. `items` is what `place_items` takes,
+    and `room` what loads may not overlap: None without loads.
     """
 
-    bounds: tuple[float, float, float, float]
+    bounds: Bounds
     bodies: BodyTable
     rows: np.ndarray
     apart: int
@@ -43,7 +44,7 @@ class Surroundings:
     loads: np.ndarray
     driven: np.ndarray
     poses: Poses
-    listed: np.ndarray
+    reference: np.ndarray
     slack: float
     items: MovingItems
     radiating: Radiating
@@ -53,7 +54,7 @@ class Surroundings:
     @classmethod
     def of(
         cls,
-        bounds: tuple[float, float, float, float],
+        bounds: Bounds,
         bodies: BodyTable,
         rows: np.ndarray,
         *,
@@ -73,7 +74,7 @@ class Surroundings:
         # Corners in the same order at every pose, which those of shapes, in normal form, are not.
         shapes = [bodies.body_of(row) for row in rows.tolist()]
         statics = Statics.of(bounds, shapes, bodies.kind[rows], loads=pushed, driven=sent, **tables)  # type: ignore[arg-type]
-        statics.show(bodies.seen[rows])
+        statics.show(bodies.visible_kinds[rows])
         loads, driven = rows[pushed], rows[sent]
         moving = Moving(bodies, driven, sent, statics, bounds, sight, touch) if len(driven) else None
         return cls(
@@ -86,10 +87,10 @@ class Surroundings:
             loads=loads,
             driven=driven,
             poses=Poses(bodies.position, bodies.heading, bodies.mode, loads, driven),
-            listed=np.column_stack([bodies.position[loads], bodies.heading[loads]]),
+            reference=np.column_stack([bodies.position[loads], bodies.heading[loads]]),
             slack=slack - STEP * touch,
-            items=items_of(statics, bodies, rows, pushed),
-            radiating=radiating_of(statics, bodies, rows),
+            items=list_items_of(statics, bodies, rows, pushed),
+            radiating=list_radiating(statics, bodies, rows),
             room=room or (room_of(statics, bodies, pushed, sent, rows) if len(loads) else None),
             moving=moving,
         )
@@ -108,7 +109,7 @@ class Surroundings:
     def still(self) -> StaticArrays:
         """What robots can touch besides each other and driven bodies, as compiled functions take it."""
         s = self.statics
-        return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touched, None)
+        return StaticArrays(s.edges, s.discs, s.owner, s.body, s.bounds, s.touch_cells, None)
 
     @property
     def solids(self) -> StaticArrays:
@@ -119,44 +120,44 @@ class Surroundings:
         """Return which driven bodies a load stops: it is where the body is to go, or on the way."""
         blocked = np.zeros(len(self.driven), bool)
         if len(self.loads):
-            for place in np.flatnonzero(self.bodies.asked(self.driven)).tolist():
+            for place in np.flatnonzero(self.bodies.are_to_move(self.driven)).tolist():
                 blocked[place] = any(self._is_in_the_way(load, self.driven[place]) for load in self.loads.tolist())
         return blocked
 
     def _is_in_the_way(self, load: int, b: int) -> bool:
-        t = self.bodies
-        here, there = np.append(t.position[b], t.heading[b]), np.append(t.aim[b], t.aim_heading[b])
-        way, pose = there - here, t.pose_of(load)
-        way[2] = wrapped(way[2])
-        far = t.reach[b] + t.reach[load]
+        table = self.bodies
+        start, aim = np.append(table.position[b], table.heading[b]), np.append(table.aim[b], table.aim_heading[b])
+        way, pose = aim - start, table.pose_of(load)
+        way[2] = wrap_angle(way[2])
+        far = table.reach[b] + table.reach[load]
         length = math.hypot(way[0], way[1])
-        if math.hypot(here[0] - pose[0], here[1] - pose[1]) > far + length:
+        if math.hypot(start[0] - pose[0], start[1] - pose[1]) > far + length:
             return False
-        form, other = cast(Form, t.forms[b]), cast(Form, t.forms[load])
+        form, other = cast(Form, table.forms[b]), cast(Form, table.forms[load])
         count = math.ceil((length + form.reach * abs(way[2])) / (LOOK * min(form.thickness, other.thickness)))
         shares = np.arange(1, min(count, MOST_LOOKS) + 1) / min(count, MOST_LOOKS)
-        return any(other.overlaps(pose, form.shape_at(tuple((here + s * way).tolist()))) for s in shares)
+        return any(other.overlaps(pose, form.shape_at(tuple((start + share * way).tolist()))) for share in shares)
 
     @property
     def is_worn(self) -> bool:
         """Whether a load has moved so far that the tables have to be made anew before the next step."""
         if self.room is None:
             return False
-        t, loads = self.bodies, self.loads
-        moved = t.position[loads] - self.listed[:, :2]
-        turned = 2.0 * np.abs(np.sin((t.heading[loads] - self.listed[:, 2]) / 2.0))
-        return bool((np.hypot(moved[:, 0], moved[:, 1]) + self.room.forms.reach * turned > self.slack).any())
+        table, loads = self.bodies, self.loads
+        shift = table.position[loads] - self.reference[:, :2]
+        chord = 2.0 * np.abs(np.sin((table.heading[loads] - self.reference[:, 2]) / 2.0))
+        return bool((np.hypot(shift[:, 0], shift[:, 1]) + self.room.forms.reach * chord > self.slack).any())
 
     def follow(self) -> None:
         """Update the tables to the present poses of the loads."""
         place_items(self.bodies.position, self.bodies.heading, self.items, self.statics.edges, self.statics.discs)
 
 
-def items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.ndarray) -> MovingItems:
+def list_items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.ndarray) -> MovingItems:
     """Return the items of the bodies with these indices among the shapes, and their edges in their own frames."""
-    chosen = [(int(rows[i]), cast(Form, bodies.forms[rows[i]]), statics.rows_of(i)) for i in indices.tolist()]
-    polygons = [(row, edges_of(Shape(form.outline)), items) for row, form, items in chosen if not form.radius]
-    discs = [(row, items - len(statics.edges)) for row, form, items in chosen if form.radius]
+    listing = [(int(rows[i]), cast(Form, bodies.forms[rows[i]]), statics.rows_of(i)) for i in indices.tolist()]
+    polygons = [(row, edges_of(Shape(form.outline)), items) for row, form, items in listing if not form.radius]
+    discs = [(row, items - len(statics.edges)) for row, form, items in listing if form.radius]
     none = np.empty(0, np.int64)
     return MovingItems(
         np.concatenate([np.empty((0, 4)), *(edges for _, edges, _ in polygons)]),
@@ -167,7 +168,7 @@ def items_of(statics: Statics, bodies: BodyTable, rows: np.ndarray, indices: np.
     )
 
 
-def radiating_of(statics: Statics, bodies: BodyTable, rows: np.ndarray) -> Radiating:
+def list_radiating(statics: Statics, bodies: BodyTable, rows: np.ndarray) -> Radiating:
     """Return what radiates of the bodies with these rows."""
     radiates = np.append(~np.isnan(bodies.temperature[rows]), False)[statics.shape]
     edges, discs = np.flatnonzero(radiates[: len(statics.edges)]), np.flatnonzero(radiates[len(statics.edges) :])

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.kernels.waiting import wait_while
+from mesa_swarm.kernels.waiting import count_processors, wait_while
 
 MOST_THREADS = 256
 VARIABLE = "MESA_SWARM_THREADS"
@@ -26,7 +26,7 @@ LOOKS = np.int64(4000)
 OnRows = Callable[[int, int], Any]
 
 
-def checked_threads(threads: int | None) -> int:
+def check_threads(threads: int | None) -> int:
     """Return the number of threads of a model; without one that of the environment variable, or 1.
 
     Raises
@@ -35,32 +35,25 @@ def checked_threads(threads: int | None) -> int:
 
     Examples
     --------
-    >>> checked_threads(4)
+    >>> check_threads(4)
     4
     """
     if threads is not None:
         return check_count("threads", threads, minimum=1, maximum=MOST_THREADS)
-    given = os.environ.get(VARIABLE, "").strip() or "1"
-    if not given.isdecimal() or not 1 <= int(given) <= MOST_THREADS:
+    text = os.environ.get(VARIABLE, "").strip() or "1"
+    if not text.isdecimal() or not 1 <= int(text) <= MOST_THREADS:
         raise InvalidValueError(
-            f"the environment variable {VARIABLE} is {shortened(given)}; expected a whole number, 1 to {MOST_THREADS}"
+            f"the environment variable {VARIABLE} is {shortened(text)}; expected a whole number, 1 to {MOST_THREADS}"
         )
-    return int(given)
+    return int(text)
 
 
-def processors() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def ranges(n: int, parts: int) -> Iterator[tuple[int, int]]:
+def split_rows(n: int, parts: int) -> Iterator[tuple[int, int]]:
     """Yield the first row of each part, and one past its last.
 
     Examples
     --------
-    >>> list(ranges(10, 3))
+    >>> list(split_rows(10, 3))
     [(0, 3), (3, 6), (6, 10)]
     """
     for part in range(parts):
@@ -72,7 +65,7 @@ class RowThread:
 
     def __init__(self) -> None:
         # Numbers of the last job that was given and done, each in a cache line of its own.
-        self._given, self._done = np.zeros(8, np.int64), np.zeros(8, np.int64)
+        self._begun, self._done = np.zeros(8, np.int64), np.zeros(8, np.int64)
         self._wake: SimpleQueue = SimpleQueue()
         self._finished: SimpleQueue = SimpleQueue()
         self._asleep = self._awaited = False
@@ -85,7 +78,7 @@ class RowThread:
         """Give the thread a job."""
         self._job, self._error = job, None
         self._last += 1
-        self._given[0] = self._last
+        self._begun[0] = self._last
         if self._asleep:
             self._wake.put(None)
 
@@ -105,10 +98,10 @@ class RowThread:
     def _serve(self) -> None:
         number = 0
         while True:
-            wait_while(self._given, number, LOOKS)
+            wait_while(self._begun, number, LOOKS)
             self._asleep = True
             # Written before it is looked at, here and by the other thread: one of the two sees the other's word.
-            while self._given[0] == number:
+            while self._begun[0] == number:
                 self._wake.get()
             self._asleep = False
             number += 1
@@ -130,17 +123,17 @@ class RowThreads:
     def share(self, n: int, parts: int, rows: OnRows) -> list[Any]:
         """Call ``rows(first, last)`` for the ranges of n rows at the same time, and return the results in order."""
         if parts == 1 or not self._lock.acquire(blocking=False):
-            return [rows(first, last) for first, last in ranges(n, parts)]
+            return [rows(first, last) for first, last in split_rows(n, parts)]
         try:
-            return self._share(list(ranges(n, parts)), rows)
+            return self._share(list(split_rows(n, parts)), rows)
         finally:
             self._lock.release()
 
     def _share(self, parts: list[tuple[int, int]], rows: OnRows) -> list[Any]:
-        helping = min(len(parts), processors()) - 1
+        helping = min(len(parts), count_processors()) - 1
         while len(self._threads) < helping:
             self._threads.append(RowThread())
-        crews = [list(range(begin, end)) for begin, end in ranges(len(parts), helping + 1)]
+        crews = [list(range(begin, end)) for begin, end in split_rows(len(parts), helping + 1)]
         results: list[Any] = [None] * len(parts)
 
         def work(crew: list[int]) -> None:

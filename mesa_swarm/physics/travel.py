@@ -16,21 +16,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
-from mesa_swarm.physics.contact import push_all_from_statics, solids_in
+from mesa_swarm.physics.contact import push_all_from_statics, unpack_solids
 from mesa_swarm.physics.crowd import CrowdArrays
-from mesa_swarm.physics.motion import count_pieces, moved_by
+from mesa_swarm.physics.motion import count_pieces, move_along_arc
 from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
 from mesa_swarm.physics.separation import (
     MOST_SWEEPS,
     NONE,
     SETTLED,
     STRAYED,
+    check_overlaps,
     finish_separation,
-    overlaps_of,
     return_to_free_places,
     separate,
     separate_groups,
@@ -98,7 +98,7 @@ def travel_pieces(piece, pieces, pairs, turn_angle, robots, crowd, statics, move
 def travel(pairs: np.ndarray, turn_angle: float, blocks: Blocks) -> np.ndarray:
     """Move all robots through one step, resolve every contact, and write the contact columns.
 
-    `pairs` are those near each other at `listed`. Return them; where robots have gone too far from there, both are
+    `pairs` are those near each other at `reference`. Return them; where robots have gone too far from there, both are
     renewed. A robot whose travel is farther than `turn_angle` (rad) from a flat face's normal is turned along the face.
     For how bodies move see `moving`.
     """
@@ -129,13 +129,13 @@ def travel_together(share: Share, n: int, pairs: np.ndarray, turn_angle: float, 
 def _separate_together(share: Share, n: int, pairs: np.ndarray, bodies: Sequence) -> int:
     """Separate robots as `separate_near` does."""
     crowd, *_ = bodies
-    state, met = overlaps_of(crowd, pairs)
+    state, overlaps = check_overlaps(crowd, pairs)
     if state == STRAYED:
         return state
     groups = start_groups(crowd, pairs)
-    ended = share(n, partial(separate_groups, *bodies, pairs, groups, met, met, MOST_SWEEPS))
-    later, state = np.concatenate([late for late, _ in ended]), max(state for _, state in ended)
-    return finish_separation(*bodies, pairs, groups, met, later, MOST_SWEEPS, state)
+    results = share(n, partial(separate_groups, *bodies, pairs, groups, overlaps, overlaps, MOST_SWEEPS))
+    later, state = np.concatenate([late for late, _ in results]), max(state for _, state in results)
+    return finish_separation(*bodies, pairs, groups, overlaps, later, MOST_SWEEPS, state)
 
 
 @compiled(nogil=True, apart=True)
@@ -160,7 +160,7 @@ def count_all_pieces(robots, movers):
 def begin_piece(piece, pieces, robots, crowd, statics, movers):
     """Move driven bodies through a piece of their way."""
     if movers is not None:
-        r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), solids_in(statics, movers)
+        r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
         order, places, position = c.order, c.places, r.position
         if piece == 0:
             for p in range(order.shape[0]):
@@ -172,7 +172,7 @@ def begin_piece(piece, pieces, robots, crowd, statics, movers):
 @compiled(nogil=True, apart=True)
 def advance_rows(piece, pieces, robots, crowd, statics, movers, first, last):
     """Move robots p in [first, last) through a piece of their arcs, and out of static bodies."""
-    r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), solids_in(statics, movers)
+    r, c, solids = unpack(robots, RobotArrays), unpack(crowd, CrowdArrays), unpack_solids(statics, movers)
     position, heading, motion, order, places, before = r.position, r.heading, r.motion, c.order, c.places, c.before
     depth, face, extra_turn = c.contacts.depth, c.contacts.face, r.extra_turn
     for p in range(first, last):
@@ -182,7 +182,7 @@ def advance_rows(piece, pieces, robots, crowd, statics, movers, first, last):
             depth[p], extra_turn[i] = 0.0, 0.0
         before[p, 0], before[p, 1] = places[p, 0], places[p, 1]
         face[p, 2] = 0.0
-        dx, dy, heading[i] = moved_by(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
+        dx, dy, heading[i] = move_along_arc(heading[i], motion[i, 0], motion[i, 1], motion[i, 2], pieces)
         places[p, 0] += dx
         places[p, 1] += dy
     push_all_from_statics(c.rows[first:last], places, c.radii, solids, c.contacts, c.free)
@@ -214,7 +214,7 @@ def turn_along_faces(order, heading, motion, face, turn_angle, extra_turn):
         along_x, along_y = tx + into * face[p, 0], ty + into * face[p, 1]
         turn = math.atan2(tx * along_y - ty * along_x, tx * along_x + ty * along_y)
         extra_turn[i] += turn
-        heading[i] = wrapped(heading[i] + turn)
+        heading[i] = wrap_angle(heading[i] + turn)
 
 
 @compiled(nogil=True, apart=True)

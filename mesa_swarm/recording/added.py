@@ -7,7 +7,7 @@ from mesa import Agent, Model
 
 from mesa_swarm.base.errors import RecordingError, asked, check_name, shortened
 from mesa_swarm.fire.part import BURNING
-from mesa_swarm.kernels.part import Part, made_of
+from mesa_swarm.kernels.part import Part, list_attributes
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
 from mesa_swarm.recording.attributes import ModelPacked, attribute_from_json, attribute_to_json
@@ -37,7 +37,9 @@ def class_address(made: Any) -> str:
 
 
 def _made_to_json(part: Part, packed: ModelPacked) -> dict:
-    return {name: attribute_to_json(value, f"{part.name}'s {name}", packed) for name, value in made_of(part).items()}
+    return {
+        name: attribute_to_json(value, f"{part.name}'s {name}", packed) for name, value in list_attributes(part).items()
+    }
 
 
 def restore_added(model: EngineModel, facts: dict, packed: ModelPacked) -> None:

@@ -24,7 +24,7 @@ from mesa_swarm.recording.shown import (
     pictures_of,
     robot_columns,
 )
-from mesa_swarm.robots.devices import reserve
+from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.world.fields import ScalarField
 from mesa_swarm.world.statics import BORDER, FIRE, ROBOT
 
@@ -55,7 +55,7 @@ NO_DISCS = np.empty((0, 4))
 NO_WIDTHS: Mapping[str, int] = {}
 # The first fields of a row.
 FIRST_COLUMNS = {"step": pa.int64(), "state_hash": pa.string(), "robot": pa.list_(pa.int32())}
-reserve((*TABLES, *FIRST_COLUMNS))
+reserve_names((*TABLES, *FIRST_COLUMNS))
 
 
 class Layout:

@@ -16,8 +16,8 @@ from mesa_swarm.recording.devices import make_stored, part_from_json, part_to_js
 from mesa_swarm.recording.making import check_agent_class, classes_near, family, is_class
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.robot import add_handles
-from mesa_swarm.world.arena import ArenaAgent, next_id, set_next_id
-from mesa_swarm.world.bodies import Body, BodyTable, Form, Pose, checked_resistance, checked_temperature, handles
+from mesa_swarm.world.arena import ArenaAgent, get_next_id, set_next_id
+from mesa_swarm.world.bodies import Body, BodyTable, Form, Pose, check_resistance, check_temperature, handle_classes
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, disc, outline_to_json, shape_from_json
 from mesa_swarm.world.statics import CARRIED, DRIVEN, FIXED, KINDS, MODES, MOST_KINDS
@@ -71,7 +71,7 @@ def objects_to_json(model: EngineModel) -> dict:
         "groups": list(swarm.groups),
         "obstacles": [body_to_json(body) for body in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
-        "next_id": next_id(model),
+        "next_id": get_next_id(model),
         **({} if model.kinds == KINDS else {"kinds": list(model.kinds)}),
     }
 
@@ -297,7 +297,7 @@ def _make_robots(model: EngineModel, design: RobotDesign, number: int) -> None:
 
 def _make_body(model: EngineModel, body: dict) -> None:
     bodies, (name, mode) = model.parts.bodies, _form_of(body)
-    body_class, form = handles()[mode], None
+    body_class, form = handle_classes()[mode], None
     if mode == MODES[FIXED]:
         shape = restored_shape(body[name])
     else:
@@ -309,7 +309,7 @@ def _make_body(model: EngineModel, body: dict) -> None:
 
 def _form_of(body: dict) -> tuple[str, str]:
     """Return the name under which the outline of a body is stored, and its mode."""
-    names = {OUTLINES.get(mode, mode): mode for mode in handles()}
+    names = {OUTLINES.get(mode, mode): mode for mode in handle_classes()}
     return next((name, mode) for name, mode in names.items() if name in body)
 
 
@@ -353,8 +353,8 @@ def _id(value: object) -> int:
 OUTLINES = {"pushed": "load", "fixed": "shape"}
 # Columns of a body's state besides poses, and what checks a stored value.
 STATE: dict[str, Callable[[Any], Any]] = {
-    "resistance": checked_resistance,
-    "temperature": checked_temperature,
+    "resistance": check_resistance,
+    "temperature": check_temperature,
     "pushers": _id,
     **dict.fromkeys(("moved", "blocked", "fresh"), bool),
 }

@@ -8,7 +8,7 @@ from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.kernels.part import Part, Shown
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import COLOUR
-from mesa_swarm.world.fields import MOST_CELLS, MOST_PIXELS, ScalarField, levels_of, shrunk
+from mesa_swarm.world.fields import MOST_CELLS, MOST_PIXELS, ScalarField, average_blocks, levels_of
 
 # Values of a robot in a column that is recorded without being named.
 MOST_VALUES = 8
@@ -23,7 +23,7 @@ class PartPicture:
 
     def levels(self, most: int = MOST_PIXELS) -> np.ndarray:
         """Return the values as a picture of at most this many pixels, see `levels_of`."""
-        return levels_of(shrunk(self.values, most), self.peak)
+        return levels_of(average_blocks(self.values, most), self.peak)
 
 
 def columns_of_parts(model: EngineModel) -> dict[str, np.ndarray]:

@@ -17,7 +17,7 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team
-from mesa_swarm.kernels.part import Column, Part, made_of
+from mesa_swarm.kernels.part import Column, Part, list_attributes
 from mesa_swarm.model.bodies import CHANGING
 from mesa_swarm.model.control import ControlPart
 from mesa_swarm.model.engine_model import EngineModel
@@ -36,7 +36,7 @@ from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_
 from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.swarm import LASTING, Swarm
-from mesa_swarm.world.arena import next_id, set_next_id
+from mesa_swarm.world.arena import get_next_id, set_next_id
 from mesa_swarm.world.bodies import BodyTable
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.statics import FIRE, FIXED, KINDS
@@ -102,7 +102,7 @@ def _take_objects(new: EngineModel, old: EngineModel, fresh: EngineModel) -> boo
                     "change only parameters that leave them as they are"
                 )
         restore_objects(new, _changed_objects(*map(objects_to_json, (new, old, fresh))), from_file=False)
-    set_next_id(new, max(next_id(new), next_id(old)))
+    set_next_id(new, max(get_next_id(new), get_next_id(old)))
     new.swarm.robots_created = max(new.swarm.robots_created, old.swarm.robots_created)
     return remade
 
@@ -323,7 +323,7 @@ def _take_fields(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None
         new.remove_field(name)
     for name, field in old.fields.items():
         if name not in fresh.fields and name not in new.fields:
-            new.add_field(field.declared)
+            new.add_field(field.declaration)
         if name in new.fields and new.fields[name].values.shape == field.values.shape:
             new.fields[name].peak = field.peak
     live = new.parts.fields.live
@@ -371,7 +371,7 @@ def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel, ca
         if was.name not in new.parts:
             kind: Any = type(was)
             part = kind.__new__(kind)
-            for name, value in made_of(was).items():
+            for name, value in list_attributes(was).items():
                 object.__setattr__(part, name, carrier.carried(name, value, None))
             carrier.memo[id(was)] = new.add_part(part)
         _take_part(new.parts[was.name], was, fresh.parts.get(was.name), carrier)

@@ -123,9 +123,9 @@ class Emitter(Actuator):
                 f"act.{self.name} of robot {robot} would deposit {amounts[wrong[0]]:g}; "
                 f"expected 0 to {LARGEST_AMOUNT:g}: fields hold no less than nothing"
             )
-        some = np.flatnonzero(amounts)
-        if len(some):
-            field.add(self._points(model, rows[some]), amounts[some])
+        emitting = np.flatnonzero(amounts)
+        if len(emitting):
+            field.add(self._points(model, rows[emitting]), amounts[emitting])
 
     def _points(self, model: Any, rows: np.ndarray) -> np.ndarray:
         position, heading = model.swarm.columns["position"][rows], model.swarm.columns["heading"][rows]
@@ -175,10 +175,10 @@ def check_actions(actuators: Iterable[Actuator]) -> dict[str, tuple[int, bool]]:
     """
     actions: dict[str, tuple[int, bool]] = {}
     for actuator in actuators:
-        given = int(actuator.width), bool(actuator.holds)
-        if actions.setdefault(actuator.name, given) != given:
+        action = int(actuator.width), bool(actuator.holds)
+        if actions.setdefault(actuator.name, action) != action:
             raise InvalidValueError(
-                f"actuators named {actuator.name} differ in width or holds: {actions[actuator.name]} and {given}; "
+                f"actuators named {actuator.name} differ in width or holds: {actions[actuator.name]} and {action}; "
                 "give one of them another name"
             )
     return actions

@@ -92,18 +92,17 @@ class RobotDesign:
             )
         check_number("battery", self.battery, minimum=0, maximum=LONGEST_CHARGE)
         check_name("name", self.name)
-        if not isinstance(self.sensors, (tuple, list)):
-            raise InvalidValueError(f"sensors is {shortened(self.sensors)}; expected a tuple of sensors")
-        object.__setattr__(self, "sensors", tuple(self.sensors))
-        if len(self.sensors) > MOST_SENSORS:
-            raise InvalidValueError(f"sensors has {len(self.sensors)} of them; expected at most {MOST_SENSORS}")
+        self._store_devices("sensors")
         for sensor in self.sensors:
             if not isinstance(sensor, Sensor):
                 raise InvalidValueError(
                     f"sensors holds {shortened(sensor)}; expected sensors such as ProximitySensor()"
                 )
             check_sensor(sensor)
-        self._check_actuators()
+        self._store_devices("actuators")
+        for actuator in self.actuators:
+            check_actuator(actuator)
+        check_actions(self.actuators)
         methods = [asked(self.drive, name) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
@@ -111,35 +110,34 @@ class RobotDesign:
         if self.acceleration != math.inf:
             check_number("acceleration of drive", self.acceleration, above=0)
 
-    def _check_actuators(self) -> None:
-        if not isinstance(self.actuators, (tuple, list)):
-            raise InvalidValueError(f"actuators is {shortened(self.actuators)}; expected a tuple of actuators")
-        object.__setattr__(self, "actuators", tuple(self.actuators))
-        if len(self.actuators) > MOST_SENSORS:
-            raise InvalidValueError(f"actuators has {len(self.actuators)} of them; expected at most {MOST_SENSORS}")
-        for actuator in self.actuators:
-            check_actuator(actuator)
-        check_actions(self.actuators)
+    def _store_devices(self, name: str) -> None:
+        """Store the devices of this name as a tuple, unless it is another value or too long."""
+        devices = getattr(self, name)
+        if not isinstance(devices, (tuple, list)):
+            raise InvalidValueError(f"{name} is {shortened(devices)}; expected a tuple of {name}")
+        if len(devices) > MOST_SENSORS:
+            raise InvalidValueError(f"{name} has {len(devices)} of them; expected at most {MOST_SENSORS}")
+        object.__setattr__(self, name, tuple(devices))
 
     @property
     def proximity(self) -> tuple[ProximitySensor, ...]:
         """The proximity sensors, in the order of the columns `distance` and `kind`."""
-        return tuple(s for s in self.sensors if isinstance(s, ProximitySensor))
+        return tuple(sensor for sensor in self.sensors if isinstance(sensor, ProximitySensor))
 
     @property
     def radiation(self) -> tuple[RadiationSensor, ...]:
         """The radiation sensors, in the order of the column `radiation`."""
-        return tuple(s for s in self.sensors if isinstance(s, RadiationSensor))
+        return tuple(sensor for sensor in self.sensors if isinstance(sensor, RadiationSensor))
 
     @property
     def line(self) -> tuple[LineSensor, ...]:
         """The line sensors, in the order of the column `line`."""
-        return tuple(s for s in self.sensors if isinstance(s, LineSensor))
+        return tuple(sensor for sensor in self.sensors if isinstance(sensor, LineSensor))
 
     @property
     def own(self) -> tuple[Sensor, ...]:
         """The sensors with a function of their own, in their order."""
-        return tuple(s for s in self.sensors if type(s) not in BUILT_IN)
+        return tuple(sensor for sensor in self.sensors if type(sensor) not in BUILT_IN)
 
     @property
     def turns(self) -> bool | None:
@@ -198,7 +196,7 @@ class RobotDesign:
 
     @property
     def _bearings(self) -> list[float]:
-        return [math.remainder(math.radians(s.bearing_degrees), 2 * math.pi) for s in self.proximity]
+        return [math.remainder(math.radians(sensor.bearing_degrees), 2 * math.pi) for sensor in self.proximity]
 
     def _beside(self, side: int) -> int:
         bearings, front = self._bearings, self.front
@@ -332,16 +330,13 @@ class DesignTable:
     @classmethod
     def of(cls, designs: Sequence[RobotDesign]) -> "DesignTable":
         """Stack these designs."""
-        proximity = _stacked([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
+        proximity = _stack_devices([[_sector(s, d.radius) for s in d.proximity] for d in designs], 9)
         # Rows of padding have a range below 0, and no mount.
-        used = proximity[..., RANGE] >= 0.0
-        mounts = np.where(used, np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
+        is_sensor = proximity[..., RANGE] >= 0.0
+        mounts = np.where(is_sensor, np.hypot(proximity[..., MOUNT_X], proximity[..., MOUNT_Y]), 0.0)
         radii = np.array([d.radius for d in designs])[:, None]
-        noise = _stacked(
-            [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs],
-            4,
-            pad=0.0,
-        )
+        noises = [[(s.error_probability, s.error_magnitude, s.hold, s.period) for s in d.proximity] for d in designs]
+        noise = _stack_devices(noises, 4, pad=0.0)
         numbers = np.array([d.numbers for d in designs], np.int64)
         wheels = int(numbers.max(initial=2))
         acceleration = np.array([d.acceleration for d in designs], float)
@@ -349,11 +344,11 @@ class DesignTable:
         return cls(
             designs=tuple(designs),
             proximity=proximity,
-            bearing=_stacked([[(bearing,) for bearing in d._bearings] for d in designs], 1)[..., 0],
+            bearing=_stack_devices([[(bearing,) for bearing in d._bearings] for d in designs], 1)[..., 0],
             counts=np.array([len(d.proximity) for d in designs], np.int64),
             noise=noise,
-            radiation=_stacked([[_sector(s, d.radius) for s in d.radiation] for d in designs], 9),
-            line=_stacked([[s.mount for s in d.line] for d in designs], 2, pad=math.nan),
+            radiation=_stack_devices([[_sector(s, d.radius) for s in d.radiation] for d in designs], 9),
+            line=_stack_devices([[s.mount for s in d.line] for d in designs], 2, pad=math.nan),
             reach=np.max(mounts + proximity[..., RANGE], axis=1, initial=0.0),
             forward=np.array([(d.front, d.left, d.right) for d in designs], np.int64).reshape(-1, 3),
             slip=slip,
@@ -409,7 +404,7 @@ def _sector(sensor: ProximitySensor | RadiationSensor, radius: float) -> tuple[f
     return *mount_of(sensor, radius), *axis, *edge, sensor.range, getattr(sensor, "rays", 0), half
 
 
-def _stacked(rows: Sequence[Sequence[tuple[float, ...]]], width: int, pad: float = -1.0) -> np.ndarray:
+def _stack_devices(rows: Sequence[Sequence[tuple[float, ...]]], width: int, pad: float = -1.0) -> np.ndarray:
     most = max((len(row) for row in rows), default=0)
     table = np.full((len(rows), most, width), pad)
     for d, row in enumerate(rows):

@@ -18,19 +18,19 @@ from mesa_swarm.base.errors import (
     check_count,
     shortened,
 )
-from mesa_swarm.kernels.compiled import custom_compiled, is_refused
-from mesa_swarm.kernels.custom_code import digest_function, renamed, stored_on_disk
+from mesa_swarm.kernels.compiled import compile_custom, is_refused
+from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
 
 MOST_NUMBERS = 10_000
 # How similar a kind is at least to a known one that it misspells: "pukc" and "puck" are 0.75, "food" and "load" 0.5.
 ALIKE = 0.7
-# Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve`; and those of what
+# Names that a robot, a swarm, a rule's `me` or a row of a recording has already, see `reserve_names`; and those of what
 # functions of arrays take.
 OF_FUNCTIONS = ("obstacles", "out", "owners", "rows", "value")
 RESERVED = set(OF_FUNCTIONS)
 
 
-def reserve(names: Iterable[str]) -> None:
+def reserve_names(names: Iterable[str]) -> None:
     """Reserve public names, so that no custom sensor can have them; called where they are declared."""
     RESERVED.update(name for name in names if not name.startswith("_"))
 
@@ -89,7 +89,7 @@ def check_kind(model: Any, device: Device, kind: str) -> None:
     )
 
 
-def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str:
+def check_identifier(what: str, name: object, taken_names: Container[str] = ()) -> str:
     """Return a name that can be written after a dot, as in ``me.compass``, and is not taken.
 
     Raises
@@ -98,12 +98,12 @@ def check_identifier(what: str, name: object, taken: Container[str] = ()) -> str
     """
     if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
         raise InvalidValueError(f"{what} is {shortened(name)}; expected one word of letters, such as 'compass'")
-    if name in taken:
+    if name in taken_names:
         raise InvalidValueError(f"{what} is {name!r}, which robots have already; choose another name")
     return name
 
 
-def check_device(what: str, device: Any, function: str, taken: Container[str] = ()) -> None:
+def check_device(what: str, device: Any, function: str, taken_names: Container[str] = ()) -> None:
     """Refuse a sensor or actuator whose name, width or function cannot be used; `function` is the name of its own.
 
     Raises
@@ -111,7 +111,7 @@ def check_device(what: str, device: Any, function: str, taken: Container[str] = 
     InvalidValueError
     """
     kind = type(device).__name__
-    check_identifier(f"name of {what} {kind}", asked(device, "name"), taken)
+    check_identifier(f"name of {what} {kind}", asked(device, "name"), taken_names)
     check_count(f"width of {what} {kind}", asked(device, "width"), minimum=1, maximum=MOST_NUMBERS)
     try:
         hash(device)
@@ -121,20 +121,20 @@ def check_device(what: str, device: Any, function: str, taken: Container[str] = 
             "and its fields numbers, texts or tuples"
         ) from None
     if own_function(device, function) is not None:
-        names_taken(own_function(device, function), f"{kind}.{function}")
+        argument_names(own_function(device, function), f"{kind}.{function}")
 
 
 def own_function(device: Any, name: str) -> Callable | None:
     """Return a device's function of arrays as it was written, None without one."""
-    found = inspect.getattr_static(type(device), name, None)
-    if isinstance(found, staticmethod):
-        return found.__func__
-    if found is None or hasattr(found, "py_func"):
-        return found
-    raise InvalidValueError(f"{type(device).__name__}.{name} is {shortened(found)}; expected a @staticmethod of arrays")
+    value = inspect.getattr_static(type(device), name, None)
+    if isinstance(value, staticmethod):
+        return value.__func__
+    if value is None or hasattr(value, "py_func"):
+        return value
+    raise InvalidValueError(f"{type(device).__name__}.{name} is {shortened(value)}; expected a @staticmethod of arrays")
 
 
-def names_taken(function: Any, what: str = "") -> tuple[str, ...]:
+def argument_names(function: Any, what: str = "") -> tuple[str, ...]:
     """Return the names of what a function of arrays takes.
 
     Raises
@@ -157,7 +157,7 @@ class DeviceFunction:
 
     def __init__(self, function: Any) -> None:
         self.function = getattr(function, "py_func", function)
-        self.takes = names_taken(function)
+        self.takes = argument_names(function)
         self._run: Any = _compiled(function) if self.function is function else function
 
     def __call__(self, *values: Any) -> None:
@@ -167,24 +167,21 @@ class DeviceFunction:
         except Exception as error:
             if self._run is self.function or not is_refused(self._run, values):
                 raise
-            self._warn(str(error) or type(error).__name__)
+            warn_of_plain(self.function, self.function.__qualname__, str(error) or type(error).__name__)
             self._run = self.function
             self._run(*values)
 
-    def _warn(self, problem: str) -> None:
-        code = self.function.__code__
-        warnings.warn_explicit(
-            f"{self.function.__qualname__} cannot be compiled and runs as plain Python, about 100 times slower: "
-            f"{brief(problem)}",
-            UncompiledBehaviourWarning,
-            code.co_filename,
-            code.co_firstlineno,
-        )
+
+def warn_of_plain(function: Any, subject: str, problem: str, more: str = "") -> None:
+    """Warn, at its first line, that a user's function is not compiled because of a problem that Numba explains."""
+    text = f"{subject} cannot be compiled and runs as plain Python, about 100 times slower: {extract_reason(problem)}"
+    code = function.__code__
+    warnings.warn_explicit(f"{text}{more}", UncompiledBehaviourWarning, code.co_filename, code.co_firstlineno)
 
 
 def _compiled(function: Any) -> Any:
     digest = digest_function(function)
-    return stored_on_disk(custom_compiled(renamed(function, digest)), digest)
+    return store_on_disk(compile_custom(rename_function(function, digest)), digest)
 
 
 @cache
@@ -193,7 +190,7 @@ def device_function_of(function: Any) -> DeviceFunction:
     return DeviceFunction(function)
 
 
-def brief(problem: str) -> str:
+def extract_reason(problem: str) -> str:
     """Return the most specific line of Numba's explanation, and the line of the code that it is about."""
     lines = [line.strip() for line in problem.splitlines()]
     lines = [line for line in lines if line and not line.startswith("Failed in nopython")]

@@ -58,18 +58,18 @@ class EqualByValues:
         """Compare as equal to drives of the same class that hold the same values."""
         if type(self) is not type(other):
             return False
-        mine, theirs = vars(self), vars(other)
-        return mine.keys() == theirs.keys() and all(np.array_equal(mine[name], theirs[name]) for name in mine)
+        values, others = vars(self), vars(other)
+        return values.keys() == others.keys() and all(np.array_equal(values[name], others[name]) for name in values)
 
     def __hash__(self) -> int:
         """Hash as all drives of the same class do."""
         return hash(type(self))
 
 
-def alike(one: object, other: object) -> bool:
+def alike(drive: object, other: object) -> bool:
     """Return whether two drives are equal; deprecated, compare them by ``==``."""
     warnings.warn("alike(one, other) is one == other now", DeprecationWarning, stacklevel=2)
-    return EqualByValues.__eq__(one, other)  # type: ignore[operator]  # any two objects
+    return EqualByValues.__eq__(drive, other)  # type: ignore[operator]  # any two objects
 
 
 @dataclass(kw_only=True, eq=False)
@@ -253,7 +253,7 @@ def motion_to_wheels(motion, radius, wheels):
 
 
 @compiled
-def slipped_wheels(command, slip_probability, slip_magnitude, design, draws, wheels):
+def slip_wheels(command, slip_probability, slip_magnitude, design, draws, wheels):
     """Write the speeds at which wheels really roll: m, or m (1 - wsm) with probability wsp, each alone.
 
     Parameters
@@ -321,7 +321,7 @@ def limit_command(command, max_speed, design, sideways):
             if math.isnan(command[i, w]):
                 return i
         if sideways[design[i]]:
-            command[i, 0], command[i, 1] = no_longer(command[i, 0], command[i, 1], max_speed[i])
+            command[i, 0], command[i, 1] = limit_length(command[i, 0], command[i, 1], max_speed[i])
             continue
         for w in range(command.shape[1]):
             value = command[i, w]
@@ -331,12 +331,12 @@ def limit_command(command, max_speed, design, sideways):
 
 
 @compiled
-def no_longer(x: float, y: float, most: float) -> tuple[float, float]:
+def limit_length(x: float, y: float, most: float) -> tuple[float, float]:
     """Return a vector in the same direction of at most this length; infinities count as equally large.
 
     Examples
     --------
-    >>> no_longer(6.0, 8.0, 5.0), no_longer(0.3, 0.4, 5.0), no_longer(1.0, -math.inf, 2.0)
+    >>> limit_length(6.0, 8.0, 5.0), limit_length(0.3, 0.4, 5.0), limit_length(1.0, -math.inf, 2.0)
     ((3.0, 4.0), (0.3, 0.4), (0.0, -2.0))
     """
     if math.isinf(x) or math.isinf(y):

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.devices import check_kind, check_spelling
 from mesa_swarm.robots.sensors import Sensor
@@ -98,10 +98,10 @@ class Gripper(Actuator):
                 model.release(robot)
         empty = [robot for robot, grips in zip(robots, closed, strict=True) if grips and robot not in carriers]
         near = list(self._near(model, empty)) if empty else []
-        taken, busy = set[int](), set[int]()
+        taken_bodies, busy = set[int](), set[int]()
         for _, k, body in sorted(near):
-            if body not in taken and k not in busy:
-                taken.add(body)
+            if body not in taken_bodies and k not in busy:
+                taken_bodies.add(body)
                 busy.add(k)
                 model.attach(empty[k], table.agents[body])
 
@@ -116,7 +116,7 @@ class Gripper(Actuator):
             if body.kind not in self.kinds or body.agent is not None:
                 continue
             distance, azimuth = body.seen_from(positions[k])
-            gap, bearing = distance - radii[k], wrapped(azimuth - float(robots[k].heading))
+            gap, bearing = distance - radii[k], wrap_angle(azimuth - float(robots[k].heading))
             if gap <= self.reach and abs(bearing) <= np.radians(self.field_of_view_degrees) / 2:
                 yield float(gap), k, row
 

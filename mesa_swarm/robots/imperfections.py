@@ -67,8 +67,8 @@ class Imperfection:
         """Return the imperfection at a place of the dial: shares and lag in proportion, whole steps rounded."""
         steps = {name: 1 + round((int(getattr(self, name)) - 1) * dial) for name in ("hold", "period")}
         shares = {name: float(getattr(self, name)) * dial for name in ("error", "dropout", "outliers", "lag")}
-        changed: dict[str, Any] = {**steps, **shares}
-        return replace(self, **changed)
+        changes: dict[str, Any] = {**steps, **shares}
+        return replace(self, **changes)
 
     @property
     def limits(self) -> tuple[float, float, float, int, int, float]:
@@ -124,9 +124,9 @@ class Imperfections:
     def __post_init__(self) -> None:
         """Check every value."""
         for name in ("sensing", "driving"):
-            one = getattr(self, name)
-            if not isinstance(one, Imperfection):
-                raise InvalidValueError(f"{name} is {shortened(one)}; expected Imperfection(...)")
+            imperfection = getattr(self, name)
+            if not isinstance(imperfection, Imperfection):
+                raise InvalidValueError(f"{name} is {shortened(imperfection)}; expected Imperfection(...)")
         if self.sensing.lag:
             raise InvalidValueError(f"lag of sensing is {self.sensing.lag}; expected 0: late readings have a period")
         check_number("battery", self.battery, minimum=0, maximum=1e12)
@@ -148,14 +148,14 @@ class Imperfections:
         share = check_number("dial", dial, minimum=0, maximum=1)
         if share == 0:
             return None
-        found = Imperfections(
+        imperfections = Imperfections(
             sensing=self.sensing.at(share),
             driving=self.driving.at(share),
             battery=float(self.battery) / share,
             slip_magnitude=self.slip_magnitude,
             **{name: float(getattr(self, name)) * share for name in PROBABILITIES},
         )
-        return None if changes_nothing(found) else found
+        return None if changes_nothing(imperfections) else imperfections
 
 
 # Of the Robotarium's robots: seven distance sensors, 3 % error, 3.5 % dropout, 1.4 % outliers.
@@ -176,17 +176,17 @@ ROBOTARIUM_ROBOT = RobotDesign(
 )
 
 
-def is_ideal(one: Imperfection) -> bool:
+def is_ideal(defect: Imperfection) -> bool:
     """Return whether an imperfection changes nothing; how long errors are held does not matter where there are none."""
-    return all(getattr(one, field.name) == field.default for field in fields(one) if field.name != "hold")
+    return all(getattr(defect, field.name) == field.default for field in fields(defect) if field.name != "hold")
 
 
-def changes_nothing(given: Imperfections) -> bool:
+def changes_nothing(imperfections: Imperfections) -> bool:
     """Return whether robots are ideal: by how much wheels slip does not matter where they never do."""
-    return replace(given, slip_magnitude=Imperfections().slip_magnitude) == Imperfections()
+    return replace(imperfections, slip_magnitude=Imperfections().slip_magnitude) == Imperfections()
 
 
-def together(*sources: Imperfections | None) -> Imperfections | None:
+def combine_imperfections(*sources: Imperfections | None) -> Imperfections | None:
     """Return the imperfections of robots with several independent ones; None for none.
 
     Relative errors add as variances, probabilities as those of independent events, lags add up; the shorter charge and
@@ -194,38 +194,38 @@ def together(*sources: Imperfections | None) -> Imperfections | None:
 
     Examples
     --------
-    >>> both = together(ROBOTARIUM, Imperfections(sensing=Imperfection(error=0.04), slip_probability=0.1))
+    >>> both = combine_imperfections(ROBOTARIUM, Imperfections(sensing=Imperfection(error=0.04), slip_probability=0.1))
     >>> round(both.sensing.error, 3), both.slip_probability
     (0.05, 0.1)
-    >>> together(None, Imperfections()) is None
+    >>> combine_imperfections(None, Imperfections()) is None
     True
     """
-    found = [one for one in sources if one is not None and not changes_nothing(one)]
-    return reduce(_both, found) if found else None
+    effective = [source for source in sources if source is not None and not changes_nothing(source)]
+    return reduce(_combine_two, effective) if effective else None
 
 
-def _both(a: Imperfections, b: Imperfections) -> Imperfections:
+def _combine_two(a: Imperfections, b: Imperfections) -> Imperfections:
     return Imperfections(
-        sensing=_combined(a.sensing, b.sensing),
-        driving=_combined(a.driving, b.driving),
-        battery=min(charges) if (charges := [one for one in (a.battery, b.battery) if one]) else 0.0,
-        slip_magnitude=max((one.slip_magnitude for one in (a, b) if one.slip_probability), default=b.slip_magnitude),
-        **{name: _either(getattr(a, name), getattr(b, name)) for name in PROBABILITIES},
+        sensing=_combine_parts(a.sensing, b.sensing),
+        driving=_combine_parts(a.driving, b.driving),
+        battery=min(charges) if (charges := [part for part in (a.battery, b.battery) if part]) else 0.0,
+        slip_magnitude=max((part.slip_magnitude for part in (a, b) if part.slip_probability), default=b.slip_magnitude),
+        **{name: _probability_of_either(getattr(a, name), getattr(b, name)) for name in PROBABILITIES},
     )
 
 
-def _combined(a: Imperfection, b: Imperfection) -> Imperfection:
-    dropout = _either(a.dropout, b.dropout)
+def _combine_parts(a: Imperfection, b: Imperfection) -> Imperfection:
+    dropout = _probability_of_either(a.dropout, b.dropout)
     return Imperfection(
         error=min(math.hypot(a.error, b.error), LARGEST_ERROR),
         dropout=dropout,
-        outliers=min(_either(a.outliers, b.outliers), 1.0 - dropout),
+        outliers=min(_probability_of_either(a.outliers, b.outliers), 1.0 - dropout),
         hold=max(a.hold, b.hold),
         period=max(a.period, b.period),
         lag=min(a.lag + b.lag, LONGEST_LAG),
     )
 
 
-def _either(p: float, q: float) -> float:
+def _probability_of_either(p: float, q: float) -> float:
     """Return the probability of at least one of two independent events; exactly the other where one is 0."""
     return p + q - p * q

@@ -85,13 +85,13 @@ class Radio:
         for name in ("state", "goal", "occlusion"):
             if not isinstance(getattr(self, name), bool):
                 raise InvalidValueError(f"{name} is {shortened(getattr(self, name))}; expected True or False")
-        object.__setattr__(self, "message", _checked_message(self.message))
+        object.__setattr__(self, "message", _check_message(self.message))
         check_count("most", self.most, minimum=1, maximum=MOST_HEARD)
         if not (self.state or self.goal or self.message):
             raise InvalidValueError(
                 "Radio broadcasts neither state nor goal nor a message; for no communication use None instead"
             )
-        object.__setattr__(self, "beacons", _checked_beacons(self.beacons))
+        object.__setattr__(self, "beacons", _check_beacons(self.beacons))
         if self.beacons and not self.goal:
             raise InvalidValueError("beacons broadcast goals, but goal is False; leave one of them out")
 
@@ -101,9 +101,9 @@ class Radio:
             return {}
         most = (int(self.most),)
         sent: dict[str, tuple] = {f"{SEND}{name}": _shape(width) for name, width in self.message}
-        known: dict[str, tuple] = {f"{HEARD}{name}": most for name in OF_HEARD[1:]}
+        senders: dict[str, tuple] = {f"{HEARD}{name}": most for name in OF_HEARD[1:]}
         heard: dict[str, tuple] = {f"{HEARD}{name}": most + _shape(width) for name, width in self.message}
-        reals = {name: (shape, np.float64, math.nan) for name, shape in {**sent, **known, **heard}.items()}
+        reals = {name: (shape, np.float64, math.nan) for name, shape in {**sent, **senders, **heard}.items()}
         return {f"{HEARD}{OF_HEARD[0]}": ((), np.int64, 0), **reals}
 
 
@@ -111,7 +111,7 @@ def _shape(width: int) -> tuple[int, ...]:
     return (width,) if width > 1 else ()
 
 
-def _checked_message(message: object) -> tuple[tuple[str, int], ...]:
+def _check_message(message: object) -> tuple[tuple[str, int], ...]:
     """Return names and widths; a sequence of names stands for widths of 1."""
     try:
         pairs = list(message.items()) if isinstance(message, Mapping) else list(message)  # type: ignore[call-overload]
@@ -127,7 +127,7 @@ def _checked_message(message: object) -> tuple[tuple[str, int], ...]:
     return tuple(zip(names, widths, strict=True))
 
 
-def _checked_beacons(beacons: object) -> tuple[tuple[float, float], ...]:
+def _check_beacons(beacons: object) -> tuple[tuple[float, float], ...]:
     try:
         points = [(x, y) for x, y in beacons]  # type: ignore[attr-defined]
     except (TypeError, ValueError):

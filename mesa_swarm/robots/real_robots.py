@@ -50,8 +50,8 @@ class Scale:
     def __post_init__(self) -> None:
         """Check every value."""
         for name in ("units_per_metre", "seconds_per_step"):
-            checked = check_number(name, getattr(self, name), minimum=1e-9, maximum=1e9)
-            object.__setattr__(self, name, checked)
+            value = check_number(name, getattr(self, name), minimum=1e-9, maximum=1e9)
+            object.__setattr__(self, name, value)
 
     def metres(self, units: Any) -> Any:
         """Return lengths in map units as metres; of an array, each.
@@ -114,7 +114,7 @@ def length_unit(metres: float) -> tuple[str, float]:
     return next(((name, size) for name, size in LENGTHS if metres >= size * (1 - 1e-9)), LENGTHS[-1])
 
 
-def scale_or_none(scale: object) -> Scale | None:
+def check_scale(scale: object) -> Scale | None:
     """Return a model's scale, or refuse what is neither one nor None."""
     if scale is None or isinstance(scale, Scale):
         return scale
@@ -196,10 +196,10 @@ class RealRobot:
         >>> round(KILOBOT.design(scale=E_PUCK.scale).radius, 2)  # beside an e-puck
         2.23
         """
-        given = scale_or_none(scale)
-        units, step = (given or self.scale).units_per_metre, (given or self.scale).seconds_per_step
+        own_scale = check_scale(scale)
+        units, step = (own_scale or self.scale).units_per_metre, (own_scale or self.scale).seconds_per_step
         body = {"radius": self.diameter * units / 2, "max_speed": self.max_speed * units * step}
-        if given is None:  # without rounding
+        if own_scale is None:  # without rounding
             body = {"radius": USUAL_DIAMETER / 2, "max_speed": USUAL_SPEED}
         sensors = tuple(
             replace(s, range=s.range * units, mount=s.mount and (s.mount[0] * units, s.mount[1] * units))

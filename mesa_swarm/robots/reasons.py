@@ -48,9 +48,9 @@ class Moment:
 
     def seeing(self, kind: int, *, ahead: bool = False) -> list[int]:
         """Return the sensors that see such a thing, nearest first; only those within 90 degrees if `ahead`."""
-        seen = [s for s in np.flatnonzero(self.kind == kind) if not ahead or abs(self.bearing[s]) < np.pi / 2 - 1e-9]
+        sensors = [s for s in np.flatnonzero(self.kind == kind) if not ahead or abs(self.bearing[s]) < np.pi / 2 - 1e-9]
         # Of equals the first counts, as in the layers; of those ahead the one that is most nearly so.
-        return sorted(map(int, seen), key=lambda s: (self.distance[s], abs(self.bearing[s]) if ahead else 0.0))
+        return sorted(map(int, sensors), key=lambda s: (self.distance[s], abs(self.bearing[s]) if ahead else 0.0))
 
     def nearest(self, kind: int, *, ahead: bool = False) -> list[int]:
         """Return the sensor that sees the nearest such thing, in a list; an empty list if none does."""

@@ -15,11 +15,18 @@ from mesa_swarm.base.errors import (
     check_name,
     check_number,
 )
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.devices import reserve
+from mesa_swarm.robots.devices import reserve_names
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, LASTING, WHEELS, Swarm
-from mesa_swarm.world.arena import Arena, ArenaAgent, leave_together, register_together, registers_together, uncollected
+from mesa_swarm.world.arena import (
+    Arena,
+    ArenaAgent,
+    leave_together,
+    pause_collection,
+    register_together,
+    registers_together,
+)
 from mesa_swarm.world.read_only import read_only
 
 SIDES = {"left": 1.0, "right": -1.0}
@@ -38,9 +45,9 @@ class Robot(ArenaAgent):
     row: int
     _made_by: ClassVar[str] = "model.add_robots(AGENT9, 10) or model.add_robots(AGENT9, poses=[(x, y, heading), ...])"
 
-    def __new__(cls, *given: Any, **named: Any) -> Self:
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
         """Refuse `Robot(model)`, as agents of Mesa are made; copies and pickles give nothing."""
-        if given and isinstance(given[0], Model):
+        if arguments and isinstance(arguments[0], Model):
             cls._refuse("(model)")
         return super().__new__(cls)
 
@@ -80,7 +87,7 @@ class Robot(ArenaAgent):
 
     @heading.setter
     def heading(self, value: float) -> None:
-        self._write("heading", wrapped(check_number("heading", value)))
+        self._write("heading", wrap_angle(check_number("heading", value)))
 
     @property
     def max_speed(self) -> float:
@@ -231,13 +238,13 @@ class Robot(ArenaAgent):
         ('stop', 'wheel 1 free')
         """
         row, columns = self.alive(), self.swarm.columns
-        found = ["stop"] if f"{LASTING}broken" in columns and columns[f"{LASTING}broken"][row] else []
-        found += ["battery empty"] if self.battery <= 0.0 else []
+        texts = ["stop"] if f"{LASTING}broken" in columns and columns[f"{LASTING}broken"][row] else []
+        texts += ["battery empty"] if self.battery <= 0.0 else []
         if FAILED_SENSORS in columns:
-            found += [f"sensor {index}" for index in np.flatnonzero(columns[FAILED_SENSORS][row]).tolist()]
+            texts += [f"sensor {index}" for index in np.flatnonzero(columns[FAILED_SENSORS][row]).tolist()]
             wheels = columns[FAILED_WHEELS][row].tolist()
-            found += [f"wheel {index} {WHEELS[state]}" for index, state in enumerate(wheels) if state]
-        return tuple(found)
+            texts += [f"wheel {index} {WHEELS[state]}" for index, state in enumerate(wheels) if state]
+        return tuple(texts)
 
     def fail(self, what: str, index: int | None = None, how: str = "stuck") -> None:
         """Let the robot, one of its sensors or one of its wheels fail, between two steps, until `repair`.
@@ -346,7 +353,7 @@ def add_handles(space: Arena, model: Model, swarm: Swarm) -> list[Robot]:
     if not rows or not registers_together(model):
         robots = [Robot(space, model, swarm, row) for row in rows]
     else:
-        with uncollected():
+        with pause_collection():
             robots = [object.__new__(Robot) for _ in rows]
             for robot in robots:
                 robot.swarm = swarm
@@ -373,4 +380,4 @@ def remove_together(robots: Sequence[Robot]) -> None:
     model.parts["robots"].drop_rows(sorted(rows))
 
 
-reserve(dir(Robot))
+reserve_names(dir(Robot))

@@ -10,7 +10,7 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.geometry.diffusion import interpolate_cells
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.robots.devices import RESERVED, Device, check_device, check_identifier, names_taken, own_function
+from mesa_swarm.robots.devices import RESERVED, Device, argument_names, check_device, check_identifier, own_function
 
 LARGEST_RANGE = 1e6
 MOST_RAYS = 10_000
@@ -83,7 +83,7 @@ def check_sensor(sensor: Sensor) -> None:
     kind, function = type(sensor).__name__, own_function(sensor, "read")
     if function is None:
         raise InvalidValueError(f"sensor {kind} has no function read; give it a @staticmethod read(..., out)")
-    if "out" not in names_taken(function):
+    if "out" not in argument_names(function):
         raise InvalidValueError(f"{kind}.read takes no parameter out, which it is to fill; add one")
 
 

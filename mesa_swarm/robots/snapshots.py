@@ -54,7 +54,7 @@ class Snapshots:
         self._stored: deque = deque(maxlen=None if last is None else check_count("last", last, minimum=1))
         self._numbers = swarm.number
         self._version = swarm.version
-        self._noted: dict[str, np.ndarray] = {}
+        self._heat_before: dict[str, np.ndarray] = {}
 
     def __len__(self) -> int:
         """How many steps are stored."""
@@ -67,7 +67,7 @@ class Snapshots:
 
     def note(self) -> None:
         """Store the heat that robots decided on, before a process overwrites it."""
-        self._noted = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
+        self._heat_before = {name: self._swarm.columns[name].copy() for name in HEAT if name in self.columns}
 
     def forget(self) -> None:
         """Drop all steps."""
@@ -75,10 +75,10 @@ class Snapshots:
 
     def append(self, step: int) -> None:
         """Store the swarm as it is now."""
-        now, before = self._swarm.columns, self._noted
+        now, before = self._swarm.columns, self._heat_before
         names = dict.fromkeys((*self.columns, *self.noted))
         self._rows.append((step, {name: before[name] if name in before else now[name].copy() for name in names}))
-        self._noted = {}
+        self._heat_before = {}
 
     @property
     def steps(self) -> np.ndarray:
@@ -105,8 +105,8 @@ class Snapshots:
             if stored == step:
                 return dict(columns)
         steps = self.steps
-        there = f"stored are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "none are stored yet"
-        raise InvalidValueError(f"step {shortened(step)} is not stored; {there}; store more with watch(last=...)")
+        choice = f"stored are {len(steps)} from {steps[0]} to {steps[-1]}" if len(steps) else "none are stored yet"
+        raise InvalidValueError(f"step {shortened(step)} is not stored; {choice}; store more with watch(last=...)")
 
     @property
     def _rows(self) -> deque:
@@ -119,11 +119,13 @@ class Snapshots:
         return self._stored
 
 
-def check_watched(snapshots: Snapshots | None, needed: Iterable[str], purpose: str, call: str = "watch()") -> Snapshots:
+def check_watched(
+    snapshots: Snapshots | None, columns: Iterable[str], purpose: str, call: str = "watch()"
+) -> Snapshots:
     """Return snapshots that suffice for a purpose; others are refused, with the call that is missing."""
     if snapshots is None:
         raise InvalidValueError(f"no steps are stored to {purpose}; call model.{call} before the steps in question")
-    missing = [name for name in needed if name not in snapshots.columns]
+    missing = [name for name in columns if name not in snapshots.columns]
     if missing:
         names = ", ".join(missing)
         raise InvalidValueError(

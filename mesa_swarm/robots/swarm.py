@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.robots.actuators import check_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
-from mesa_swarm.robots.devices import RESERVED, Device, check_identifier, names_taken, own_function, reserve
+from mesa_swarm.robots.devices import RESERVED, Device, argument_names, check_identifier, own_function, reserve_names
 from mesa_swarm.world.arena import Agents
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.statics import BORDER, ROBOT
 
 # Columns with names that begin so stay when those of layers are dropped: they belong to the robots' bodies.
@@ -202,12 +202,12 @@ class Swarm:
     @property
     def unique_ids(self) -> NDArray[np.int64]:
         """The unique_id of each robot, shape (n,), read-only."""
-        agents, found = self._identified
+        agents, ids = self._identified
         if agents is not self.agents:
-            found = np.array([robot.unique_id for robot in self.agents], np.int64)
-            found.flags.writeable = False
-            self._identified = self.agents, found
-        return found
+            ids = np.array([robot.unique_id for robot in self.agents], np.int64)
+            ids.flags.writeable = False
+            self._identified = self.agents, ids
+        return ids
 
     @property
     def battery(self) -> NDArray[np.float64]:
@@ -226,8 +226,8 @@ class Swarm:
         """
         life = self.table.battery[self.columns["design"]]
         life = np.where(life > 0.0, life, self.battery_life)
-        used = self.columns.get(f"{LASTING}used", np.zeros(len(life)))
-        share = np.divide(used, life, out=np.zeros(len(life)), where=life > 0.0)
+        consumption = self.columns.get(f"{LASTING}used", np.zeros(len(life)))
+        share = np.divide(consumption, life, out=np.zeros(len(life)), where=life > 0.0)
         return read_only(np.clip(1.0 - share, 0.0, 1.0))
 
     def add_failures(self) -> None:
@@ -236,12 +236,7 @@ class Swarm:
         self.remember(FAILED_WHEELS, ("wheels",), np.int8, 0)
 
     def add(
-        self,
-        design: RobotDesign,
-        position: np.ndarray,
-        heading: np.ndarray,
-        tendency: np.ndarray,
-        group: str = "",
+        self, design: RobotDesign, position: np.ndarray, heading: np.ndarray, tendency: np.ndarray, group: str = ""
     ) -> np.ndarray:
         """Append robots of one design and group and return their rows; their handles are set by the caller."""
         if design not in self.designs:
@@ -281,8 +276,8 @@ class Swarm:
             if type(sensor).arguments is Device.arguments:
                 self.check_takes(sensor, own_function(sensor, "read"), ("out",))
 
-    def check_takes(self, device: Device, function: Any, known: Iterable[str]) -> None:
-        """Refuse a function of arrays that takes something unknown; `known` are more names that there are.
+    def check_takes(self, device: Device, function: Any, known_names: Iterable[str]) -> None:
+        """Refuse a function of arrays that takes something unknown; `known_names` are more names that there are.
 
         Raises
         ------
@@ -290,36 +285,32 @@ class Swarm:
         """
         own = [name for name in dir(device) if not name.startswith("_") and not callable(getattr(device, name))]
         columns = (name for name in self.columns if name.isidentifier())
-        names = sorted({*own, *columns, *known, "rows", "obstacles", "owners"})
-        for name in names_taken(function):
+        names = sorted({*own, *columns, *known_names, "rows", "obstacles", "owners"})
+        for name in argument_names(function):
             if name not in names:
                 of = f"{type(device).__name__}.{function.__name__}"
                 raise UnknownNameError(unknown_name(f"parameter of {of}", name, names))
 
     def remove(self, rows: Sequence[int]) -> None:
         """Drop rows; the handles of the other robots get their new rows."""
-        gone = np.unique(np.array(rows, np.int64))
-        others = np.delete(np.arange(len(self.agents)), gone)
-        self._forget_contacts(ROBOT, gone)
-        for found in list(self.listed.values()):
-            found.settle()
-        for row in gone.tolist():
+        removed_rows = np.unique(np.array(rows, np.int64))
+        others = np.delete(np.arange(len(self.agents)), removed_rows)
+        self.forget_contacts(ROBOT, removed_rows)
+        for agent_set in list(self.listed.values()):
+            agent_set.settle()
+        for row in removed_rows.tolist():
             self.agents[row].row = -1
         self.agents = [self.agents[row] for row in others.tolist()]
         for row, agent in enumerate(self.agents):
             agent.row = row
         self._resize(others, 0)
 
-    def forget_contact(self, kind: int, index: int) -> None:
-        """Adapt the indices of what robots met in the last step: a robot, obstacle or fire was removed."""
-        self._forget_contacts(kind, np.array([index]))
-
-    def _forget_contacts(self, kind: int, gone: np.ndarray) -> None:
-        """Do the same for several at once, their indices in ascending order."""
-        met = self.columns["contact_index"]
-        rows = np.flatnonzero((self.columns["contact_kind"] == kind) & (met >= gone[0]))
-        before = met[rows]
-        met[rows] = np.where(np.isin(before, gone), BORDER, before - np.searchsorted(gone, before))
+    def forget_contacts(self, kind: int, removed: np.ndarray) -> None:
+        """Adapt the indices of what robots met in the last step: bodies of a kind, indices ascending, were removed."""
+        index = self.columns["contact_index"]
+        rows = np.flatnonzero((self.columns["contact_kind"] == kind) & (index >= removed[0]))
+        before = index[rows]
+        index[rows] = np.where(np.isin(before, removed), BORDER, before - np.searchsorted(removed, before))
 
     def set_group(self, row: int, group: str) -> None:
         """Move a robot to a group, "" for none."""
@@ -400,33 +391,31 @@ class Swarm:
             "sensors": max((len(design.sensors) for design in self.designs), default=0),
             **self.table.readings,
         }
-        declared = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}
+        declarations = {**COLUMNS, **self.table.columns(), **self._messages, **self._memory}
         if any(name.startswith(LASTING) for name in self._memory):
             # Imperfect robots remember their last fresh readings.
-            declared |= {f"{LAST_READ}{name}": ((name,), np.float64, math.nan) for name in self.table.readings}
-        moved = len(rows) != len(self.columns.get("position", rows))
-        for name in [name for name in self.columns if name not in declared]:
+            declarations |= {f"{LAST_READ}{name}": ((name,), np.float64, math.nan) for name in self.table.readings}
+        is_shorter = len(rows) != len(self.columns.get("position", rows))
+        for name in [name for name in self.columns if name not in declarations]:
             del self.columns[name], self.__dict__[name]
-        for name, (shape, dtype, initial) in declared.items():
-            full = (len(rows) + new, *(widths.get(w, w) for w in shape))
+        for name, (shape, dtype, initial) in declarations.items():
+            full = (len(rows) + new, *(widths.get(width, width) for width in shape))
             old = self.columns.get(name)
-            if old is not None and old.shape == full and old.dtype == dtype and not (new or moved):
+            if old is not None and old.shape == full and old.dtype == dtype and not (new or is_shorter):
                 continue
-            column = _filled(full, initial, dtype)
+            column = _make_column(full, initial, dtype)
             if old is not None and len(rows):
-                shared = tuple(slice(0, w) for w in old.shape[1:])
-                column[(slice(0, len(rows)), *shared)] = old[rows] if moved else old
+                shared = tuple(slice(0, width) for width in old.shape[1:])
+                column[(slice(0, len(rows)), *shared)] = old[rows] if is_shorter else old
             self._publish(name, column)
         self.version += 1
 
     def _publish(self, name: str, column: np.ndarray) -> None:
         self.columns[name] = column
-        view = column.view()
-        view.flags.writeable = False
-        self.__dict__[name] = view
+        self.__dict__[name] = locked_view(column)
 
 
-def _filled(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:
+def _make_column(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:
     """Return a new column; one of zeros takes no memory until it is written to."""
     if isinstance(initial, int | float) and initial == 0:
         return np.zeros(shape, dtype)
@@ -436,4 +425,4 @@ def _filled(shape: tuple[int, ...], initial: object, dtype: type) -> np.ndarray:
 COLUMNS: dict[str, tuple[tuple, type, object]] = {name: vars(Swarm)[name] for name in get_annotations(Swarm)}
 for _name in COLUMNS:
     delattr(Swarm, _name)
-reserve((*COLUMNS, *dir(Swarm), *vars(Swarm())))
+reserve_names((*COLUMNS, *dir(Swarm), *vars(Swarm())))

@@ -19,18 +19,11 @@ from mesa_swarm.base.progress import Progress, progress_bar
 from mesa_swarm.recording.frames import Frame, field_levels
 from mesa_swarm.viewing.legend import LegendEntry
 from mesa_swarm.viewing.packing import MOST_PIXELS
-from mesa_swarm.viewing.palette import (
-    LIGHT,
-    fire_colour,
-    kind_colour,
-    scalar_pixels,
-    value_colours,
-    value_steps,
-)
+from mesa_swarm.viewing.palette import LIGHT, fire_colour, kind_colour, scalar_pixels, value_colours, value_steps
 from mesa_swarm.viewing.pictures import PART_OPACITY, USUAL, peaks_of, scaled, step_text
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import looks_in
-from mesa_swarm.world.fields import shrunk
+from mesa_swarm.world.fields import average_blocks
 from mesa_swarm.world.shapes import Shape
 
 # The caption is so high, as a share of the map's longer side.
@@ -120,7 +113,7 @@ def export_animation(drawn: PicturedSteps, path: Path, steps: Sequence[int], *, 
 def _png_of(levels: np.ndarray, place: int) -> str:
     """Return a picture of a field as a PNG in base 64, its first row that of the field, at most `MOST_PIXELS`."""
     file = BytesIO()
-    small = np.rint(shrunk(levels, MOST_PIXELS)).astype(np.uint8)
+    small = np.rint(average_blocks(levels, MOST_PIXELS)).astype(np.uint8)
     Image.fromarray(scalar_pixels(small, place), "RGBA").save(file, "PNG")
     return b64encode(file.getvalue()).decode()
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, frame_of
 from mesa_swarm.viewing.scene import Scene, scene_of
@@ -40,7 +40,7 @@ def final_state_of(model: EngineModel) -> FinalState:
 def _column(values: list) -> np.ndarray:
     """Return collected values as an array, of numbers if all are numbers or missing: None, NaN or masked."""
     try:
-        array = unmasked(values)
+        array = fill_masked(values)
         return array.astype(float) if array.dtype.kind == "O" else array
     except (TypeError, ValueError):  # such as lists of unequal length
         return np.empty(0, object)

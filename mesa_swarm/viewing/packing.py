@@ -29,7 +29,7 @@ from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peak
 from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.viewing.palette import value_steps
 from mesa_swarm.viewing.scene import COLUMNS, Scene, looks_in
-from mesa_swarm.world.fields import shrunk
+from mesa_swarm.world.fields import average_blocks
 
 TYPES = {"f4": "<f4", "i4": "<i4", "i1": "i1"}
 MOST_INDEX = 127
@@ -168,7 +168,7 @@ def packed_chunk(frames: Iterable[Frame], scene: Scene) -> bytes:
 
 def _less(columns: Columns) -> Columns:
     """Return columns with smaller pictures of fields."""
-    small = {name: shrunk(values, MOST_PIXELS) for name, values in columns.items() if name.startswith(PIXELS)}
+    small = {name: average_blocks(values, MOST_PIXELS) for name, values in columns.items() if name.startswith(PIXELS)}
     return {**columns, **{name: np.rint(values).astype(np.uint8) for name, values in small.items()}}
 
 

@@ -29,7 +29,7 @@ from mesa_swarm.base.errors import ExportError, InvalidValueError, check_count, 
 from mesa_swarm.base.files import write_whole
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.wording import time_text
-from mesa_swarm.maps.map_parts import Bounds
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import LABEL_BYTES
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks, frame_of

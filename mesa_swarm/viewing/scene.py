@@ -10,7 +10,7 @@ from operator import itemgetter
 import numpy as np
 
 from mesa_swarm.base.errors import RecordingError
-from mesa_swarm.maps.map_parts import Bounds
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import LABEL, LABEL_BYTES, VALUE, label_text
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_names, field_peaks

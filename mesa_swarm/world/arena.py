@@ -36,7 +36,7 @@ class _Counter:
 
     def __next__(self) -> int:
         """Return the unique_id of the next agent, and count it."""
-        unique_id = next_id(self._model)
+        unique_id = get_next_id(self._model)
         set_next_id(self._model, unique_id + 1)
         return unique_id
 
@@ -51,7 +51,7 @@ class ModelCounters:
         return _Counter(model)
 
 
-def next_id(model: Model) -> int:
+def get_next_id(model: Model) -> int:
     """Return the unique_id of the next agent of a model: 1 for the first one."""
     if "agent_id_counter" not in model.__dict__:  # a new model; or one that an older version has pickled
         present = (agent.unique_id for agent in getattr(model, "_agents", ()))
@@ -162,13 +162,13 @@ class Arena(ContinuousSpace):
     ) -> tuple[np.ndarray, list[Agent]]:
         """Return the distances from `point` to the agents (all by default), and the agents."""
         self._refresh()
-        distances, chosen = super().calculate_distances(point, agents, **kwargs)
-        return np.asarray(distances), chosen
+        distances, nearby_agents = super().calculate_distances(point, agents, **kwargs)
+        return np.asarray(distances), nearby_agents
 
     def get_k_nearest_agents(self, point: Point, k: int = 1) -> Neighbours:
         """Return the k agents nearest to `point`, all of them if there are fewer, and their distances."""
         distances, agents = self.calculate_distances(point)
-        nearest = np.argsort(distances, kind="stable")[: _checked_k(k)]
+        nearest = np.argsort(distances, kind="stable")[: _check_k(k)]
         return [agents[i] for i in nearest], distances[nearest]
 
     @property
@@ -211,10 +211,10 @@ class Arena(ContinuousSpace):
 
     def remove_together(self, agents: Iterable[Agent]) -> None:
         """Take agents out of the arena, which costs as much as to take out one; those behind them move up."""
-        gone = sorted(self._agent_to_index[agent] for agent in agents)
+        rows = sorted(self._agent_to_index[agent] for agent in agents)
         self._rows = None
-        first = gone[0] if gone else self._n_agents
-        others = np.delete(np.arange(first, self._n_agents), np.array(gone, int) - first)
+        first = rows[0] if rows else self._n_agents
+        others = np.delete(np.arange(first, self._n_agents), np.array(rows, int) - first)
         staying = [self.active_agents[index] for index in others.tolist()]
         self._n_agents = first + len(staying)
         self._agent_positions[first : self._n_agents] = self._agent_positions[others]
@@ -261,15 +261,15 @@ class Agents(AgentSet, Generic[Kind]):
         self._model = getattr(next(iter(agents), None), "model", None)
 
     @classmethod
-    def listed(cls, agents: list[Kind], random: Random) -> "Agents[Kind]":
+    def of_list(cls, agents: list[Kind], random: Random) -> "Agents[Kind]":
         """Return the agents of a list, of which a set is made when it is needed: not for their number or one of them.
 
         Before an agent is removed, call `settle`; the list may not change before.
         """
-        found = cls((), random)
-        del found._agents
-        found._list, found._model = agents, agents[0].model if agents else None
-        return found
+        agent_set = cls((), random)
+        del agent_set._agents
+        agent_set._list, agent_set._model = agents, agents[0].model if agents else None
+        return agent_set
 
     def settle(self) -> None:
         """Make the set, if it has not been made."""
@@ -299,8 +299,8 @@ class Agents(AgentSet, Generic[Kind]):
 
     def __getitem__(self, item: int | slice) -> Kind | list[Kind]:
         """Return one agent, or a list of them for a slice."""
-        known = self.__dict__.get("_list")
-        return (list(self) if known is None else known)[item]
+        items = self.__dict__.get("_list")
+        return (list(self) if items is None else items)[item]
 
 
 class _Held(dict):
@@ -358,7 +358,7 @@ def register_together(model: Model, space: Arena, agents: Sequence["ArenaAgent"]
 
     The model is one that `registers_together`.
     """
-    first, unique_id = space._n_agents, next_id(model)
+    first, unique_id = space._n_agents, get_next_id(model)
     set_next_id(model, unique_id + len(agents))
     numbers = _numbers((unique_id, first, rows.start), len(agents))
     for agent, own_id, index, row in zip(agents, *numbers, strict=True):
@@ -381,7 +381,7 @@ def _numbers(begins: Sequence[int], count: int) -> list[list[int]]:
 
 
 @contextmanager
-def uncollected() -> Iterator[None]:
+def pause_collection() -> Iterator[None]:
     """Let no garbage be collected while very many objects are made that stay: all would be visited, repeatedly."""
     was_on = gc.isenabled()
     gc.disable()
@@ -421,7 +421,7 @@ class ArenaAgent(ContinuousSpaceAgent):
         Agent.remove(self)
 
     @classmethod
-    def create_agents(cls, model: Model, n: int, *given: Any, **named: Any) -> NoReturn:
+    def create_agents(cls, model: Model, n: int, *arguments: Any, **keywords: Any) -> NoReturn:
         """Refuse to make agents that are rows of their model's arrays.
 
         Raises
@@ -432,7 +432,7 @@ class ArenaAgent(ContinuousSpaceAgent):
         cls._refuse(".create_agents")
 
     @classmethod
-    def from_dataframe(cls, model: Model, df: Any, **named: Any) -> NoReturn:
+    def from_dataframe(cls, model: Model, df: Any, **keywords: Any) -> NoReturn:
         """Refuse to make agents that are rows of their model's arrays, see `create_agents`."""
         cls._refuse(".from_dataframe")
 
@@ -446,22 +446,22 @@ class ArenaAgent(ContinuousSpaceAgent):
         """Return the other agents whose positions are within `radius`, and their distances."""
         # All of them are within an infinite radius.
         limit = radius if isinstance(radius, float) and radius == math.inf else check_number("radius", radius)
-        distances, agents = self._others()
+        distances, agents = self._distances_to_others()
         near = np.flatnonzero(distances <= limit)
         return [agents[i] for i in near], distances[near]
 
     def get_nearest_neighbors(self, k: int = 1) -> Neighbours:
         """Return the k nearest other agents, all if there are fewer, and their distances."""
-        number = _checked_k(k)
-        distances, agents = self._others()
+        number = _check_k(k)
+        distances, agents = self._distances_to_others()
         nearest = np.argsort(distances, kind="stable")[:number]
         return [agents[i] for i in nearest], distances[nearest]
 
-    def _others(self) -> tuple[np.ndarray, list[Agent]]:
-        here = self.position  # first: a removed agent raises here
-        distances, agents = self.space.calculate_distances(here)
-        mine = self.space._agent_to_index[self]
-        return np.delete(distances, mine), [agent for agent in agents if agent is not self]
+    def _distances_to_others(self) -> tuple[np.ndarray, list[Agent]]:
+        position = self.position  # first: a removed agent raises here
+        distances, agents = self.space.calculate_distances(position)
+        index = self.space._agent_to_index[self]
+        return np.delete(distances, index), [agent for agent in agents if agent is not self]
 
 
 def leave_together(agents: Sequence[ArenaAgent]) -> None:
@@ -474,5 +474,5 @@ def leave_together(agents: Sequence[ArenaAgent]) -> None:
         agent.space = agent._mesa_index = None
 
 
-def _checked_k(k: object) -> int:
+def _check_k(k: object) -> int:
     return max(check_count("k", k, minimum=-(2**31)), 0)

@@ -14,7 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only
 from mesa_swarm.world.shapes import Coordinates, Shape, as_numbers, disc
@@ -111,7 +112,7 @@ class Form:
         """Return whether it overlaps, by more than rounding, what lies within a radius of a geometry."""
         return bool(shapely.distance(placed(self.core, pose), geometry) <= self.core_radius + radius)
 
-    def is_within(self, pose: Pose, bounds: tuple[float, float, float, float]) -> bool:
+    def is_within(self, pose: Pose, bounds: Bounds) -> bool:
         """Return whether the body in this pose is within a map."""
         x_min, y_min, x_max, y_max = placed(self.core, pose).bounds
         r = self.core_radius
@@ -252,7 +253,7 @@ class BodyTable:
         self.agents: list[Any] = []
         # Of each body that may move its form, and where it was last shown; of one at rest its shape.
         self.forms: list[Form | None] = []
-        self._shown: list[tuple[Pose | None, Shape]] = []
+        self._shape_cache: list[tuple[Pose | None, Shape]] = []
         self._others: list[Any] | None = []
         self._room = {name: row[:0] for name, row in self.columns.items()}
         self._publish()
@@ -275,7 +276,7 @@ class BodyTable:
         body.table, body.row = self, row
         self.agents.append(body)
         self.forms.append(form)
-        self._shown.append((None, shape))
+        self._shape_cache.append((None, shape))
         self._others = None
         if row == len(self._room["mode"]):  # room for half as many again
             for name, usual in self.columns.items():
@@ -293,11 +294,11 @@ class BodyTable:
     def drop(self, body: Any) -> None:
         """Remove the row of a body, which keeps what it was in a table of its own."""
         row, alone = body.row, BodyTable(self.kinds)
-        alone.add(body, self._shown[row][1], self.forms[row], mode=0, kind=0)
+        alone.add(body, self._shape_cache[row][1], self.forms[row], mode=0, kind=0)
         for name, column in self._room.items():
             alone._room[name][0] = column[row]
             self._room[name] = np.delete(column, row, axis=0)
-        for rows in (self.agents, self.forms, self._shown):
+        for rows in (self.agents, self.forms, self._shape_cache):
             del rows[row]
         for later, agent in enumerate(self.agents[row:], row):
             agent.row = later
@@ -311,7 +312,7 @@ class BodyTable:
             return
         for name, column in self._room.items():
             self._room[name] = column[order]
-        for rows in cast(list[list], [self.agents, self.forms, self._shown]):
+        for rows in cast(list[list], [self.agents, self.forms, self._shape_cache]):
             rows[:] = [rows[row] for row in order]
         for row, agent in enumerate(self.agents):
             agent.row = row
@@ -336,16 +337,16 @@ class BodyTable:
         return np.where(is_fire, len(self) + np.arange(len(self)), np.cumsum(~is_fire) - 1)
 
     @property
-    def seen(self) -> np.ndarray:
+    def visible_kinds(self) -> np.ndarray:
         """Codes of the kinds as sensors see them, int8 (m,): a fire that is out is an obstacle."""
         return np.where((self.kind == FIRE) & ~(self.temperature > 0.0), np.int8(OBSTACLE), self.kind)
 
     def rows(self, *modes: int) -> np.ndarray:
         """Return the rows of the bodies that move in one of these ways."""
-        chosen = self.mode == modes[0]
+        mask = self.mode == modes[0]
         for mode in modes[1:]:
-            chosen |= self.mode == mode
-        return np.flatnonzero(chosen)
+            mask |= self.mode == mode
+        return np.flatnonzero(mask)
 
     def set_kinds(self, kinds: tuple[str, ...]) -> None:
         """Let kinds have other codes.
@@ -361,7 +362,7 @@ class BodyTable:
         codes = np.array([kinds.index(name) if name in kinds else -1 for name in self.kinds], np.int8)
         self.kind[:], self.kinds = codes[self.kind], kinds
 
-    def asked(self, rows: np.ndarray) -> np.ndarray:
+    def are_to_move(self, rows: np.ndarray) -> np.ndarray:
         """Return whether each of some driven bodies is to move in the next step."""
         moves = (self.aim[rows] != self.position[rows]).any(axis=1)
         return moves | (self.aim_heading[rows] != self.heading[rows])
@@ -373,7 +374,7 @@ class BodyTable:
 
     def put(self, row: int, pose: Sequence[float]) -> None:
         """Put a body where it is pushed to, or was before: nothing is checked, and no reading is made anew."""
-        *self.position[row], self.heading[row] = *pose[:2], wrapped(pose[2])
+        *self.position[row], self.heading[row] = *pose[:2], wrap_angle(pose[2])
         self.aim[row], self.aim_heading[row] = self.position[row], self.heading[row]
 
     def body_of(self, row: int) -> Shape:
@@ -383,13 +384,13 @@ class BodyTable:
 
     def shape_of(self, row: int) -> Shape:
         """Return the shape of a body where it is."""
-        form, (pose, shape) = self.forms[row], self._shown[row]
+        form, (pose, shape) = self.forms[row], self._shape_cache[row]
         if form is None and self.kind[row] != FIRE:
             return shape
         now = self.pose_of(row)
         if pose != now or shape.radius != self.radius[row]:
             shape = disc(now[:2], float(self.radius[row])) if form is None else form.shape_at(now)
-            self._shown[row] = now, shape
+            self._shape_cache[row] = now, shape
         return shape
 
 
@@ -493,12 +494,12 @@ class Body(ArenaAgent):
 
     @temperature.setter
     def temperature(self, value: float | None) -> None:
-        checked = checked_temperature(value)
+        temperature = check_temperature(value)
         if self.space is None:
             raise RemovedRobotError("this body has been removed; take one from model.bodies")
-        if not math.isnan(checked) and not self.contact:
+        if not math.isnan(temperature) and not self.contact:
             raise InvalidValueError("temperature was given for a mark on the ground, which does not radiate")
-        self.table.temperature[self.row] = checked
+        self.table.temperature[self.row] = temperature
         self.model.parts["bodies"].heat_changed()
 
     def remove(self) -> None:
@@ -511,13 +512,13 @@ class Body(ArenaAgent):
         bodies.changed()
 
 
-def handles() -> dict[str, type[Body]]:
+def handle_classes() -> dict[str, type[Body]]:
     """Return the classes of handles by the mode in which such bodies are added, sorted.
 
     Examples
     --------
     >>> from mesa_swarm.world.movers import Driven
-    >>> list(handles()), handles()["driven"] is Driven
+    >>> list(handle_classes()), handle_classes()["driven"] is Driven
     (['driven', 'fixed', 'pushed'], True)
     """
     classes = {kind.added_as: kind for kind in reversed(_derived_from(Body)) if "added_as" in vars(kind)}
@@ -526,27 +527,27 @@ def handles() -> dict[str, type[Body]]:
 
 def _derived_from(kind: type[Body]) -> list[type[Body]]:
     children: list[type[Body]] = kind.__subclasses__()
-    return [each for child in children for each in (child, *_derived_from(child))]
+    return [derived for child in children for derived in (child, *_derived_from(child))]
 
 
-def checked_temperature(value: float | None) -> float:
+def check_temperature(value: float | None) -> float:
     """Return the temperature of a body as a float from 0 to 1, NaN for one that does not radiate."""
     return math.nan if value is None else check_number("temperature", value, minimum=0, maximum=1)
 
 
-def checked_resistance(value: float) -> float:
+def check_resistance(value: float) -> float:
     """Return a resistance as a float if it is above 0 and at most 1e9."""
     return check_number("resistance", value, above=0, maximum=LARGEST_RESISTANCE)
 
 
-def checked_pose(pose: Sequence[float], space: Arena) -> Pose:
+def check_pose(pose: Sequence[float], space: Arena) -> Pose:
     """Return a pose of the map, x, y and a finite heading, with the heading in [-pi, pi)."""
     numbers = as_numbers(pose)
     if numbers.shape != (3,):
         raise InvalidValueError(f"pose is {shortened(pose)}; expected three numbers (x, y, heading)")
     heading = check_number("heading", float(numbers[2]), minimum=-LARGEST_HEADING, maximum=LARGEST_HEADING)
     x, y = space.checked_point(numbers[:2]).tolist()
-    return x, y, wrapped(heading)
+    return x, y, wrap_angle(heading)
 
 
 class Obstacle(Body):
@@ -594,7 +595,7 @@ class Load(Obstacle):
 
     @resistance.setter
     def resistance(self, value: float) -> None:
-        self.table.resistance[self.row] = checked_resistance(value)
+        self.table.resistance[self.row] = check_resistance(value)
 
     @property
     def moved(self) -> bool:
@@ -623,7 +624,7 @@ class Load(Obstacle):
         >>> load.position
         array([120., 100.])
         """
-        place = checked_pose(pose, self.space)
+        place = check_pose(pose, self.space)
         self.model.parts["bodies"].check_room_for_load(self.form, place, self)
         self.table.put(self.row, place)
         self.model.parts["bodies"].scene_changed()  # sensors that were read already are read again

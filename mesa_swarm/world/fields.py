@@ -41,8 +41,9 @@ from mesa_swarm.geometry.diffusion import (
     interpolate_cells,
     withdraw,
 )
+from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.kernels.block import Block
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Shape, as_numbers
 
 MOST_CELLS = 50_000_000
@@ -53,7 +54,6 @@ LARGEST_AMOUNT = 1e15
 MOST_PIXELS = 120_000
 LEVELS = 255
 NO_SIDES = np.empty((0, 0), np.uint8)
-Bounds = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +94,13 @@ class Field:
     def __post_init__(self) -> None:
         if not check_name("name of a field", self.name).isidentifier():
             raise InvalidValueError(f"name of a field is {shortened(self.name)}; expected an identifier such as trail")
-        checked = {
+        values = {
             "cell": check_number("cell", self.cell, above=0, maximum=1e9),
             "diffusion": check_number("diffusion", self.diffusion, minimum=0, maximum=1e18),
             "evaporation": check_number("evaporation", self.evaporation, minimum=0, maximum=1),
             "walls": check_flag("walls", self.walls),
         }
-        for name, value in checked.items():
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def shape(self, bounds: Bounds) -> tuple[int, int]:
@@ -124,15 +124,15 @@ class Field:
 
     def sub_steps(self, width: float, height: float) -> int:
         """Return how many sub-steps a step takes with cells of this width and height."""
-        needed = 4.0 * self.diffusion * (1.0 / width**2 + 1.0 / height**2)
-        if needed > MOST_SUB_STEPS:
+        sub_steps = 4.0 * self.diffusion * (1.0 / width**2 + 1.0 / height**2)
+        if sub_steps > MOST_SUB_STEPS:
             most = MOST_SUB_STEPS / 4.0 / (1.0 / width**2 + 1.0 / height**2)
             raise InvalidValueError(
-                f"diffusion is {self.diffusion:g}, which takes {needed:.3g} sub-steps with a cell of {self.cell:g}; "
+                f"diffusion is {self.diffusion:g}, which takes {sub_steps:.3g} sub-steps with a cell of {self.cell:g}; "
                 f"expected at most {MOST_SUB_STEPS}: use a diffusion of at most {most:.3g}, or a cell of at least "
-                f"{1.01 * self.cell * math.sqrt(needed / MOST_SUB_STEPS):.3g}"
+                f"{1.01 * self.cell * math.sqrt(sub_steps / MOST_SUB_STEPS):.3g}"
             )
-        return max(1, math.ceil(needed))
+        return max(1, math.ceil(sub_steps))
 
 
 class ScalarField:
@@ -154,19 +154,19 @@ class ScalarField:
         Whether `SwarmModel.remove_field` took it out of its model: its last values can then be read, nothing else.
     """
 
-    def __init__(self, declared: Field, bounds: Bounds, walls: Callable[[], Sequence[Shape]] = tuple) -> None:
-        rows, columns = declared.shape(bounds)
+    def __init__(self, declaration: Field, bounds: Bounds, walls: Callable[[], Sequence[Shape]] = tuple) -> None:
+        rows, columns = declaration.shape(bounds)
         x_min, y_min, x_max, y_max = bounds
         self.frame = (float(x_min), float(y_min), (x_max - x_min) / columns, (y_max - y_min) / rows)
-        self._sub_steps = declared.sub_steps(*self.frame[2:])
-        self.declared = declared
+        self._sub_steps = declaration.sub_steps(*self.frame[2:])
+        self.declaration = declaration
         self.bounds = bounds
         self.peak = 0.0
         self.changes = 0
         self.removed = False
         self._values = np.zeros((rows, columns))
         self._empty = np.ones(1, np.bool_)  # whether it is, also to compiled functions
-        self._shapes = walls if declared.walls else tuple
+        self._shapes = walls if declaration.walls else tuple
         self._walls: _Walls | None = None
 
     def __repr__(self) -> str:
@@ -176,7 +176,7 @@ class ScalarField:
     @property
     def name(self) -> str:
         """The name of the field."""
-        return self.declared.name
+        return self.declaration.name
 
     @property
     def values(self) -> np.ndarray:
@@ -192,22 +192,20 @@ class ScalarField:
         >>> field.total
         48.0
         """
-        view = self._values.view()
-        view.flags.writeable = False
-        return view
+        return locked_view(self._values)
 
     @values.setter
     def values(self, values: Any) -> None:
         self._check_present()
-        given = as_numbers(values)
-        if given.shape != self._values.shape:
+        numbers = as_numbers(values)
+        if numbers.shape != self._values.shape:
             raise InvalidValueError(
                 f"values of field {self.name} are {shortened(values)}; expected numbers of shape {self._values.shape}"
             )
-        _check_amounts(f"values of field {self.name}", given)
-        self._values[...] = given
+        _check_limits(f"values of field {self.name}", numbers)
+        self._values[...] = numbers
         self._values[self.blocked] = 0.0
-        self._changed(float(self._values.max()))
+        self._note_change(float(self._values.max()))
 
     @property
     def sides(self) -> np.ndarray:
@@ -248,8 +246,8 @@ class ScalarField:
         >>> field.values[30, 10].item(), field.total
         (3.0, 7.0)
         """
-        points = self._checked_points(positions)
-        self.add(points, self._checked_amounts(amounts, len(points)))
+        points = self._check_points(positions)
+        self.add(points, self._check_amounts(amounts, len(points)))
 
     def withdraw(self, positions: Any, amounts: Any) -> np.ndarray:
         """Take amounts from the cells in which positions lie, in their order, of each at most what it has.
@@ -269,12 +267,12 @@ class ScalarField:
         >>> food.withdraw([(101, 305), (101, 305)], 3.0)
         array([3., 2.])
         """
-        points = self._checked_points(positions)
-        given = self._checked_amounts(amounts, len(points))
-        taken = np.empty(len(points))
-        withdraw(self._values.reshape(-1), self._cells(points), given, taken)
-        self._changed(0.0)
-        return taken
+        points = self._check_points(positions)
+        limits = self._check_amounts(amounts, len(points))
+        withdrawn = np.empty(len(points))
+        withdraw(self._values.reshape(-1), self._cells(points), limits, withdrawn)
+        self._note_change(0.0)
+        return withdrawn
 
     def at(self, positions: Any) -> np.ndarray:
         """Return the value at positions (n, 2), interpolated between the centres of cells, not through walls.
@@ -300,7 +298,7 @@ class ScalarField:
         array([4., 2., 0.])
         """
         self._check_present()
-        return self.look_up(_checked_positions(positions))[0]
+        return self.look_up(_check_positions(positions))[0]
 
     def gradient(self, positions: Any) -> np.ndarray:
         """Return the slopes in x and y at positions (n, 2): they point to where there is more.
@@ -320,7 +318,7 @@ class ScalarField:
         array([[0.1, 0. ]])
         """
         self._check_present()
-        return self.look_up(_checked_positions(positions))[1]
+        return self.look_up(_check_positions(positions))[1]
 
     def advance(self) -> None:
         """Advance by one step, without a model, which advances all of its fields at once."""
@@ -328,9 +326,9 @@ class ScalarField:
 
     def block(self) -> Block:
         """Return what `advance_field` takes, which is valid as long as the walls are."""
-        declared, (_, _, width, height), walls = self.declared, self.frame, self._current_walls()
-        remaining, share = 1.0 - declared.evaporation, declared.diffusion / self._sub_steps
-        changes = remaining < 1.0 or declared.diffusion > 0.0
+        declaration, (_, _, width, height), walls = self.declaration, self.frame, self._current_walls()
+        remaining, share = 1.0 - declaration.evaporation, declaration.diffusion / self._sub_steps
+        changes = remaining < 1.0 or declaration.diffusion > 0.0
         return Block(
             FieldArrays(
                 values=self._values,
@@ -349,17 +347,17 @@ class ScalarField:
         """Add amounts at points of which the model knows that they are valid; beyond the border at the nearest cell."""
         if len(points):
             largest = deposit(self._values.reshape(-1), self._cells(points), amounts)
-            self._changed(largest)
+            self._note_change(largest)
 
     def look_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return `at` and `gradient` of an array of finite points, shapes (n,) and (n, 2)."""
-        found, slopes = np.empty(len(points)), np.empty((len(points), 2))
-        interpolate_cells(self._values, self._current_walls().sides, self.frame, points, found, slopes)
-        return found, slopes
+        levels, slopes = np.empty(len(points)), np.empty((len(points), 2))
+        interpolate_cells(self._values, self._current_walls().sides, self.frame, points, levels, slopes)
+        return levels, slopes
 
     def walls_changed(self) -> None:
         """Find out anew which cells are blocked, and move what is in them to the nearest free ones; models call it."""
-        if not self.declared.walls or (self._walls is not None and self._walls.is_of(self._shapes())):
+        if not self.declaration.walls or (self._walls is not None and self._walls.is_of(self._shapes())):
             return
         self._walls = None
         if self._empty[0]:
@@ -374,7 +372,7 @@ class ScalarField:
 
     def levels(self, most: int = MOST_PIXELS) -> np.ndarray:
         """Return the values as a picture of at most this many pixels, see `levels_of`."""
-        return levels_of(shrunk(self._values, most), self.peak)
+        return levels_of(average_blocks(self._values, most), self.peak)
 
     def checkpoint(self) -> dict:
         """Return all that a later step depends on."""
@@ -385,7 +383,7 @@ class ScalarField:
         values, peak = as_numbers(state["values"]), check_number("peak", state["peak"], minimum=0)
         if values.shape != self._values.shape:
             raise InvalidValueError(f"field {self.name} is stored with shape {values.shape}; expected another map")
-        _check_amounts(f"values of field {self.name}", values, np.finfo(float).max)
+        _check_limits(f"values of field {self.name}", values, np.finfo(float).max)
         self._values[...] = values
         self.peak = peak
         self._walls, self._empty[0] = None, not values.any()
@@ -394,7 +392,7 @@ class ScalarField:
         if self.removed:
             raise InvalidValueError(f"field {self.name} was removed; expected one of model.fields")
 
-    def _changed(self, largest: float) -> None:
+    def _note_change(self, largest: float) -> None:
         self.changes += 1
         self._empty[0] &= largest == 0.0
         self.peak = max(self.peak, largest)
@@ -407,9 +405,9 @@ class ScalarField:
     def _cells(self, points: np.ndarray) -> np.ndarray:
         return cells_at(self._values.shape, self._current_walls().sides, self.frame, points)
 
-    def _checked_points(self, positions: Any) -> np.ndarray:
+    def _check_points(self, positions: Any) -> np.ndarray:
         self._check_present()
-        points = _checked_positions(positions)
+        points = _check_positions(positions)
         x_min, y_min, x_max, y_max = self.bounds
         outside = ((points < (x_min, y_min)) | (points > (x_max, y_max))).any(axis=1)
         if outside.any():
@@ -419,14 +417,14 @@ class ScalarField:
             )
         return points
 
-    def _checked_amounts(self, amounts: Any, n: int) -> np.ndarray:
-        given = as_numbers(amounts)
-        if given.shape not in ((), (n,)):
+    def _check_amounts(self, amounts: Any, n: int) -> np.ndarray:
+        numbers = as_numbers(amounts)
+        if numbers.shape not in ((), (n,)):
             raise InvalidValueError(
                 f"amounts are {shortened(amounts)}; expected a number, or {n} of them, one for each position"
             )
-        _check_amounts("amounts", given)
-        return np.ascontiguousarray(np.broadcast_to(given, n))
+        _check_limits("amounts", numbers)
+        return np.ascontiguousarray(np.broadcast_to(numbers, n))
 
 
 def levels_of(values: np.ndarray, peak: float) -> np.ndarray:
@@ -453,12 +451,12 @@ def values_of_levels(levels: np.ndarray, peak: float) -> np.ndarray:
     return peak * (levels / LEVELS) ** 2
 
 
-def shrunk(values: np.ndarray, most: int) -> np.ndarray:
+def average_blocks(values: np.ndarray, most: int) -> np.ndarray:
     """Return the means of square blocks of cells, so large that there are at most this many; the last may be narrower.
 
     Examples
     --------
-    >>> shrunk(np.arange(12.0).reshape(3, 4), 5)
+    >>> average_blocks(np.arange(12.0).reshape(3, 4), 5)
     array([[ 2.5,  4.5],
            [ 8.5, 10.5]])
     """
@@ -491,8 +489,8 @@ class NamedFields(Mapping[str, ScalarField]):
 
     def __getitem__(self, name: str) -> ScalarField:
         if name not in self:
-            known = unknown_name("field", name, self._fields) if self._fields else f"unknown field {shortened(name)}"
-            raise UnknownNameError(f"{known}; add it with model.add_field(Field(...))")
+            problem = unknown_name("field", name, self._fields) if self._fields else f"unknown field {shortened(name)}"
+            raise UnknownNameError(f"{problem}; add it with model.add_field(Field(...))")
         return self._fields[name]
 
     def __contains__(self, name: object) -> bool:
@@ -546,7 +544,7 @@ def _differs(sides: np.ndarray) -> np.ndarray:
     return closed & ~(blocked[1:-1, 1:-1] & around) if sides.size else closed
 
 
-def _checked_positions(positions: Any) -> np.ndarray:
+def _check_positions(positions: Any) -> np.ndarray:
     points = as_numbers(positions)
     if points.shape == (2,):
         points = points[None]
@@ -557,7 +555,7 @@ def _checked_positions(positions: Any) -> np.ndarray:
     return np.ascontiguousarray(points)
 
 
-def _check_amounts(what: str, given: np.ndarray, most: float = LARGEST_AMOUNT) -> None:
-    wrong = ~((given >= 0) & (given <= most))
+def _check_limits(subject: str, amounts: np.ndarray, most: float = LARGEST_AMOUNT) -> None:
+    wrong = ~((amounts >= 0) & (amounts <= most))
     if wrong.any():
-        raise InvalidValueError(f"{what} contain {given[wrong].flat[0]:g}; expected numbers from 0 to {most:g}")
+        raise InvalidValueError(f"{subject} contain {amounts[wrong].flat[0]:g}; expected numbers from 0 to {most:g}")

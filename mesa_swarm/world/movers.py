@@ -10,10 +10,10 @@ from mesa import Agent
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.world.arena import Arena
-from mesa_swarm.world.bodies import LARGEST_HEADING, Body, BodyTable, Pose, checked_pose
-from mesa_swarm.world.read_only import read_only
+from mesa_swarm.world.bodies import LARGEST_HEADING, Body, BodyTable, Pose, check_pose
+from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Coordinates, Shape
 from mesa_swarm.world.statics import CARRIED, DRIVEN
 
@@ -57,9 +57,7 @@ class Movers:
         """Return a column of the table in the rows of driven bodies."""
         if name not in BodyTable.columns:
             raise AttributeError(f"Movers has no attribute {name}")
-        column = getattr(self._table, name)[self.rows]
-        column.flags.writeable = False
-        return column
+        return locked_view(getattr(self._table, name)[self.rows])
 
     @property
     def rows(self) -> np.ndarray:
@@ -79,7 +77,7 @@ class Movers:
     @property
     def asked(self) -> np.ndarray:
         """Whether each is to move in the next step, shape (m,)."""
-        return self._table.asked(self.rows)
+        return self._table.are_to_move(self.rows)
 
     @property
     def poses(self) -> tuple[np.ndarray, ...]:
@@ -103,9 +101,9 @@ class Driven(Body):
     agent: Any
     carrier: Any  # the robot that carries it
 
-    def __init__(self, *given: Any, agent: Agent | None = None, **named: Any) -> None:
+    def __init__(self, *arguments: Any, agent: Agent | None = None, **keywords: Any) -> None:
         self.agent, self.carrier = agent, None
-        super().__init__(*given, **named)
+        super().__init__(*arguments, **keywords)
 
     @property
     def movers(self) -> BodyTable:
@@ -140,7 +138,7 @@ class Driven(Body):
     @heading.setter
     def heading(self, value: float) -> None:
         heading = check_number("heading", value, minimum=-LARGEST_HEADING, maximum=LARGEST_HEADING)
-        self._ask(self.table.aim[self.alive()].copy(), wrapped(heading))
+        self._ask(self.table.aim[self.alive()].copy(), wrap_angle(heading))
 
     @property
     def blocked(self) -> bool:
@@ -166,7 +164,7 @@ class Driven(Body):
         (array([105., 130.]), array([105., 140.]))
         """
         self.alive()
-        *place, heading = checked_pose(pose, self.space)
+        *place, heading = check_pose(pose, self.space)
         self._ask(np.array(place), heading)
 
     def seen_from(self, point: np.ndarray) -> tuple[float, float]:
@@ -202,7 +200,7 @@ class Driven(Body):
             table.aim[row], table.aim_heading[row] = position, heading
 
 
-def occupied(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, float]]:
+def find_occupied_room(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, float]]:
     """Iterate over what solid bodies occupy until the end of the next step, as geometries and radii about them.
 
     A driven body occupies its way, see `room_on_way`; what a robot carries occupies nothing.
@@ -212,7 +210,7 @@ def occupied(bodies: Iterable[Body]) -> Iterator[tuple[BaseGeometry, float]]:
     >>> from mesa_swarm import SwarmModel, disc
     >>> model = SwarmModel(map="openspace", rng=1)
     >>> body = model.add_body(disc((100, 100), 5))
-    >>> [radius for _, radius in occupied(model.bodies)]  # with four walls
+    >>> [radius for _, radius in find_occupied_room(model.bodies)]  # with four walls
     [0.0, 0.0, 0.0, 0.0, 5.0]
     """
     for body in bodies:
@@ -240,16 +238,16 @@ def room_on_way(body: Driven) -> tuple[BaseGeometry, float]:
     table, row, shape = body.table, body.alive(), body.shape
     step = table.aim[row] - table.position[row]
     if table.aim_heading[row] != table.heading[row]:
-        return swept(shapely.Point(table.position[row]), step), body.form.reach
-    return (swept(shape.geometry, step) if step.any() else shape.geometry), shape.radius
+        return sweep_geometry(shapely.Point(table.position[row]), step), body.form.reach
+    return (sweep_geometry(shape.geometry, step) if step.any() else shape.geometry), shape.radius
 
 
-def swept(outline: BaseGeometry, step: Sequence[float] | np.ndarray) -> BaseGeometry:
+def sweep_geometry(outline: BaseGeometry, step: Sequence[float] | np.ndarray) -> BaseGeometry:
     """Return what a point or a convex polygon sweeps over when it is displaced; of other polygons, its convex hull.
 
     Examples
     --------
-    >>> swept(shapely.box(0, 0, 1, 1), (2.0, 0.0)).area
+    >>> sweep_geometry(shapely.box(0, 0, 1, 1), (2.0, 0.0)).area
     3.0
     """
     points = shapely.get_coordinates(outline)
@@ -289,6 +287,6 @@ def _heading_of(body: Driven) -> float:
     if heading is None:
         return float(body.table.aim_heading[body.row])
     try:
-        return wrapped(float(heading))
+        return wrap_angle(float(heading))
     except (TypeError, ValueError):
         return math.nan

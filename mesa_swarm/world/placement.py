@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from mesa_swarm.base.errors import PlacementError
-from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.geometry.grid import Bounds, Grid
 from mesa_swarm.geometry.packing import hexagonal_lattice, link_by_cell, take_apart
 from mesa_swarm.geometry.room import Crowded, circumscribed_ratio, room_for_disc, room_to_try
 from mesa_swarm.world.shapes import Shape
@@ -28,14 +28,12 @@ FILLING_CROWD = 2_000
 MOST_LATTICE_IN_CROWD = 2_000
 
 
-def free_space(bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float) -> shapely.Geometry:
+def free_space(bounds: Bounds, shapes: Sequence[Shape], radius: float) -> shapely.Geometry:
     """Return where the centre of a disc may be without overlapping a solid shape."""
     return room_for_disc(bounds, _solids(shapes), radius, QUARTER_SEGMENTS)
 
 
-def free_places(
-    bounds: tuple[float, float, float, float], shapes: Sequence[Shape], radius: float
-) -> shapely.Geometry | Crowded:
+def free_places(bounds: Bounds, shapes: Sequence[Shape], radius: float) -> shapely.Geometry | Crowded:
     """Return what `free_space` does, or for `place_apart` a `Crowded` room where that would take very long.
 
     Among more than 2000 solid shapes, or 50,000 pairs of them that overlap, places are found only by trying: a map
@@ -65,14 +63,14 @@ def place_apart(
     """
     room = _most_that_fit(space, radius)
     if n > room:
-        known = room <= MOST_CANDIDATES
-        fit = len(_packed(space, radius, others, other_radius, room)) if known else f"at most {room}"
+        is_counted = room <= MOST_CANDIDATES
+        fit = len(_pack_discs(space, radius, others, other_radius, room)) if is_counted else f"at most {room}"
         raise PlacementError(_does_not_fit(n, radius, where, fit))
     if n > MOST_ROBOTS:
         raise PlacementError(_does_not_fit(n, radius, "one world, on which the limit is", MOST_ROBOTS))
     if not n:
         return np.empty((0, 2))
-    table = _Placed(others, other_radius, n, radius, space)
+    table = _DiscTable(others, other_radius, n, radius, space)
     draw = _points_of(space)
     while table.missing and table.tried < TRIES * n:
         number = min(max(2 * table.missing, 64), MOST_CANDIDATES)
@@ -82,26 +80,26 @@ def place_apart(
         table.tried += number if isinstance(space, Crowded) else len(candidates)
     if not table.missing:
         return table.new
-    packed = _packed(space, radius, others, other_radius, room)
+    packed = _pack_discs(space, radius, others, other_radius, room)
     if len(packed) < n:
         raise PlacementError(_does_not_fit(n, radius, where, len(packed)))
     return packed[np.sort(rng.permutation(len(packed))[:n])]
 
 
-def _packed(
+def _pack_discs(
     space: shapely.Geometry | Crowded, radius: float, others: np.ndarray, other_radius: np.ndarray, room: int
 ) -> np.ndarray:
     """Return densely packed places: always the same ones, so that a message's number holds."""
     if not room:
         return np.empty((0, 2))
     rng = np.random.default_rng(0)
-    table = _Placed(others, other_radius, room, radius, space)
+    table = _DiscTable(others, other_radius, room, radius, space)
     table.take(_lattice_in(space, radius, rng))
     table.take(_points_of(space)(FILLING_CROWD if isinstance(space, Crowded) else FILLING, rng))
     return table.new
 
 
-class _Placed:
+class _DiscTable:
     """Discs placed so far, those of others first, in linked lists by cell."""
 
     def __init__(
@@ -117,25 +115,21 @@ class _Placed:
         self._grid = Grid.over(bounds, cell, 64 + 4 * len(self._radius))
         self._head = np.full(self._grid.cells, -1, np.int64)
         self._following = np.full(len(self._radius), -1, np.int64)
-        self._link(others)
-
-    def _link(self, others: np.ndarray) -> None:
-        """List the discs that are there already, whatever they overlap."""
-        link_by_cell(others, self._grid.numbers, self._head, self._following)
-        self._taken = len(others)
+        link_by_cell(others, self._grid.numbers, self._head, self._following)  # whatever they overlap
+        self._count = len(others)
 
     @property
     def missing(self) -> int:
-        return len(self._position) - self._taken
+        return len(self._position) - self._count
 
     @property
     def new(self) -> np.ndarray:
-        return self._position[self._old : self._taken]
+        return self._position[self._old : self._count]
 
     def take(self, candidates: np.ndarray) -> None:
         radius = self._radius[-1] if len(self._radius) else 0.0
-        placed = self._position, self._radius, self._taken
-        self._taken = take_apart(candidates, radius, *placed, self._grid.numbers, self._head, self._following)
+        discs = self._position, self._radius, self._count
+        self._count = take_apart(candidates, radius, *discs, self._grid.numbers, self._head, self._following)
 
 
 def _outline(space: shapely.Geometry | Crowded) -> shapely.Geometry:
@@ -195,5 +189,5 @@ def _most_that_fit(space: shapely.Geometry | Crowded, radius: float) -> int:
 
 
 def _does_not_fit(n: int, radius: float, where: str, fit: int | str) -> str:
-    what = f"{n} robot of radius {radius:g} does" if n == 1 else f"{n} robots of radius {radius:g} do"
-    return f"{what} not fit on {where}: {fit} would; ask for fewer or a larger map"
+    subject = f"{n} robot of radius {radius:g} does" if n == 1 else f"{n} robots of radius {radius:g} do"
+    return f"{subject} not fit on {where}: {fit} would; ask for fewer or a larger map"

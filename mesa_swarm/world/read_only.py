@@ -74,6 +74,13 @@ def read_only(values: Any) -> Any:
     return array
 
 
+def locked_view(array: np.ndarray) -> np.ndarray:
+    """Return a view that cannot be written to, of NumPy's own type, which compiled functions take."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
 def _refuse() -> NoReturn:
     raise InvalidValueError(
         "an element of a copy was set, which would change nothing; set the property as a whole, as in "

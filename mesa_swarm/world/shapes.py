@@ -9,7 +9,8 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.masks import holds_masked, unmasked
+from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry.masks import fill_masked, holds_masked
 from mesa_swarm.world.read_only import read_only
 
 LARGEST_COORDINATE = 1e9
@@ -53,7 +54,7 @@ class Shape:
         return "rectangle" if self.geometry.equals_exact(shapely.normalize(box)) else "polygon"
 
     @property
-    def bounds(self) -> tuple[float, float, float, float]:
+    def bounds(self) -> Bounds:
         """Smallest and largest x and y: (x_min, y_min, x_max, y_max)."""
         x_min, y_min, x_max, y_max = self.geometry.bounds
         return x_min - self.radius, y_min - self.radius, x_max + self.radius, y_max + self.radius
@@ -100,9 +101,9 @@ def disc(centre: Coordinates, radius: float, *, contact: bool = True) -> Shape:
     >>> disc((10, 20), 5).kind
     'disc'
     """
-    x, y = _checked_points("centre", [centre])[0]
-    checked = check_number("radius", radius, above=0, maximum=LARGEST_COORDINATE)
-    return Shape(Point(x, y), checked, contact=bool(contact))
+    x, y = _check_points("centre", [centre])[0]
+    size = check_number("radius", radius, above=0, maximum=LARGEST_COORDINATE)
+    return Shape(Point(x, y), size, contact=bool(contact))
 
 
 def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = True) -> Shape:
@@ -118,7 +119,7 @@ def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = Tru
     >>> rectangle((0, 0), (20, 600)).bounds
     (0.0, 0.0, 20.0, 600.0)
     """
-    (x0, y0), (x1, y1) = _checked_points("rectangle's corners", [corner, opposite])
+    (x0, y0), (x1, y1) = _check_points("rectangle's corners", [corner, opposite])
     if (x1 - x0) * (y1 - y0) == 0:
         corners = f"({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
         raise InvalidValueError(f"rectangle from {corners} has no area; give opposite corners")
@@ -127,10 +128,7 @@ def rectangle(corner: Coordinates, opposite: Coordinates, *, contact: bool = Tru
 
 
 def polygon(
-    outline: Iterable[Coordinates],
-    holes: Iterable[Iterable[Coordinates]] = (),
-    *,
-    contact: bool = True,
+    outline: Iterable[Coordinates], holes: Iterable[Iterable[Coordinates]] = (), *, contact: bool = True
 ) -> Shape:
     """Return a simple polygon, convex or not, with or without holes.
 
@@ -153,7 +151,7 @@ def polygon(
     >>> polygon([(0, 0), (10, 0), (0, 10)]).kind
     'polygon'
     """
-    shell, *rings = checked_rings(outline, holes)
+    shell, *rings = check_rings(outline, holes)
     is_plain = not rings and (shell[0] != shell[-1]).any()  # as most are, and then made in a fifth of the time
     geometry = shapely.polygons(shell) if is_plain else Polygon(shell, rings)
     if not geometry.is_valid:
@@ -203,40 +201,40 @@ def shape_from_json(value: dict) -> Shape:
     return polygon(outline, holes, contact=contact)
 
 
-def checked_rings(outline: Iterable[Coordinates], holes: Iterable[Iterable[Coordinates]] = ()) -> list[np.ndarray]:
+def check_rings(outline: Iterable[Coordinates], holes: Iterable[Iterable[Coordinates]] = ()) -> list[np.ndarray]:
     """Return the outline of a polygon and its holes as (n, 2) arrays of 3 to 200,000 finite points, not yet a polygon.
 
     Examples
     --------
-    >>> [len(ring) for ring in checked_rings([(0, 0), (10, 0), (0, 10)])]
+    >>> [len(ring) for ring in check_rings([(0, 0), (10, 0), (0, 10)])]
     [3]
     """
-    shell = _checked_points("outline", outline)
+    shell = _check_points("outline", outline)
     if not isinstance(holes, Iterable):
         raise InvalidValueError(f"holes is {shortened(holes)}; expected a list of outlines")
-    rings = [shell, *(_checked_points("hole", hole) for hole in holes)]
+    rings = [shell, *(_check_points("hole", hole) for hole in holes)]
     if min(map(len, rings)) < 3:
         raise InvalidValueError("polygon has an outline of fewer than 3 points; give at least 3")
     return rings
 
 
-def _checked_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
+def _check_points(name: str, points: Iterable[Coordinates]) -> np.ndarray:
     """Return (n, 2) finite floats; refuse anything else before memory is spent on it."""
     if not isinstance(points, Iterable):
         raise InvalidValueError(f"{name} is {shortened(points)}; expected a list of points (x, y)")
-    points = unmasked(points) if holds_masked(points) else points
+    points = fill_masked(points) if holds_masked(points) else points
     if _is_table(points) and len(points) <= MOST_VERTICES and (np.abs(points) <= LARGEST_COORDINATE).all():
         return points + 0.0
-    checked = []
+    pairs = []
     for point in points:
         x, y = _pair(name, point)
         if not (abs(x) <= LARGEST_COORDINATE and abs(y) <= LARGEST_COORDINATE):  # also refuses NaN
             limit = f"finite coordinates of at most {LARGEST_COORDINATE:g}"
             raise InvalidValueError(f"{name} has the point ({x}, {y}); expected {limit}")
-        checked.append((x, y))
-        if len(checked) > MOST_VERTICES:
+        pairs.append((x, y))
+        if len(pairs) > MOST_VERTICES:
             raise InvalidValueError(f"{name} has more than {MOST_VERTICES} points; simplify it first")
-    return np.array(checked).reshape(-1, 2)
+    return np.array(pairs).reshape(-1, 2)
 
 
 def _is_table(points: Iterable[Coordinates]) -> TypeGuard[np.ndarray]:
@@ -257,7 +255,7 @@ def _pair(name: str, point: Coordinates) -> tuple[float, float]:
 def as_numbers(value: object) -> np.ndarray:
     """Return a user's value as an array of floats, masked ones NaN; an empty one if it does not hold numbers alone."""
     try:
-        array = unmasked(value)
+        array = fill_masked(value)
         if array.dtype.kind in "iufO":
             return array.astype(float)
     except Exception:

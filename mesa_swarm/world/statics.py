@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.geometry.grid import CellLists, Grid, list_boxes_by_cell
+from mesa_swarm.geometry.grid import Bounds, CellLists, Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
@@ -47,7 +47,7 @@ class Statics:
         First edge, and one past the last, of every solid polygon.
     bounds : ndarray, shape (4,)
     grid : Grid
-    seen, touched : CellLists
+    sight_cells, touch_cells : CellLists
         The items that can be seen, or touched, from each cell of the grid.
     """
 
@@ -60,14 +60,14 @@ class Statics:
     rings: np.ndarray
     bounds: np.ndarray
     grid: Grid
-    seen: CellLists
-    touched: CellLists
+    sight_cells: CellLists
+    touch_cells: CellLists
     first_apart: int
 
     @classmethod
     def of(
         cls,
-        bounds: tuple[float, float, float, float],
+        bounds: Bounds,
         shapes: Sequence[Shape],
         codes: Sequence[int] | np.ndarray,
         *,
@@ -108,8 +108,8 @@ class Statics:
             rings=rings,
             bounds=np.array(bounds, dtype=float),
             grid=grid,
-            seen=CellLists(grid.numbers, seen_start, still[seen_items]),
-            touched=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
+            sight_cells=CellLists(grid.numbers, seen_start, still[seen_items]),
+            touch_cells=CellLists(grid.numbers, touched_start, still[touched_items + 4]),
             first_apart=int(np.count_nonzero(disc_shape < first)),
         )
 
@@ -143,7 +143,7 @@ class Marks:
         return cls(edges=edges, rings=rings, discs=_discs_of(marks)[0])
 
 
-def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sight: float, touch: float) -> Grid:
+def _grid_for(boxes: np.ndarray, bounds: Bounds, sight: float, touch: float) -> Grid:
     """Return a grid whose cell count suits the number of items, smaller if they would be listed too often."""
     small = min(CELLS_PER_FEW_ITEMS * len(boxes), MOST_SMALL_CELLS)
     most = FEWEST_CELLS + max(CELLS_PER_ITEM * len(boxes), small)
@@ -151,8 +151,8 @@ def _grid_for(boxes: np.ndarray, bounds: tuple[float, float, float, float], sigh
     while True:
         grid = Grid.over(bounds, touch, most)
         first, last = np.clip(boxes[:, :2] - sight, low, high), np.clip(boxes[:, 2:] + sight, low, high)
-        listed = ((last - first) / grid.cell + 1).prod(axis=1).sum()
-        if listed <= max(MOST_LISTED, 4 * len(boxes)) or grid.cells == 1:
+        entries = ((last - first) / grid.cell + 1).prod(axis=1).sum()
+        if entries <= max(MOST_LISTED, 4 * len(boxes)) or grid.cells == 1:
             return grid
         most = max(1, min(most, grid.cells) // 4)
 
@@ -171,7 +171,7 @@ def _border(bounds: Sequence[float]) -> np.ndarray:
 
 def _discs_of(shapes: Sequence[tuple[int, Shape]]) -> tuple[np.ndarray, np.ndarray]:
     """Return x, y, radius of the discs among numbered shapes, and their numbers."""
-    discs = [(i, s.geometry, s.radius) for i, s in shapes if s.is_disc]
+    discs = [(i, shape.geometry, shape.radius) for i, shape in shapes if shape.is_disc]
     if not discs:
         return np.empty((0, 3)), np.empty(0, np.int64)
     numbers, centres, radii = zip(*discs, strict=True)
@@ -186,7 +186,7 @@ def _edges_of(shapes: Sequence[tuple[int, Shape]], border: np.ndarray) -> tuple[
         if shape.is_disc:
             continue
         polygon = orient(shape.geometry)
-        segments = [_segments(shapely.get_coordinates(r)) for r in (polygon.exterior, *polygon.interiors)]
+        segments = [_segments(shapely.get_coordinates(ring)) for ring in (polygon.exterior, *polygon.interiors)]
         count = sum(map(len, segments))
         parts += segments
         owner.append(np.full(count, i))

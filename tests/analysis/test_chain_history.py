@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mesa_swarm.analysis.chain_history import follow_chains, settled
+from mesa_swarm.analysis.chain_history import follow_chains, settle_links
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 
 seeds = st.integers(0, 2**32 - 1)
@@ -309,7 +309,7 @@ def test_every_chain_has_a_birth_or_a_parent_and_an_end_or_an_heir(seed):
 def test_settled_links_are_those_that_came_and_went_for_patience_frames(seed, patience):
     rng = np.random.default_rng(seed)
     seen = np.array([flickering(rng) for _ in range(40)])
-    kept = settled(seen, patience)
+    kept = settle_links(seen, patience)
     assert kept.tolist() == [list(row) for row in zip(*(settled_by_hand(c, patience) for c in seen.T), strict=True)]
     for row in kept:
         followed_by = row[row >= 0]

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm.analysis import ChainEvent
-from mesa_swarm.analysis.arrays import (
-    check_array,
-    check_bounds,
-    check_length,
-    check_points,
-    check_steps,
-    check_whole,
-)
+from mesa_swarm.analysis.arrays import check_array, check_bounds, check_length, check_points, check_steps, check_whole
 from mesa_swarm.analysis.chain_history import (
     Lineage,
     Meetings,
@@ -19,11 +12,20 @@ from mesa_swarm.analysis.chain_history import (
     facing_pairs,
     first_run,
     meeting_event,
-    settled,
+    settle_links,
     turning_points,
 )
 from mesa_swarm.analysis.chains import nearest_ahead, paths
-from mesa_swarm.analysis.pathology import ROBOT, Track, at, covered, flips_of, last_before, lasting, runs
+from mesa_swarm.analysis.pathology import (
+    ROBOT,
+    Track,
+    find_lasting,
+    find_runs,
+    flips_of,
+    last_before,
+    look_up_step,
+    mark_steps,
+)
 
 
 def column(*values):
@@ -40,7 +42,7 @@ def test_arrays_at_the_border_get_their_types():
 
 def test_the_last_sign_before_a_step_is_that_of_another_step_that_is_not_zero():
     assert last_before(column(1, 0, -1)).ravel().tolist() == [-1, 0, 0]
-    assert at(column(1, 2), column(1, 0)).ravel().tolist() == [2, 1]
+    assert look_up_step(column(1, 2), column(1, 0)).ravel().tolist() == [2, 1]
 
 
 def test_a_sign_flips_where_the_last_one_was_the_opposite():
@@ -48,15 +50,15 @@ def test_a_sign_flips_where_the_last_one_was_the_opposite():
 
 
 def test_stretches_are_covered_and_found_again():
-    mask = covered((4, 1), np.array([0]), np.array([1]), np.array([2]))
+    mask = mark_steps((4, 1), np.array([0]), np.array([1]), np.array([2]))
     assert mask.ravel().tolist() == [False, True, True, False]
-    assert runs(mask) == [(0, 1, 2)]
-    assert runs(column(True, True, False, True)) == [(0, 0, 1), (0, 3, 3)]
+    assert find_runs(mask) == [(0, 1, 2)]
+    assert find_runs(column(True, True, False, True)) == [(0, 0, 1), (0, 3, 3)]
 
 
 def test_lasting_stretches_begin_after_step_zero():
-    assert lasting(np.ones((4, 1), bool), 2)[0].tolist() == [1, 2]
-    assert len(lasting(np.ones((2, 1), bool), 2)[0]) == 0
+    assert find_lasting(np.ones((4, 1), bool), 2)[0].tolist() == [1, 2]
+    assert len(find_lasting(np.ones((2, 1), bool), 2)[0]) == 0
 
 
 def test_a_track_reads_near_bodies_by_the_sensor_on_that_side():
@@ -108,7 +110,7 @@ def test_a_meeting_names_the_chains_of_its_robots():
 
 
 def test_links_that_flicker_are_settled():
-    assert settled(column(-1, 0, 0, -1, 0, -1, -1), 2).ravel().tolist() == [-1, 0, 0, 0, 0, -1, -1]
+    assert settle_links(column(-1, 0, 0, -1, 0, -1, -1), 2).ravel().tolist() == [-1, 0, 0, 0, 0, -1, -1]
 
 
 def test_a_way_turns_where_it_then_goes_far_enough_back():

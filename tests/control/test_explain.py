@@ -9,7 +9,7 @@ import pytest
 from mesa_swarm import AGENT3, AGENT9, disc
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, RemovedRobotError
 from mesa_swarm.control import PASS, Avoid, Explore, Subsumption, VectorSum, behaviour
-from mesa_swarm.control.arbiter import driver
+from mesa_swarm.control.arbiter import name_driver
 from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.robots.reasons import Moment, Reason
 from support.explanations import AHEAD, explanation, first, watched
@@ -79,7 +79,7 @@ def test_wheel_speeds_in_words(left, right, words):
 
 def test_a_layer_s_index_is_described_by_its_name():
     control = Subsumption(Avoid(), Explore())
-    assert [driver(control, index) for index in (1, -1, 7)] == ["Explore", "no layer", "unknown layer 7"]
+    assert [name_driver(control, index) for index in (1, -1, 7)] == ["Explore", "no layer", "unknown layer 7"]
 
 
 # ---- every model

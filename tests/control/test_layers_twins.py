@@ -23,7 +23,7 @@ from mesa_swarm.control import (
 )
 from mesa_swarm.control.explore import count_down, turn_on_the_spot
 from mesa_swarm.control.flocking import FEWEST, align, track
-from mesa_swarm.control.head_on import head_on
+from mesa_swarm.control.head_on import meet_head_on
 from support.made_senses import (
     EACH,
     FIRE,
@@ -310,7 +310,7 @@ def test_encounters_begin_go_on_and_end_as_documented():
         draws = np.random.default_rng(seed).choice([0.3, 1.0, 9.0], ROBOTS)
         nearest = np.array([nearest_robot_ahead(known_to(senses, i)) for i in range(ROBOTS)])
         command, won = np.full((ROBOTS, 2), NOTHING_WRITTEN), drivers.copy()
-        head_on(
+        meet_head_on(
             nearest, senses.distance, senses.kind, senses.design, senses.forward, senses.last_command,
             senses.max_speed, senses.radius, senses.tendency, draws, 30.0, 0.25, 1.0, *state, command, won, 7,
         )  # fmt: skip

@@ -19,7 +19,7 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.base.errors import BehaviourError, UncompiledBehaviourWarning
 from mesa_swarm.control import PASS, Explore, Subsumption, behaviour
-from mesa_swarm.control.limits import MOST_LOOPS, calls_itself, uncounted
+from mesa_swarm.control.limits import MOST_LOOPS, calls_itself, find_uncounted
 
 FIRST = {"n": 0, "x": 0.0, "on": False, "whole": [0, 0], "real": [0.0, 0.0]}
 
@@ -403,7 +403,7 @@ def test_what_cannot_be_counted_in_a_plain_rule_is_named():
         str({})
         return squared(1.0) + tools.spin(-1.0), 0.0
 
-    assert uncounted(mixed) == ["squared", "tools.spin"]
+    assert find_uncounted(mixed) == ["squared", "tools.spin"]
     with pytest.warns(UncompiledBehaviourWarning, match="loops in squared, tools.spin are not counted"):
         driven(behaviour(mixed)).run(1)
 

@@ -25,7 +25,7 @@ from mesa_swarm.control import (
     Subsumption,
     VectorSum,
 )
-from mesa_swarm.control.arbiter import driver
+from mesa_swarm.control.arbiter import name_driver
 
 ABOVE_0, FAR, LARGEST = math.ulp(0.0), 1e6, sys.float_info.max
 NUMBERS = [
@@ -93,7 +93,7 @@ def test_weights_are_1_each_by_default_and_at_most_a_million_either_way():
 
 def test_the_first_layer_and_the_last_are_described_by_their_names():
     control = Subsumption(Avoid(), Explore())
-    assert [driver(control, k) for k in (-2, -1, 0, 1, 2)] == [
+    assert [name_driver(control, k) for k in (-2, -1, 0, 1, 2)] == [
         "no layer", "no layer", "Avoid", "Explore", "unknown layer 2",
     ]  # fmt: skip
 

@@ -8,7 +8,8 @@ import pytest
 from mesa_swarm import ProximitySensor, RadiationSensor, RobotDesign
 from mesa_swarm.base.errors import BehaviourError
 from mesa_swarm.control import PASS, Subsumption, behaviour
-from mesa_swarm.control.rule import brief, seen
+from mesa_swarm.control.rule import distances
+from mesa_swarm.robots.devices import extract_reason
 from mesa_swarm.robots.sensors import LineSensor
 from support.made_senses import ROBOTS, decided, known_to, made_drivers, made_senses, model_of_three_designs
 from support.rules import SEEN, facing_a_disc, step_with
@@ -104,7 +105,7 @@ def test_plain_rules_read_the_first_sensor_the_last_and_nothing(which):
 
 
 def test_readings_are_a_view_that_cannot_be_written_and_sums_of_them_are_ordinary():
-    readings = seen[0](np.array([3.0, 1.0, 2.0]))
+    readings = distances[0](np.array([3.0, 1.0, 2.0]))
     assert [readings[k] for k in (0, 1, 2, -1)] == [3.0, 1.0, 2.0, -1.0]
     assert readings[-2:].tolist() == [1.0, 2.0]
     assert (readings + 1.0)[-1] == 3.0
@@ -135,4 +136,4 @@ def test_whole_parameters_stay_whole_as_far_as_floats_represent_them():
     ],
 )
 def test_an_explanation_of_the_compiler_is_shortened_to_its_most_specific_line(problem, words):
-    assert brief(problem) == words
+    assert extract_reason(problem) == words

@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm import AGENT9, HolonomicDrive, ProximitySensor, RobotDesign
 from mesa_swarm.control import Align, Cruise, Explore, MatchVelocity, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.flocking import drive_arcs, track
-from mesa_swarm.physics.motion import advance
+from mesa_swarm.physics.motion import advance_robots
 from mesa_swarm.robots.drive import wheels_to_motion
 from support.scenes import empty
 
@@ -77,7 +77,7 @@ def test_the_arc_reaches_the_point_to_which_the_neighbours_moved_in_one_step():
     drive_arcs(velocity, np.full(2, 9), 3, 0.0, np.full(2, 50.0), radius, command, layer, 0)
     motion, position, heading = np.empty((2, 3)), np.zeros((2, 2)), np.zeros(2)
     wheels_to_motion(command, radius, motion)
-    advance(position, heading, motion, 1)
+    advance_robots(position, heading, motion, 1)
     np.testing.assert_allclose(position, velocity, atol=1e-12)
 
 

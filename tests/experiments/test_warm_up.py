@@ -24,7 +24,7 @@ def needed(monkeypatch, tmp_path):
     table = {"many": ["a", "b", "c"], "few": ["c"], "other": ["d"]}
     monkeypatch.setattr(module, "needed_functions", lambda: table)
     for each in (module, code_files, compiling):
-        monkeypatch.setattr(each, "places", lambda: (tmp_path,))
+        monkeypatch.setattr(each, "list_folders", lambda: (tmp_path,))
     started = []
 
     def script(text):
@@ -75,7 +75,7 @@ def test_damaged_code_of_rules_is_compiled_again_by_whatever_model_has_them(need
 
 
 def test_where_nothing_can_be_stored_nothing_is_begun_and_the_reason_is_one_line(needed, monkeypatch):
-    monkeypatch.setattr(module, "unstored", lambda: "machine code cannot be stored (here: denied); do this")
+    monkeypatch.setattr(module, "why_not_stored", lambda: "machine code cannot be stored (here: denied); do this")
     with pytest.raises(InvalidValueError, match=r"^machine code cannot be stored \(here: denied\); do this$"):
         warm_up(jobs=1)
     assert needed == []

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from mesa_swarm.geometry.masks import holds_masked, unmasked
+from mesa_swarm.geometry.masks import fill_masked, holds_masked
 
 shapes = array_shapes(min_dims=0, max_dims=3, max_side=4)
 
@@ -15,7 +15,7 @@ shapes = array_shapes(min_dims=0, max_dims=3, max_side=4)
 def test_masked_numbers_are_nan_and_all_others_stay(drawn, shape, kind):
     values = drawn.draw(arrays(kind, shape))
     mask = drawn.draw(arrays(bool, shape))
-    found = unmasked(np.ma.array(values, mask=mask))
+    found = fill_masked(np.ma.array(values, mask=mask))
     np.testing.assert_array_equal(found, np.where(mask, np.nan, values) if mask.any() else values)
     assert type(found) is np.ndarray
     assert mask.any() or found.dtype == kind
@@ -28,9 +28,9 @@ def test_values_without_a_mask_become_what_numpy_makes_of_them(value):
         expected = np.asarray(value)
     except (ValueError, OverflowError) as error:
         with pytest.raises(type(error)):
-            unmasked(value)
+            fill_masked(value)
     else:
-        np.testing.assert_array_equal(unmasked(value), expected)
+        np.testing.assert_array_equal(fill_masked(value), expected)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_values_without_a_mask_become_what_numpy_makes_of_them(value):
 )
 def test_masks_are_seen_within_lists(value):
     assert holds_masked(value)
-    found = unmasked(value)
+    found = fill_masked(value)
     assert np.isnan(found).sum() == 1
     assert not (found == 5.0).any()
 
@@ -57,5 +57,5 @@ def test_a_list_that_holds_itself_is_not_masked():
 
 
 def test_masked_texts_and_records_are_no_numbers():
-    assert unmasked(np.ma.array(["a", "b"], mask=[0, 1])).dtype.kind == "U"
-    assert unmasked(np.ma.array([(1.0, 2)], dtype=[("x", float), ("y", int)], mask=[(1, 0)])).dtype.kind == "V"
+    assert fill_masked(np.ma.array(["a", "b"], mask=[0, 1])).dtype.kind == "U"
+    assert fill_masked(np.ma.array([(1.0, 2)], dtype=[("x", float), ("y", int)], mask=[(1, 0)])).dtype.kind == "V"

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from shapely import LineString, MultiPoint, Point, Polygon
 
-from mesa_swarm.geometry.overlap import in_polygon, nearest_on_segment, segments_meet, wrapped
+from mesa_swarm.geometry.overlap import is_in_polygon, nearest_on_segment, segments_meet, wrap_angle
 
 numbers = st.floats(-100, 100)
 
@@ -36,7 +36,7 @@ def edges_of(polygon):
 def test_a_point_is_in_a_polygon_when_it_is_in_shapelys(polygon, x, y):
     assume(polygon.boundary.distance(Point(x, y)) > 1e-9)
     edges = edges_of(polygon)
-    assert in_polygon(x, y, edges, 0, len(edges)) == shapely.contains_xy(polygon, x, y)
+    assert is_in_polygon(x, y, edges, 0, len(edges)) == shapely.contains_xy(polygon, x, y)
 
 
 @given(polygons(), st.integers(0, 30), numbers)
@@ -45,7 +45,7 @@ def test_a_point_level_with_a_vertex_is_counted_once(polygon, k, x):
     y = vertices[k % len(vertices), 1]
     assume(polygon.boundary.distance(Point(x, y)) > 1e-9)
     edges = edges_of(polygon)
-    assert in_polygon(x, y, edges, 0, len(edges)) == shapely.contains_xy(polygon, x, y)
+    assert is_in_polygon(x, y, edges, 0, len(edges)) == shapely.contains_xy(polygon, x, y)
 
 
 @given(polygons(), polygons(), numbers, numbers)
@@ -53,7 +53,7 @@ def test_only_the_given_rows_count(polygon, other, x, y):
     assume(polygon.boundary.distance(Point(x, y)) > 1e-9)
     first, both = edges_of(other), np.concatenate([edges_of(other), edges_of(polygon), edges_of(other)])
     last = len(both) - len(first)
-    assert in_polygon(x, y, both, len(first), last) == shapely.contains_xy(polygon, x, y)
+    assert is_in_polygon(x, y, both, len(first), last) == shapely.contains_xy(polygon, x, y)
 
 
 @given(*[numbers] * 6)
@@ -73,7 +73,7 @@ def test_the_nearest_point_is_on_the_face_or_at_an_end():
 
 @given(st.floats(-1e6, 1e6))
 def test_a_wrapped_heading_is_in_its_interval_and_points_the_same_way(heading):
-    turned = wrapped(heading)
+    turned = wrap_angle(heading)
     assert -math.pi <= turned < math.pi
     assert math.cos(turned) == pytest.approx(math.cos(heading), abs=1e-9)
     assert math.sin(turned) == pytest.approx(math.sin(heading), abs=1e-9)
@@ -81,13 +81,13 @@ def test_a_wrapped_heading_is_in_its_interval_and_points_the_same_way(heading):
 
 @given(st.floats(-math.pi, math.pi, exclude_max=True))
 def test_a_heading_within_half_a_turn_is_left_as_it_is(heading):
-    assert wrapped(heading) == heading
+    assert wrap_angle(heading) == heading
 
 
 def test_half_a_turn_wraps_to_minus_half_a_turn():
-    assert wrapped(math.pi) == -math.pi
-    assert wrapped(-math.pi) == -math.pi
-    assert -math.pi <= wrapped(math.nextafter(-math.pi, -4)) < math.pi
+    assert wrap_angle(math.pi) == -math.pi
+    assert wrap_angle(-math.pi) == -math.pi
+    assert -math.pi <= wrap_angle(math.nextafter(-math.pi, -4)) < math.pi
 
 
 @given(st.tuples(*[st.integers(0, 4)] * 8))

@@ -12,7 +12,7 @@ from mesa_swarm.geometry.room import (
     Crowded,
     areas_by_cell,
     circumscribed_ratio,
-    part_around,
+    find_part_around,
     room_for_disc,
     room_to_try,
 )
@@ -35,17 +35,17 @@ def test_a_grown_disc_is_drawn_around_the_circle_and_touches_it(quarter_segments
 def test_there_is_no_room_for_a_disc_as_wide_as_the_world(radius, sides):
     room = room_for_disc((7, 3, 7 + sides[0], 3 + sides[1]), [], radius, 16)
     assert room.is_empty
-    assert part_around(room, (50, 50), 1e9) is None
+    assert find_part_around(room, (50, 50), 1e9) is None
 
 
 def test_there_is_no_room_where_all_is_solid():
-    assert part_around(room_for_disc((0, 0, 9, 9), [(shapely.box(0, 0, 9, 9), 0.0)], 1.0, 16), (4, 4), 1e9) is None
+    assert find_part_around(room_for_disc((0, 0, 9, 9), [(shapely.box(0, 0, 9, 9), 0.0)], 1.0, 16), (4, 4), 1e9) is None
 
 
 def test_the_nearest_part_within_the_slack_is_taken():
-    assert part_around(TWO, (4.0, 0.5), 1.0).area == 2.0
-    assert part_around(TWO, (1.5, 0.5), 4.0).area == 1.0
-    assert part_around(TWO, (4.0, 0.5), 0.99) is None
+    assert find_part_around(TWO, (4.0, 0.5), 1.0).area == 2.0
+    assert find_part_around(TWO, (1.5, 0.5), 4.0).area == 1.0
+    assert find_part_around(TWO, (4.0, 0.5), 0.99) is None
 
 
 def test_what_is_no_geometry_is_refused():

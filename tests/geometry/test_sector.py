@@ -10,7 +10,7 @@ from shapely import LineString, Point
 
 from mesa_swarm.geometry.sector import (
     half_angle,
-    in_cone,
+    is_in_cone,
     ray_azimuth,
     ray_to_disc,
     ray_to_segment,
@@ -19,7 +19,7 @@ from mesa_swarm.geometry.sector import (
     sector_to_disc,
     sector_to_segment,
 )
-from mesa_swarm.physics.shapely_engine import View, distance_to_disc, distance_to_polygon, wedge
+from mesa_swarm.physics.shapely_engine import View, distance_to_disc, distance_to_polygon, make_wedge
 
 RANGE = 50.0
 WIDTHS = [0.0, 0.01, math.pi / 6, math.pi / 2, 3.0, math.pi, 3.3, 5.0, 6.2, 2 * math.pi]
@@ -33,7 +33,7 @@ def view(width, limit=RANGE):
     half = width / 2
     edges = [] if width >= 2 * math.pi else [half, -half]
     rays = tuple(LineString([(0, 0), (200 * math.cos(a), 200 * math.sin(a))]) for a in edges)
-    return View(Point(0, 0), wedge((0.0, 0.0), 0.0, half, 200.0), rays, limit)
+    return View(Point(0, 0), make_wedge((0.0, 0.0), 0.0, half, 200.0), rays, limit)
 
 
 def within(distance, limit=RANGE):
@@ -158,10 +158,10 @@ def test_a_range_of_zero_sees_only_what_touches_the_apex():
 
 
 def test_the_edges_of_a_cone_belong_to_it():
-    assert in_cone(0.0, -1.0, *half_angle(math.pi))
-    assert in_cone(-1.0, 0.0, *half_angle(2 * math.pi))
-    assert not in_cone(-1.0, 0.0, *half_angle(0.0))
-    assert in_cone(0.0, 0.0, *half_angle(0.0))
+    assert is_in_cone(0.0, -1.0, *half_angle(math.pi))
+    assert is_in_cone(-1.0, 0.0, *half_angle(2 * math.pi))
+    assert not is_in_cone(-1.0, 0.0, *half_angle(0.0))
+    assert is_in_cone(0.0, 0.0, *half_angle(0.0))
 
 
 def test_a_ray_does_not_see_what_is_behind_it():

@@ -18,10 +18,10 @@ from mesa_swarm.kernels.code_files import (
     drop_damaged,
     file_of,
     is_stored,
-    read,
-    unstored,
+    read_code,
+    why_not_stored,
     why_unwritable,
-    write,
+    write_code,
 )
 from mesa_swarm.kernels.compiled import compiled
 from support.disks import read_only
@@ -36,14 +36,14 @@ def tripled(x):
 def folders(monkeypatch, tmp_path):
     """Empty folders of an installation and of a user; a function that forbids writing to one of them."""
     monkeypatch.setattr(code_files, "HOME", tmp_path / "home")
-    monkeypatch.setattr(code_files, "_of_user", lambda: tmp_path / "user")
+    monkeypatch.setattr(code_files, "_folder_of_user", lambda: tmp_path / "user")
     monkeypatch.setattr(code_files, "problems", [])
     monkeypatch.setenv(REPORTED, "")  # is unset again after the test
     monkeypatch.delenv(REPORTED)
-    for cached in (code_files.places, why_unwritable):
+    for cached in (code_files.list_folders, why_unwritable):
         cached.cache_clear()
     yield Folders(tmp_path / "home", tmp_path / "user")
-    for cached in (code_files.places, why_unwritable):
+    for cached in (code_files.list_folders, why_unwritable):
         cached.cache_clear()
 
 
@@ -58,14 +58,14 @@ class Folders:
         if folder.exists():
             folder.rename(folder.with_suffix(".kept"))
         folder.write_text("")
-        code_files.places.cache_clear()
+        code_files.list_folders.cache_clear()
         why_unwritable.cache_clear()
 
 
 def test_what_was_written_is_read_and_replaced_by_what_is_written_later(folders):
     for code in (b"first", b"", b"second"):
-        write("a/f.nbc", code)
-        assert list(read("a/f.nbc")) == [code]
+        write_code("a/f.nbc", code)
+        assert list(read_code("a/f.nbc")) == [code]
     assert [path.name for path in folders.home.rglob("*")] == ["a", "f.nbc"]
     assert not folders.user.exists()
 
@@ -89,12 +89,12 @@ DAMAGES = st.one_of(
 def test_a_file_that_is_cut_off_emptied_or_changed_anywhere_holds_nothing(tmp_path_factory, damage):
     folder = tmp_path_factory.mktemp("code")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(code_files, "places", lambda: (folder,))
-        write("f.nbc", CODE)
+        patch.setattr(code_files, "list_folders", lambda: (folder,))
+        write_code("f.nbc", CODE)
         whole = (folder / "f.nbc").read_bytes()
         (folder / "f.nbc").write_bytes(damage(whole))
         assert is_stored("f.nbc") == (damage(whole) == whole)
-        assert list(read("f.nbc")) == ([CODE] if damage(whole) == whole else [])
+        assert list(read_code("f.nbc")) == ([CODE] if damage(whole) == whole else [])
 
 
 def stored_anew(x):
@@ -110,7 +110,7 @@ def test_damaged_code_is_compiled_anew_and_its_file_replaced(folders, content):
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2] if content is None else content)
     assert stored_anew(2) == (6, False)
-    assert list(read(file.name))
+    assert list(read_code(file.name))
     assert stored_anew(2) == (6, True)
 
 
@@ -118,7 +118,7 @@ def test_whole_code_that_is_of_another_function_or_no_code_is_compiled_anew(fold
     stored_anew(2)
     (file,) = folders.home.glob("*.nbc")
     for content in (b"no pickle", code_files.dumps((("another",), "code")), code_files.dumps(3)):
-        write(file.name, content)
+        write_code(file.name, content)
         assert stored_anew(2) == (6, False)
     assert stored_anew(2) == (6, True)
 
@@ -126,7 +126,7 @@ def test_whole_code_that_is_of_another_function_or_no_code_is_compiled_anew(fold
 def test_code_of_a_read_only_installation_is_read_and_new_code_goes_to_the_users_folder(folders, monkeypatch):
     stored_anew(2)
     monkeypatch.setattr(code_files, "why_unwritable", lambda folder: "denied" if folder == folders.home else "")
-    code_files.places.cache_clear()
+    code_files.list_folders.cache_clear()
     assert stored_anew(2) == (6, True)
     assert not folders.user.exists()
     assert stored_anew(2.5) == (7.5, False)
@@ -139,21 +139,21 @@ def test_damaged_code_that_cannot_be_replaced_is_replaced_in_the_users_folder(fo
     (file,) = folders.home.glob("*.nbc")
     file.write_bytes(b"")
     monkeypatch.setattr(code_files, "why_unwritable", lambda folder: "denied" if folder == folders.home else "")
-    code_files.places.cache_clear()
+    code_files.list_folders.cache_clear()
     assert [stored_anew(2) for _ in range(2)] == [(6, False), (6, True)]
     assert file.read_bytes() == b""
 
 
 def test_where_nothing_can_be_written_one_line_reports_it_and_all_is_compiled(folders, capsys):
     folders.forbid(folders.home)
-    assert unstored() == ""
+    assert why_not_stored() == ""
     folders.forbid(folders.user)
     assert [stored_anew(x) for x in (2, 2.5, 2)] == [(6, False), (7.5, False), (6, False)]
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"mesa-swarm: machine code cannot be stored ({folders.home}: ")
     assert line.endswith("set NUMBA_CACHE_DIR to a folder that can be written to; until then each start compiles anew")
     assert str(folders.user) in line
-    assert line.startswith(f"mesa-swarm: {unstored()}")
+    assert line.startswith(f"mesa-swarm: {why_not_stored()}")
     assert len(code_files.problems) == 3
 
 
@@ -174,12 +174,12 @@ def test_a_user_without_a_home_has_no_folder_of_code(monkeypatch):
     for name in ("XDG_CACHE_HOME", "HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, "")
     monkeypatch.setattr(code_files, "AppDirs", lambda **_: type("Dirs", (), {"user_cache_dir": "~/.cache"}))
-    assert code_files._of_user() is None
+    assert code_files._folder_of_user() is None
 
 
 def test_damaged_files_of_rules_are_removed_and_named_unless_a_whole_one_replaces_them(folders, monkeypatch):
-    write("custom/a.nbc", b"code")
-    write("custom/b.nbc", b"code")
+    write_code("custom/a.nbc", b"code")
+    write_code("custom/b.nbc", b"code")
     (folders.home / "custom" / "b.nbc").write_bytes(b"damage")
     assert drop_damaged("custom") == ["custom/b.nbc"]
     assert [path.name for path in (folders.home / "custom").iterdir()] == ["a.nbc"]

@@ -8,7 +8,7 @@ import sys
 import numba
 
 from mesa_swarm.kernels import code_files
-from mesa_swarm.kernels.code_files import FOLDER, places
+from mesa_swarm.kernels.code_files import FOLDER, list_folders
 from mesa_swarm.kernels.compiled import compiled
 
 
@@ -24,13 +24,13 @@ def test_a_division_by_zero_is_infinite_as_numpys_is_and_raises_nothing():
 
 def test_machine_code_is_stored_in_the_cache_of_these_sources_and_numbas_own_setting_stays():
     before = numba.config.CACHE_DIR
-    assert compiled(quotient.py_func).stats.cache_path == str(places()[-1])
-    assert places()[0].name == FOLDER
+    assert compiled(quotient.py_func).stats.cache_path == str(list_folders()[-1])
+    assert list_folders()[0].name == FOLDER
     assert before == numba.config.CACHE_DIR
 
 
 def test_code_for_different_types_that_two_processes_store_at_once_is_not_mixed_up(tmp_path, monkeypatch):
-    monkeypatch.setattr(code_files, "places", lambda: (tmp_path,))
+    monkeypatch.setattr(code_files, "list_folders", lambda: (tmp_path,))
     one, other = compiled(quotient.py_func), compiled(quotient.py_func)
     assert (one(1, 2), other(1.0, 2.0)) == (0.5, 0.5)
     again = compiled(quotient.py_func)
@@ -47,7 +47,7 @@ def test_a_function_whose_source_is_in_no_file_is_compiled_and_not_stored():
 
 
 def test_a_function_in_a_file_that_has_changed_is_compiled_anew(tmp_path, monkeypatch):
-    monkeypatch.setattr(code_files, "places", lambda: (tmp_path / "code",))
+    monkeypatch.setattr(code_files, "list_folders", lambda: (tmp_path / "code",))
     source, results = tmp_path / "mine.py", []
     for factor in (2, 2, 3):
         source.write_text(f"def times(x):\n    return {factor} * x\n")

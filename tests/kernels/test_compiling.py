@@ -35,7 +35,7 @@ FIRST = (types.float64,)
 @pytest.fixture
 def functions(monkeypatch, tmp_path):
     """Three functions that a model needs, and an empty folder for their code."""
-    monkeypatch.setattr(code_files, "places", lambda: (tmp_path,))
+    monkeypatch.setattr(code_files, "list_folders", lambda: (tmp_path,))
     made = [SimpleNamespace(__module__="mesa_swarm.geometry.made", __qualname__=name) for name in ("a", "b", "c")]
     names = [name_of(function, FIRST) for function in made]
     table = {compiling.EVERY: names[:1], "boids": names[1:]}
@@ -55,7 +55,7 @@ def compile_one(compilation, function, shown):
         report(SimpleNamespace(data={"dispatcher": about, "args": FIRST}))
         shown.append(compilation.text())
     if function.__module__:
-        code_files.write(compiling._file_of(name_of(function, FIRST)), b"code")
+        code_files.write_code(compiling._file_of(name_of(function, FIRST)), b"code")
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])

@@ -12,10 +12,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.geometry.overlap import wrapped
+from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels import code_files, custom_code
-from mesa_swarm.kernels.compiled import custom_compiled
-from mesa_swarm.kernels.custom_code import digest_function, renamed, stored_on_disk
+from mesa_swarm.kernels.compiled import compile_custom
+from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
 
 BODY = "def f(x, k=2):\n    return {}\n"
 
@@ -30,14 +30,14 @@ def made(text, **around):
 def stored(function):
     """Return a compiled function whose code is stored, and its digest."""
     digest = digest_function(function)
-    return stored_on_disk(custom_compiled(renamed(function, digest)), digest)
+    return store_on_disk(compile_custom(rename_function(function, digest)), digest)
 
 
 @pytest.fixture
 def folder(monkeypatch, tmp_path):
     """An empty folder for machine code."""
     for module in (code_files, custom_code):
-        monkeypatch.setattr(module, "places", lambda: (tmp_path,))
+        monkeypatch.setattr(module, "list_folders", lambda: (tmp_path,))
     return tmp_path / "custom"
 
 
@@ -69,7 +69,10 @@ def test_digests_are_equal_exactly_if_the_values_that_are_used_are(one, other):
         (made("x + a[0]", a=np.zeros(3)), made("x + a[0]", a=np.array([0.0, 0.0, 1e-300]))),
         (made("x + a", a=np.float32(1)), made("x + a", a=np.float64(1))),
         (made("(lambda y: y + 1)(x)"), made("(lambda y: y + 2)(x)")),
-        (made("wrapped(x)", wrapped=wrapped), made("wrapped(x)", wrapped=wrapped.py_func.__globals__["math"].sin)),
+        (
+            made("wrapped(x)", wrapped=wrap_angle),
+            made("wrapped(x)", wrapped=wrap_angle.py_func.__globals__["math"].sin),
+        ),
     ],
 )
 def test_functions_that_do_other_things_have_other_digests(one, other):
@@ -103,7 +106,7 @@ class Odd:
 def test_a_function_is_not_stored_if_it_is_not_known_when_something_that_it_uses_changes(value):
     function = made("near(x)", near=value)
     assert digest_function(function) is None
-    assert renamed(function, None) is function
+    assert rename_function(function, None) is function
 
 
 def test_code_is_stored_and_found_by_another_dispatcher_which_compiles_nothing(folder):
@@ -149,7 +152,7 @@ def test_where_nothing_can_be_written_it_is_compiled_all_the_same(folder, capsys
 
 def test_code_is_stored_only_if_it_is_accepted_once_it_is_compiled(folder):
     digest = digest_function(made("x"))
-    run = stored_on_disk(custom_compiled(renamed(made("x"), digest)), digest, lambda: len(run.overloads) > 1)
+    run = store_on_disk(compile_custom(rename_function(made("x"), digest)), digest, lambda: len(run.overloads) > 1)
     run(1)
     assert not folder.exists()
     run(1.0)
@@ -168,7 +171,7 @@ def test_a_renamed_function_does_the_same():
     def function(x, *, k=2):
         return x * k
 
-    copy = renamed(function, "ab")
+    copy = rename_function(function, "ab")
     assert isinstance(copy, FunctionType)
     assert (copy(3), copy(3, k=3)) == (6, 9)
     assert copy.__qualname__.endswith("function_ab")

@@ -13,7 +13,7 @@ from mesa_swarm.kernels.compiling import Compilation, name_of, needed_functions
 from mesa_swarm.kernels.type_names import types_in_words
 
 COMPANION = [sys.executable, "-m", "mesa_swarm.kernels.precompile"]
-ONE = "geometry.overlap.wrapped float64"
+ONE = "geometry.overlap.wrap_angle float64"
 
 
 @pytest.mark.parametrize("model", ["fire_fighting", "boids", "learning_fires"])
@@ -39,7 +39,9 @@ def stored(folder):
 def test_such_a_process_compiles_what_it_is_given_and_passes_over_what_it_cannot(tmp_path):
     settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_OPT": "0"}
     process = subprocess.Popen(COMPANION, env=settings, stdin=subprocess.PIPE, text=True)
-    process.stdin.write(json.dumps(["geometry.no_such.function int64", "geometry.overlap.wrapped weird", ONE]) + "\n")
+    process.stdin.write(
+        json.dumps(["geometry.no_such.function int64", "geometry.overlap.wrap_angle weird", ONE]) + "\n"
+    )
     process.stdin.flush()
     assert process.wait(60) == 0
     process.communicate()
@@ -57,9 +59,9 @@ def test_such_a_process_ends_when_the_process_that_started_it_does(tmp_path):
 @pytest.mark.parametrize(("cores", "names", "processes"), [(1, 50, 0), (2, 19, 0), (2, 50, 1), (4, 50, 3), (64, 50, 3)])
 def test_processes_share_the_names_where_cores_are_free_and_there_are_many(monkeypatch, cores, names, processes):
     started, given = [], [f"a.b{k:02}" for k in range(names)]
-    monkeypatch.setattr(precompile, "_cores", lambda: cores)
-    monkeypatch.setattr(precompile, "_start_one", started.append)
-    precompile.start(given)
+    monkeypatch.setattr(precompile, "count_processors", lambda: cores)
+    monkeypatch.setattr(precompile, "_start_process", started.append)
+    precompile.start_compiling(given)
     assert len(started) == processes
     assert sorted(name for one in started for name in one) == (given if processes else [])
     assert all(one == sorted(one, reverse=True) for one in started)
@@ -72,9 +74,9 @@ def test_where_no_process_can_be_started_all_is_compiled_by_this_one(monkeypatch
         refused.append(given)
         raise OSError("no processes here")
 
-    monkeypatch.setattr(precompile, "_cores", lambda: 2)
+    monkeypatch.setattr(precompile, "count_processors", lambda: 2)
     monkeypatch.setattr(precompile.subprocess, "Popen", refuse)
-    precompile.start([f"a.b{k}" for k in range(30)])
+    precompile.start_compiling([f"a.b{k}" for k in range(30)])
     assert len(refused) == 1
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mesa_swarm.base.errors import InvalidValueError, MapError
 from mesa_swarm.maps import map as map_module
 from mesa_swarm.maps.map import FireSpot, Map, builtin_maps
-from mesa_swarm.maps.toml import parsed_toml
+from mesa_swarm.maps.toml import parse_toml
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 from support.pace import work_within
@@ -378,7 +378,7 @@ def test_dots_in_remarks_and_strings_are_no_names():
     remarks = "".join(f"# shelf {i} of www.example.com\n" for i in range(3000))
     notes = "".join(f"  'rooms/room{i}.v2.toml', \"a.b.c\",\n" for i in range(3000))
     text = f"{remarks}maps = [\n{notes}]\nmore = '''\n{remarks}'''\nlearn.robot.speed = 3"
-    assert parsed_toml(text, "job.toml")["learn"] == {"robot": {"speed": 3}}
+    assert parse_toml(text, "job.toml")["learn"] == {"robot": {"speed": 3}}
 
 
 @pytest.mark.parametrize("height", ["5e-324", "1e-320"])

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mesa_swarm.base.errors import MapError
 from mesa_swarm.maps import svg as map_svg
 from mesa_swarm.maps.map import FireSpot, Map
-from mesa_swarm.maps.map_parts import stopping_when
+from mesa_swarm.maps.map_parts import stop_reading_when
 from mesa_swarm.maps.svg import TOLERANCE_OF_SIDE
 from mesa_swarm.world.shapes import disc, polygon, rectangle
 from support.pace import work_within
@@ -437,7 +437,7 @@ def test_large_drawings_as_people_make_them_are_read(content, number):
 
 def test_looking_for_crossings_of_a_long_line_stops_once_the_map_is_waited_for_no_longer():
     asked = itertools.count()
-    with stopping_when(lambda: next(asked) > 4), pytest.raises(CancelledError):
+    with stop_reading_when(lambda: next(asked) > 4), pytest.raises(CancelledError):
         Map.from_svg(ROOT.format(wall(0.1, zigzag(60_000))))
 
 
@@ -478,7 +478,7 @@ def test_a_mistake_of_our_own_is_not_taken_for_one_of_the_encoding(monkeypatch):
     def fail(*_):
         raise TypeError("a mistake")
 
-    monkeypatch.setattr(map_svg, "_inherited", fail)
+    monkeypatch.setattr(map_svg, "_inherit", fail)
     with pytest.raises(TypeError, match="a mistake"):
         shapes('<rect width="3" height="3"/>')
 
@@ -527,7 +527,7 @@ def test_errors_have_at_most_300_characters_however_long_the_name_of_the_file():
 
 def test_reading_stops_at_the_next_shape_once_the_map_is_waited_for_no_longer():
     asked = iter([False, False, True])
-    with stopping_when(lambda: next(asked)), pytest.raises(CancelledError):
+    with stop_reading_when(lambda: next(asked)), pytest.raises(CancelledError):
         Map.from_svg(ROOT.format('<circle r="5"/>' * 100))
 
 

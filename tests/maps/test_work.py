@@ -30,7 +30,7 @@ def test_pairs_of_boxes_that_touch_are_found_whole_in_parts_of_a_bounded_size(n,
     monkeypatch.setattr(map_parts, "ENOUGH_PAIRS", limits[1])
     corners = np.random.default_rng(n).integers(0, 12, (n, 2))
     boxes = np.hstack([corners, corners + np.random.default_rng(1).integers(0, 4, (n, 2))]).astype(float)
-    parts = list(map_parts._touching(boxes))
+    parts = list(map_parts._list_touching(boxes))
     assert all(len(one) == len(other) <= limits[1] for one, other in parts)
     found = [[int(i), int(j)] for part in parts for i, j in zip(*part, strict=True)]
     assert sorted(found) == pairs_that_touch(boxes)

@@ -15,7 +15,7 @@ from mesa_swarm import AGENT9, Recording, SwarmModel, Wander, disc, rectangle, s
 from mesa_swarm.base.errors import InvalidValueError, PlacementError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
-from mesa_swarm.world.movers import room_on_way, swept
+from mesa_swarm.world.movers import room_on_way, sweep_geometry
 from support.scenes import ahead, blind, empty
 
 
@@ -117,7 +117,7 @@ def test_wandering_bodies_keep_clear_of_where_an_earlier_process_sends_another_b
         for body, place in zip(sheep, before, strict=True):
             to = body.movers.aim[body.row]
             if (to != place).any() and geometry.distance(Point(place)) - radius > 5.1:
-                ways.append(swept(Point(place), to - place).distance(geometry) - radius - 5)
+                ways.append(sweep_geometry(Point(place), to - place).distance(geometry) - radius - 5)
     assert len(ways) > 100
     assert min(ways) > 0
 
@@ -323,7 +323,7 @@ def test_a_copy_of_a_model_has_its_own_wandering_bodies():
 @given(st.floats(-5, 5), st.floats(-5, 5))
 def test_what_a_shape_sweeps_over_holds_it_at_each_place_of_its_way(dx, dy):
     box = shapely.box(0, 0, 2, 1)
-    path = swept(box, (dx, dy)).buffer(1e-9)
+    path = sweep_geometry(box, (dx, dy)).buffer(1e-9)
     for share in (0.0, 0.3, 1.0):
         assert path.covers(shapely.transform(box, lambda points, share=share: points + share * np.array([dx, dy])))
     assert path.area == pytest.approx(2 + abs(dx) + 2 * abs(dy), abs=1e-6)

@@ -17,7 +17,7 @@ from mesa_swarm.control.arbiter import decide_layers
 from mesa_swarm.fire import FightFire
 from mesa_swarm.fire.burning import Burning
 from mesa_swarm.kernels.part import Phase
-from mesa_swarm.kernels.plan import due
+from mesa_swarm.kernels.plan import call_when_due
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine as engine_module
@@ -44,7 +44,7 @@ def step_by_kernels(model):
         if stage.phase is Phase.COLLECT and not counted:
             model._completed, counted = model._completed + 1, True
         if stage.kernel is None:
-            due(stage, lambda: model.completed)()
+            call_when_due(stage, lambda: model.completed)()
             continue
         function, block, _, attend = stage.kernel
         KERNELS.append(stage.kernel)

@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.physics.motion import LONGEST_PIECE, achieved_motion, advance, count_pieces, sinc, slip_of
+from mesa_swarm.physics.motion import (
+    LONGEST_PIECE,
+    advance_robots,
+    count_pieces,
+    sinc,
+    write_achieved_motion,
+    write_wheel_slip,
+)
 
 speeds, turns, headings = st.floats(-20, 20), st.floats(-3, 3), st.floats(-3, 3)
 
@@ -16,7 +23,7 @@ def moved(start, heading, motion, pieces=1):
     """Return position and heading after a step of (forward, sideways, turn)."""
     position, azimuth = np.array([start], float), np.array([heading])
     for _ in range(pieces):
-        advance(position, azimuth, np.array([motion]), pieces)
+        advance_robots(position, azimuth, np.array([motion]), pieces)
     return position, azimuth
 
 
@@ -25,7 +32,7 @@ def achieved(start, position, heading, motion, extra_turn=0.0, collided=True):
     out = np.array([motion], float)
     arguments = (np.array([value], float) for value in (start, position, heading, extra_turn))
     begin, end, before, extra = arguments
-    achieved_motion(begin, end, before, extra, np.array([collided]), out)
+    write_achieved_motion(begin, end, before, extra, np.array([collided]), out)
     return out[0]
 
 
@@ -112,6 +119,6 @@ def test_a_swarm_that_stands_or_is_empty_takes_one_piece():
 def test_slip_is_the_share_of_the_command_that_the_wheel_lost(command, wheel, backwards):
     command = -command if backwards else command
     slip = np.empty((1, 2))
-    slip_of(np.array([[command, 0.0]]), np.array([[wheel, wheel]]), slip)
+    write_wheel_slip(np.array([[command, 0.0]]), np.array([[wheel, wheel]]), slip)
     assert slip[0, 1] == 0.0
     assert command * (1.0 - slip[0, 0]) == pytest.approx(wheel, abs=1e-9)

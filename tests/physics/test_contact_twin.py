@@ -167,7 +167,7 @@ def test_overlaps_of_robots_up_to_rounding_of_the_smaller_one_are_left(share):
     position = np.array([[30.0, 10.0], [30.0 + 8.0 - share * SLOP * 3.0, 10.0]])
     pairs, push = np.array([[0, 1]]), np.zeros((2, 2))
     ours, _ = contacts_of(2)
-    assert len(separation.overlapping(position, radius, pairs)) == deep
+    assert len(separation.find_overlaps(position, radius, pairs)) == deep
     count = separation.push_pairs(position, radius, np.arange(2), pairs, np.zeros(1, np.int64), push, ours)
     assert count == deep
     assert len(shapely_engine.overlapping_pairs(position, radius)) == deep
@@ -221,12 +221,12 @@ def test_a_push_along_one_axis_moves_a_robot_too():
 
 
 def test_the_farthest_of_the_rows_that_moved_counts():
-    listed = np.full((4, 2), [7.0, -3.0])
-    position = listed + np.array([[3.0, 4.0], [0.0, 2.0], [9.0, 9.0], [-1.0, 0.0]])
-    assert separation.farthest_from(listed, position, np.array([0, 1, 3])) == 5.0
-    assert separation.farthest_from(listed, position, np.array([1, 3])) == 2.0
-    assert separation.farthest_from(position, listed, np.array([3])) == 1.0
-    assert separation.farthest_from(listed, position, np.empty(0, np.int64)) == 0.0
+    reference = np.full((4, 2), [7.0, -3.0])
+    position = reference + np.array([[3.0, 4.0], [0.0, 2.0], [9.0, 9.0], [-1.0, 0.0]])
+    assert separation.farthest_from(reference, position, np.array([0, 1, 3])) == 5.0
+    assert separation.farthest_from(reference, position, np.array([1, 3])) == 2.0
+    assert separation.farthest_from(position, reference, np.array([3])) == 1.0
+    assert separation.farthest_from(reference, position, np.empty(0, np.int64)) == 0.0
 
 
 @few
@@ -236,7 +236,7 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     assume((WORLD.solids.gaps(position) > 0.2 * radius).all())
     (ours, twin), place, other = contacts_of(n), position.copy(), position.copy()
     robots, bodies = crowd_in(WORLD, place, radius, contacts=ours)
-    free, listed = robots.free, robots.listed
+    free, reference = robots.free, robots.reference
     contact.push_all_from_statics(np.arange(n), place, radius, WORLD.statics, ours, free)
     near = near_pairs(position, radius, radius.min(), WORLD.grid)
     settled, pairs = separation.separate(*bodies, near, MOST_SWEEPS)
@@ -247,8 +247,8 @@ def test_a_crowd_is_separated_as_the_twin_separates_it(seed, n):
     assert place == pytest.approx(other, abs=1e-6)
     assert ours.depth == pytest.approx(twin.depth, abs=1e-6)
     assert len(shapely_engine.overlapping_pairs(place, radius)) == 0
-    assert 2 * np.hypot(*(listed - place).T).max() <= radius.min() + 1e-9
-    assert len(pairs) == len(near_pairs(listed, radius, radius.min(), WORLD.grid))
+    assert 2 * np.hypot(*(reference - place).T).max() <= radius.min() + 1e-9
+    assert len(pairs) == len(near_pairs(reference, radius, radius.min(), WORLD.grid))
 
 
 @few
@@ -259,11 +259,11 @@ def test_robots_that_overlap_return_to_where_they_were_as_those_of_the_twin_do(s
     place = before + rng.uniform(-3, 3, (n, 2))
     assume((WORLD.solids.gaps(place) > 0.2 * radius).all())
     other, (ours, twin) = place.copy(), contacts_of(n)
-    listed, free = place + rng.uniform(-0.5, 0.5, (n, 2)), rng.random(n) < 0.5
+    reference, free = place + rng.uniform(-0.5, 0.5, (n, 2)), rng.random(n) < 0.5
     for i in range(n):
         free[i] &= shapely_engine.deepest_solid(place[i], radius[i], WORLD.solids) is None
-    pairs = near_pairs(listed, radius, radius.min(), WORLD.grid)
-    _robots, bodies = crowd_in(WORLD, place, radius, before=before, listed=listed, free=free, contacts=ours)
+    pairs = near_pairs(reference, radius, radius.min(), WORLD.grid)
+    _robots, bodies = crowd_in(WORLD, place, radius, before=before, reference=reference, free=free, contacts=ours)
     separation.return_to_free_places(*bodies, pairs)
     shapely_engine.return_overlapping(other, before, radius, WORLD.solids, twin)
     assert (place == other).all()
@@ -348,7 +348,7 @@ def test_the_first_robot_without_room_is_named_with_its_radius():
         shapely_engine.separate_placed_robots(place.copy(), radius, bounds, small.solids)
     swarm = SimpleNamespace(columns={"position": place, "radius": radius, "number": np.arange(3)})
     with pytest.raises(PlacementError, match=r"no room is left for robot 3 of 3 \(radius 6\)"):
-        settle.settle(swarm, small.surroundings, small.grid)
+        settle.settle_robots(swarm, small.surroundings, small.grid)
 
 
 @few

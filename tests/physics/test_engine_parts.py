@@ -20,7 +20,7 @@ from mesa_swarm.physics.engine import (
     wheels_of,
     write_motion,
 )
-from mesa_swarm.physics.motion import achieved_motion, count_pieces, slip_of
+from mesa_swarm.physics.motion import count_pieces, write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.radio import Channel, hear_goals, hear_states, is_cut, nearest_heard, obstacles_of, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.swarm import Swarm
@@ -125,13 +125,15 @@ def test_a_step_of_whole_pieces_is_not_cut_into_one_more_by_rounding(pieces, rad
 def test_only_an_arc_whose_chord_is_no_longer_than_rounding_leaves_the_speeds_as_they_are(off):
     turn = 2 * math.pi * (1 - off)
     motion = np.array([[8.0, 1.0, turn]])
-    achieved_motion(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1), np.zeros(1), np.array([True]), motion)
+    write_achieved_motion(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(1), np.zeros(1), np.array([True]), motion)
     assert motion[0].tolist() == ([8.0, 1.0, turn] if abs(off) < 1e-6 else [0.0, 0.0, turn])
 
 
 def test_the_slip_of_each_wheel_is_its_own():
     slip = np.full((3, 2), 9.0)
-    slip_of(np.array([[1.0, 0.5], [0.0, -2.0], [4.0, 0.0]]), np.array([[0.5, 0.5], [3.0, -1.0], [-4.0, 1.0]]), slip)
+    write_wheel_slip(
+        np.array([[1.0, 0.5], [0.0, -2.0], [4.0, 0.0]]), np.array([[0.5, 0.5], [3.0, -1.0], [-4.0, 1.0]]), slip
+    )
     assert slip.tolist() == [[0.5, 0.0], [0.0, 0.5], [2.0, 0.0]]
 
 
@@ -179,7 +181,7 @@ def test_of_the_senders_in_range_the_one_whose_target_is_nearest_is_heard_and_of
     grid = Grid.over(BOUNDS, rng.uniform(1, 40), cells).numbers
     limits = reach, 0.0, np.uint64(1), False
     statics = WORLD.statics
-    obstacles = statics.edges, statics.discs, *statics.touched, None
+    obstacles = statics.edges, statics.discs, *statics.touch_cells, None
     heard = nearest_heard(position, number, places, targets, numbers, limits, grid, obstacles)
     for i in range(n):
         near = [j for j in range(m) if math.dist(places[j], position[i]) <= reach and numbers[j] != number[i]]
@@ -215,7 +217,7 @@ def test_goals_sent_from_their_own_frames_are_heard_in_the_frames_of_the_hearers
     assert np.isnan(sent[3]).all()
     limits, number, heard = (1e3, 0.0, np.uint64(1), False), np.arange(4), np.empty((4, 2))
     statics, beacons = WORLD.statics, np.array([[30.0, 30.0]])
-    obstacles = statics.edges, statics.discs, *statics.touched, None
+    obstacles = statics.edges, statics.discs, *statics.touch_cells, None
     hear_goals(position, heading, number, sent, beacons, limits, WORLD.grid, obstacles, heard)
     for i in range(4):
         others = [30 + 30j, *(on_map[j] for j in range(3) if j != i)]
@@ -226,7 +228,7 @@ def test_goals_sent_from_their_own_frames_are_heard_in_the_frames_of_the_hearers
 def test_a_goal_with_one_number_missing_is_not_sent():
     limits, heard = (1e3, 0.0, np.uint64(1), False), np.empty((2, 2))
     statics, none = WORLD.statics, np.empty((0, 2))
-    obstacles = statics.edges, statics.discs, *statics.touched, None
+    obstacles = statics.edges, statics.discs, *statics.touch_cells, None
     place = np.array([[20.0, 20.0], [40.0, 10.0]]), np.zeros(2), np.arange(2)
     for number in (0, 1):
         sent = np.full((2, 2), math.nan)
@@ -238,7 +240,7 @@ def test_a_goal_with_one_number_missing_is_not_sent():
 
 def test_the_state_of_the_nearest_robot_at_work_is_heard_from_its_place():
     statics = WORLD.statics
-    obstacles = statics.edges, statics.discs, *statics.touched, None
+    obstacles = statics.edges, statics.discs, *statics.touch_cells, None
     position = np.array([[20.0, 10.0], [25.0, 10.0], [20.0, 17.0]])
     layer, task = np.array([3, 4, 5]), np.array([0, -1, 2])
     out = np.empty(3, np.int64), np.empty(3, np.int64), np.empty((3, 2))

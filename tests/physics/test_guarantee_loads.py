@@ -191,8 +191,8 @@ def test_a_load_smaller_than_the_robots_is_pushed_about():
 
 def test_the_crowds_above_include_those_where_loads_are_taken_back(monkeypatch):
     calls = []
-    real = physics.take_back
-    monkeypatch.setattr(physics, "take_back", lambda *args: (calls.append(1), real(*args)))
+    real = physics.return_loads
+    monkeypatch.setattr(physics, "return_loads", lambda *args: (calls.append(1), real(*args)))
     for seed in range(6):
         check_crowd(seed, 40, 8.0, 3.0, 8, 5)
     assert calls

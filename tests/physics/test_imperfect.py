@@ -9,7 +9,7 @@ from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, RobotDesign, Swar
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.model.gallery import find_model, model_names
-from mesa_swarm.physics.imperfect import chance, normal
+from mesa_swarm.physics.imperfect import draw_normal, draw_uniform
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.robots.imperfections import (
     MEASURED,
@@ -134,18 +134,18 @@ class TestSameBits:
 
 class TestChance:
     def test_it_is_even_and_its_normal_is_normal(self):
-        even = np.array([chance(KEY, i, 3, 5, 0) for i in range(20_000)])
-        bell = np.array([normal(KEY, i, 3, 5) for i in range(20_000)])
+        even = np.array([draw_uniform(KEY, i, 3, 5, 0) for i in range(20_000)])
+        bell = np.array([draw_normal(KEY, i, 3, 5) for i in range(20_000)])
         assert np.histogram(even, 10, (0, 1))[0] == pytest.approx(2_000, abs=200)
         assert (bell.mean(), bell.std()) == (pytest.approx(0, abs=0.03), pytest.approx(1, abs=0.03))
 
     def test_robots_channels_moments_and_questions_have_nothing_to_do_with_each_other(self):
-        base = np.array([chance(KEY, i, 0, 0, 0) for i in range(5_000)])
+        base = np.array([draw_uniform(KEY, i, 0, 0, 0) for i in range(5_000)])
         others = [
-            [chance(KEY, i, 1, 0, 0) for i in range(5_000)],
-            [chance(KEY, i, 0, 1, 0) for i in range(5_000)],
-            [chance(KEY, i, 0, 0, 1) for i in range(5_000)],
-            [chance(KEY, i + 1, 0, 0, 0) for i in range(5_000)],
+            [draw_uniform(KEY, i, 1, 0, 0) for i in range(5_000)],
+            [draw_uniform(KEY, i, 0, 1, 0) for i in range(5_000)],
+            [draw_uniform(KEY, i, 0, 0, 1) for i in range(5_000)],
+            [draw_uniform(KEY, i + 1, 0, 0, 0) for i in range(5_000)],
         ]
         for other in others:
             assert abs(np.corrcoef(base, other)[0, 1]) < 0.05

@@ -20,12 +20,12 @@ from mesa_swarm.physics.imperfect import (
     SLIP,
     WHEEL,
     Imperfect,
-    chance,
-    normal,
+    draw_normal,
+    draw_uniform,
     spoil,
     spoil_wheels,
 )
-from mesa_swarm.physics.radio import is_lost, mixed
+from mesa_swarm.physics.radio import is_lost, mix_bits
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.world.statics import OBSTACLE
 from support.scenes import ahead, empty
@@ -53,7 +53,7 @@ def hashed(word, *parts):
 
 @given(words)
 def test_bits_are_mixed_as_splitmix64_mixes_them(word):
-    assert int(mixed(np.uint64(word))) == splitmix(word)
+    assert int(mix_bits(np.uint64(word))) == splitmix(word)
 
 
 @given(words, numbers, numbers, st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]))
@@ -63,14 +63,14 @@ def test_a_broadcast_is_lost_where_the_hash_of_word_sender_and_hearer_is_below_t
 
 @given(words, numbers, numbers, numbers, st.integers(0, 3))
 def test_chance_is_the_hash_of_key_robot_channel_moment_and_question(key, number, channel, moment, what):
-    assert chance(np.uint64(key), number, channel, moment, what) == hashed(key, number, channel, moment, what)
+    assert draw_uniform(np.uint64(key), number, channel, moment, what) == hashed(key, number, channel, moment, what)
 
 
 @given(words, numbers, numbers, numbers)
 def test_a_normal_number_has_its_length_and_its_phase_from_two_questions(key, number, channel, moment):
     length, phase = (hashed(key, number, channel, moment, what) for what in (LENGTH, PHASE))
     expected = math.sqrt(-2.0 * math.log(1.0 - length)) * math.cos(2.0 * math.pi * phase)
-    assert normal(np.uint64(key), number, channel, moment) == pytest.approx(expected, abs=1e-12)
+    assert draw_normal(np.uint64(key), number, channel, moment) == pytest.approx(expected, abs=1e-12)
 
 
 def test_no_two_questions_and_no_two_kinds_of_channels_share_their_numbers():
@@ -88,7 +88,7 @@ def fate_of(limits, number, channel, step):
         return "lost", 0.0
     if fate < dropout + outliers:
         return "outlier", hashed(KEY, number, channel, moment, PLACE)
-    return "error", 1.0 + error * float(normal(np.uint64(KEY), number, channel, moment))
+    return "error", 1.0 + error * float(draw_normal(np.uint64(KEY), number, channel, moment))
 
 
 settings_of_values = st.builds(

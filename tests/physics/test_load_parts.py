@@ -251,7 +251,7 @@ def test_tables_are_worn_when_a_load_has_moved_by_their_slack_less_one_step():
     (load,) = load_at(disc((200, 150), 10))
     around = surroundings([load], touch=touch)
     assert around.slack == (SLACK - STEP) * touch
-    assert around.listed.tolist() == [[200.0, 150.0, 0.0]]
+    assert around.reference.tolist() == [[200.0, 150.0, 0.0]]
     for moved, worn in ((0.0, False), (around.slack - 0.01, False), (around.slack + 0.01, True)):
         put(load, (200.0, 150.0 + moved, 0.0))
         assert around.is_worn == worn
@@ -261,7 +261,7 @@ def test_without_loads_there_is_no_room_to_look_after_and_nothing_wears():
     around = surroundings([])
     assert around.room is None
     assert not around.is_worn
-    assert len(around.loads) == len(around.rows) == len(around.listed) == 0
+    assert len(around.loads) == len(around.rows) == len(around.reference) == 0
 
 
 def test_a_load_that_followed_is_in_the_tables_where_it_is_now():

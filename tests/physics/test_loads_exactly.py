@@ -61,9 +61,9 @@ def check(seed):
 
 def test_the_worlds_above_have_loads_that_slide_and_some_that_are_taken_back(monkeypatch):
     calls = {"take_back": 0}
-    real = loads.take_back
+    real = loads.return_loads
     monkeypatch.setattr(
-        engine, "take_back", lambda *args: (calls.update(take_back=calls["take_back"] + 1), real(*args))
+        engine, "return_loads", lambda *args: (calls.update(take_back=calls["take_back"] + 1), real(*args))
     )
     for seed in range(8):
         after(hauled(seed), STEPS)

@@ -140,8 +140,8 @@ def test_a_load_that_is_held_does_not_hold_another():
 
 def test_slip_is_drawn_once_a_step_even_if_the_step_is_done_again(monkeypatch):
     taken = []
-    real = physics.take_back
-    monkeypatch.setattr(physics, "take_back", lambda *args: (taken.append(1), real(*args)))
+    real = physics.return_loads
+    monkeypatch.setattr(physics, "return_loads", lambda *args: (taken.append(1), real(*args)))
     slippery = RobotDesign(name="slippery", slip_probability=0.3, slip_magnitude=0.5)
     model, _ = world(rectangle((340, 100), (380, 200)), 0.5, abreast(3, 335.0), design=slippery)
     model.add_robots(blind(max_speed=0.0), poses=[(391, 150, 0.0)])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.physics.motion import advance, sinc
+from mesa_swarm.physics.motion import advance_robots, sinc
 from mesa_swarm.robots.drive import DifferentialDrive
 from support.driving import alone, pose_of
 
@@ -46,7 +46,7 @@ def test_a_circle_of_any_number_of_steps_closes(steps, side):
     position, heading = np.array([[0.0, 0.0]]), np.array([0.3])
     farthest = 0.0
     for _ in range(steps):
-        advance(position, heading, np.array([[4.0, 0.0, omega]]), 1)
+        advance_robots(position, heading, np.array([[4.0, 0.0, omega]]), 1)
         farthest = max(farthest, np.hypot(*position[0]))
     assert position[0] == pytest.approx((0, 0), abs=1e-9)
     assert math.remainder(heading[0] - 0.3, 2 * math.pi) == pytest.approx(0, abs=1e-9)
@@ -69,7 +69,7 @@ def test_one_long_step_ends_where_many_short_ones_of_the_same_ratio_do(left, rig
         position, heading, motion = np.zeros((1, 2)), np.array([0.7]), np.empty((1, 3))
         DifferentialDrive().motion(share * np.array([[left, right]]), np.array([5.0]), motion)
         for _ in range(steps):
-            advance(position, heading, motion, 1)
+            advance_robots(position, heading, motion, 1)
         return (*position[0], heading[0])
 
     assert drive(1, 1.0) == pytest.approx(drive(parts, 1.0 / parts), abs=1e-11)
@@ -81,7 +81,7 @@ def test_cutting_a_step_into_pieces_changes_nothing(left, right, pieces):
     for rounds in (1, pieces):
         position, heading = np.zeros((1, 2)), np.array([0.7])
         for _ in range(rounds):
-            advance(position, heading, np.array([[(left + right) / 2, 0.0, (right - left) / 10]]), rounds)
+            advance_robots(position, heading, np.array([[(left + right) / 2, 0.0, (right - left) / 10]]), rounds)
         ends.append((*position[0], heading[0]))
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
 

@@ -11,7 +11,7 @@ from mesa_swarm import AGENT9, Map, SwarmModel
 from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.physics import engine
 from mesa_swarm.physics.crowd import Crowd, near_pairs
-from mesa_swarm.physics.separation import pairs_by_robot, pairs_of
+from mesa_swarm.physics.separation import list_pairs_of, pairs_by_robot
 from support.random_worlds import Commanded
 
 seeds, few, margins, sizes = st.integers(0, 2**32 - 1), st.integers(0, 60), st.floats(0, 30), st.floats(20, 400)
@@ -52,7 +52,7 @@ def test_a_crowd_is_in_the_order_of_cells_and_within_a_cell_in_that_of_rows(seed
     x, y, per_unit, columns, rows = grid.numbers
     cells = [cell_index(a, x, per_unit, columns) + columns * cell_index(b, y, per_unit, rows) for a, b in position]
     assert order.tolist() == sorted(range(n), key=lambda i: (cells[i], i))
-    assert (crowd.arrays.listed == position[order]).all()
+    assert (crowd.arrays.reference == position[order]).all()
     assert (crowd.arrays.radii == radius[order]).all()
     assert (crowd.arrays.numbers == number[order]).all()
     assert all(order[start[c] : start[c + 1]].tolist() == sorted(
@@ -72,9 +72,9 @@ def test_the_pairs_of_robots_that_moved_are_found_once_each(seed, n, count):
     awake = rng.random(n) < 0.4
     moved, chosen = rng.permutation(np.flatnonzero(awake)), np.empty(len(pairs) + 1, np.int64)
     group, strayed = np.zeros(n, np.int64), np.array([False, False, True])
-    found = chosen[: pairs_of(moved, awake, pairs, start, own, chosen, group, strayed)]
+    found = chosen[: list_pairs_of(moved, awake, pairs, start, own, chosen, group, strayed)]
     assert sorted(found.tolist()) == np.flatnonzero(awake[pairs].any(axis=1)).tolist()
-    assert pairs_of(moved, awake, pairs, start, own, chosen, np.full(n, 2), strayed) == 0
+    assert list_pairs_of(moved, awake, pairs, start, own, chosen, np.full(n, 2), strayed) == 0
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -89,11 +89,11 @@ def test_after_a_step_the_pairs_are_those_at_the_places_listed_also_where_robots
         model.step()
         crowd = model.parts.robots.engine._crowd
         model.sense()
-        arrays, listed = crowd.arrays, crowd.arrays.listed.copy()
+        arrays, listed = crowd.arrays, crowd.arrays.reference.copy()
         model.parts.robots.engine.move(
             model.swarm, model.parts.bodies.scene(), model.swarm.columns["command"], 0.5, None
         )
-        anew += not (arrays.listed == listed).all()
-        expected = near_pairs(arrays.listed, arrays.radii, model.parts.robots.engine._margin, arrays.grid)
+        anew += not (arrays.reference == listed).all()
+        expected = near_pairs(arrays.reference, arrays.radii, model.parts.robots.engine._margin, arrays.grid)
         assert ascending(crowd.pairs) == ascending(expected)
     assert anew == 5

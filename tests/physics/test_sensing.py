@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, ProximitySensor, RadiationSensor, bump_sensor, disc, laser_sensor, polygon, rectangle
 from mesa_swarm.control import Subsumption
-from mesa_swarm.physics.sensing import into_frame, is_just_behind
+from mesa_swarm.physics.sensing import is_just_behind, rotate_into_frame
 from support.scenes import ahead, blind, empty
 from support.sensing_robots import FIRE, NOTHING, OBSTACLE, ROBOT, carrying, looker, seen
 
@@ -17,7 +17,7 @@ from support.sensing_robots import FIRE, NOTHING, OBSTACLE, ROBOT, carrying, loo
 
 
 def test_a_vector_is_turned_into_the_frame_of_an_axis():
-    assert into_frame(0.0, 2.0, 0.0, 1.0) == (2.0, 0.0)
+    assert rotate_into_frame(0.0, 2.0, 0.0, 1.0) == (2.0, 0.0)
 
 
 def test_a_sensor_is_just_behind_an_edge_only_on_its_left():

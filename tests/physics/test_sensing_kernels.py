@@ -15,12 +15,12 @@ from mesa_swarm.physics.engine import CompiledEngine
 from mesa_swarm.physics.sensing import (
     MOST_FOUND,
     ROUNDING,
-    err,
-    into_frame,
+    add_errors,
     is_just_behind,
     is_nearest_body,
+    is_segment_within,
     look_at_segment,
-    segment_within,
+    rotate_into_frame,
     sense_inside,
     sense_line,
     sense_radiation,
@@ -64,13 +64,13 @@ def swarm_of(seed, n=5):
 @given(numbers, numbers, st.floats(-3, 3))
 def test_a_vector_turned_into_a_frame_is_the_complex_quotient_by_its_axis(x, y, azimuth):
     axis = complex(math.cos(azimuth), math.sin(azimuth))
-    assert complex(*into_frame(x, y, axis.real, axis.imag)) == pytest.approx(complex(x, y) / axis)
+    assert complex(*rotate_into_frame(x, y, axis.real, axis.imag)) == pytest.approx(complex(x, y) / axis)
 
 
 @given(*[st.integers(-6, 6)] * 4, st.integers(0, 5))
 def test_a_segment_is_within_reach_where_its_box_meets_the_square(ax, ay, bx, by, far):
     box = shapely.box(min(ax, bx), min(ay, by), max(ax, bx), max(ay, by))
-    assert segment_within(ax, ay, bx, by, far) == box.intersects(shapely.box(-far, -far, far, far))
+    assert is_segment_within(ax, ay, bx, by, far) == box.intersects(shapely.box(-far, -far, far, far))
 
 
 @pytest.mark.parametrize("kind", [NOTHING, OBSTACLE, ROBOT, FIRE, LOAD])
@@ -164,7 +164,7 @@ def test_sensors_inside_of_solid_polygons_or_beyond_the_border_read_0_and_all_ot
         statics.edges, statics.kind, statics.rings, statics.bounds, distance, kind,
     )  # fmt: skip
     for i, s in np.ndindex(distance.shape):
-        point = shapely.Point(shapely_sensing.in_world(swarm, i, table.proximity[swarm.design[i], s, :2]))
+        point = shapely.Point(shapely_sensing.place_in_world(swarm, i, table.proximity[swarm.design[i], s, :2]))
         gaps = [point.distance(polygon.boundary) for polygon in WORLD.solids.polygons]
         assume(min(gaps) > 1e-9)
         inside = s < table.counts[swarm.design[i]] and any(p.contains(point) for p in WORLD.solids.polygons)
@@ -202,7 +202,7 @@ def test_a_line_sensor_reads_where_shapely_finds_its_point_over_a_mark(seed):
     assert (line == twin).all()
     for i in np.flatnonzero(swarm.design == 1):
         for s in range(2):
-            point = shapely.Point(shapely_sensing.in_world(swarm, i, table.line[1, s]))
+            point = shapely.Point(shapely_sensing.place_in_world(swarm, i, table.line[1, s]))
             assert line[i, s] == marks.geometry.contains(point)
 
 
@@ -222,7 +222,7 @@ def test_readings_err_by_the_magnitude_of_their_sensor_with_its_probability_and_
     errors = np.where(step % np.maximum(hold, 1) == 0, fresh, error)
     wrong = np.clip(distance * (1 + errors), 0.0, sensors[design][..., RANGE])
     expected = np.where((distance >= 0) & (errors != 0), wrong, distance)
-    err(distance, design, sensors, noise, draws, step, error)
+    add_errors(distance, design, sensors, noise, draws, step, error)
     assert error.tolist() == errors.tolist()
     assert distance == pytest.approx(expected, abs=1e-12)
 
@@ -276,7 +276,7 @@ def test_all_solids_of_the_twin_are_listed_with_owner_and_kind():
     assert (solids.polygon_body.tolist(), solids.disc_body.tolist()) == ([0, 0, 0], [0, 0, FIRE, FIRE])
     assert solids.radii.tolist() == [8, 5, 4, 3]
     around = WORLD.surroundings
-    assert around.bodies.seen[around.rows[solids.disc_shape]].tolist() == [OBSTACLE, OBSTACLE, FIRE, OBSTACLE]
+    assert around.bodies.visible_kinds[around.rows[solids.disc_shape]].tolist() == [OBSTACLE, OBSTACLE, FIRE, OBSTACLE]
     places = np.array([[50.0, 40.0], [85.0, 66.0], [15.0, 30.0], [50.0, 30.0]])
     assert solids.gaps(places) == pytest.approx([5.0, 3.0, 5.0, 0.0])
 

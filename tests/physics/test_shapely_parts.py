@@ -12,11 +12,11 @@ from mesa_swarm.physics.shapely_engine import (
     distance_to_disc,
     distance_to_polygon,
     is_on_map,
+    make_wedge,
     overlapping_pairs,
+    places_on_rings,
     ring_around_map,
-    rings,
     way_out,
-    wedge,
 )
 from support.shapely_loads import _touching_corners
 
@@ -37,7 +37,7 @@ def test_a_place_is_on_the_map_where_both_coordinates_are():
 
 
 def test_room_is_first_looked_for_an_eighth_of_a_radius_away():
-    first = next(rings(np.zeros(2), 8.0, (0, 0, 10, 10)))
+    first = next(places_on_rings(np.zeros(2), 8.0, (0, 0, 10, 10)))
     assert first[0].tolist() == [1.0, 0.0]
     assert np.hypot(*first.T) == pytest.approx(np.ones(len(first)))
 
@@ -55,7 +55,7 @@ def test_a_ray_measures_the_way_to_a_polygon_and_to_a_disc_beside_it():
 
 @pytest.mark.parametrize("half", [0.1, math.pi / 4, 1.5, 3.0])
 def test_a_wedge_covers_its_whole_sector(half):
-    area = wedge((0, 0), 0.3, half, 10.0)
+    area = make_wedge((0, 0), 0.3, half, 10.0)
     azimuths = 0.3 + 0.999 * half * np.linspace(-1, 1, 50)
     assert shapely.contains_xy(area, 9.999 * np.cos(azimuths), 9.999 * np.sin(azimuths)).all()
     assert area.area > half * 10**2
@@ -63,11 +63,11 @@ def test_a_wedge_covers_its_whole_sector(half):
 
 @pytest.mark.parametrize(("half", "triangles"), [(0.1, 1), (0.5, 1), (0.6, 2), (1.5, 3), (2.5, 5), (math.pi, 6)])
 def test_a_wedge_is_cut_into_as_few_triangles_as_steps_of_60_degrees_make(half, triangles):
-    assert wedge((3, 4), 0.3, half, 10.0).area == pytest.approx(triangles * 10**2 * math.tan(half / triangles))
+    assert make_wedge((3, 4), 0.3, half, 10.0).area == pytest.approx(triangles * 10**2 * math.tan(half / triangles))
 
 
 def test_a_wedge_without_width_is_a_line_as_long_as_the_reach():
-    line = wedge((3, 4), math.pi / 2, 0.0, 10.0)
+    line = make_wedge((3, 4), math.pi / 2, 0.0, 10.0)
     assert line.length == pytest.approx(10.0)
     assert line.coords[1] == pytest.approx((3, 14))
 

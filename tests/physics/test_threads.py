@@ -12,7 +12,7 @@ from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine
-from mesa_swarm.physics.threads import VARIABLE, RowThreads, ranges
+from mesa_swarm.physics.threads import VARIABLE, RowThreads, split_rows
 from mesa_swarm.robots.imperfections import ROBOTARIUM
 from support.scenes import empty
 
@@ -21,7 +21,7 @@ from support.scenes import empty
 def shared(monkeypatch):
     """Share worlds of any size among three processors, whatever the machine has."""
     monkeypatch.setattr(engine, "FEWEST_ROWS", 1)
-    monkeypatch.setattr("mesa_swarm.physics.threads.processors", lambda: 3)
+    monkeypatch.setattr("mesa_swarm.physics.threads.count_processors", lambda: 3)
 
 
 def wanderers(model, n, design=AGENT9):
@@ -147,7 +147,7 @@ def test_a_wrong_number_of_threads_is_refused_and_the_old_one_stays(threads):
 
 @given(st.integers(0, 1000), st.integers(1, 20))
 def test_ranges_are_adjacent_and_differ_by_at_most_one_row(n, parts):
-    found = list(ranges(n, parts))
+    found = list(split_rows(n, parts))
     assert [row for first, last in found for row in range(first, last)] == list(range(n))
     sizes = [last - first for first, last in found]
     assert len(sizes) == parts
@@ -163,7 +163,7 @@ def test_results_come_in_the_order_of_the_ranges_and_from_several_threads():
         return first, last, threading.get_ident()
 
     found = workers.share(6, 6, rows)
-    assert [(first, last) for first, last, _ in found] == list(ranges(6, 6))
+    assert [(first, last) for first, last, _ in found] == list(split_rows(6, 6))
     assert len({thread for _, _, thread in found}) == 3
 
 

@@ -127,7 +127,7 @@ def test_removed_rows_go_and_all_others_move_up_in_order(gone):
 def test_what_robots_met_is_renumbered_when_a_body_of_that_kind_goes(met, kind, index):
     swarm = swarm_of(*[AGENT3] * 6)
     swarm.columns["contact_kind"][:], swarm.columns["contact_index"][:] = zip(*met, strict=True)
-    swarm.forget_contact(kind, index)
+    swarm.forget_contacts(kind, np.array([index]))
     bodies = [b for b in range(5) if b != index]
     for (what, which), now in zip(met, swarm.contact_index.tolist(), strict=True):
         expected = which if what != kind or which < 0 else (BORDER if which == index else bodies.index(which))

@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mesa_swarm import DifferentialDrive, HolonomicDrive
-from mesa_swarm.robots.drive import alike, limit_command, no_longer, slipped_wheels, turn_towards
+from mesa_swarm.robots.drive import alike, limit_command, limit_length, slip_wheels, turn_towards
 
 speeds = st.floats(-5, 5)
 pairs = st.lists(st.tuples(speeds, speeds), min_size=1, max_size=5)
@@ -43,7 +43,7 @@ def test_each_wheel_whose_draw_is_below_the_probability_of_its_design_slips_by_t
     command, draws = rng.uniform(-1, 1, (6, 2)), rng.choice([0.0, 0.2, 0.5, 0.9], (6, 2))
     probability, magnitude = np.array([0.0, 0.2, 1.0]), np.array([0.5, 0.25, 0.75])
     design, wheels = rng.integers(3, size=6), np.empty((6, 2))
-    slipped_wheels(command, probability, magnitude, design, draws, wheels)
+    slip_wheels(command, probability, magnitude, design, draws, wheels)
     slips = draws < probability[design][:, None]
     assert wheels == pytest.approx(np.where(slips, command * (1 - magnitude[design][:, None]), command))
 
@@ -67,7 +67,7 @@ def test_a_command_at_the_limit_is_left_as_it_is():
 @given(extended, extended, st.floats(0.01, 1e6))
 @example(-math.inf, -0.0, 1.0)  # its azimuth may be pi or -pi
 def test_a_vector_is_shortened_in_its_direction_and_never_lengthened(x, y, most):
-    u, v = no_longer(x, y, most)
+    u, v = limit_length(x, y, most)
     if math.hypot(x, y) <= most:
         assert (u, v) == (x, y)
         return

@@ -11,7 +11,7 @@ import shapely
 from scipy.integrate import quad
 
 from mesa_swarm import Map, ProximitySensor, RobotDesign, SwarmModel, disc
-from mesa_swarm.physics.motion import moved_by
+from mesa_swarm.physics.motion import move_along_arc
 from mesa_swarm_studies.judging import AGAINST_THEORY, FAILED, PASSED, UNDECIDED, judged_theory
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import find_item, items
@@ -144,7 +144,7 @@ def enumerated(slip: Slip, steps: int) -> tuple[float, float, float]:
         for left, right in zip(slips[::2], slips[1::2], strict=True):
             speeds = [1.0 - slip.magnitude if slips_now else 1.0 for slips_now in (left, right)]
             turn = (speeds[1] - speeds[0]) / (2.0 * slip.radius)
-            dx, dy, heading = moved_by(heading, sum(speeds) / 2.0, 0.0, turn, 1)
+            dx, dy, heading = move_along_arc(heading, sum(speeds) / 2.0, 0.0, turn, 1)
             x, y = x + dx, y + dy
         cosine += weight * math.cos(heading)
         square += weight * (x * x + y * y)

@@ -289,5 +289,5 @@ def stuck_loads(surroundings: Surroundings, room: Room, moved: Iterable[int], co
 def use(monkeypatch) -> None:
     """Let models move their loads by these functions."""
     monkeypatch.setattr(loads, "push_all", lambda around, _, *rest: push_all(around, Room.around(around), *rest))
-    monkeypatch.setattr(loads, "stuck_loads", stuck_loads)
-    monkeypatch.setattr(loads, "take_back", lambda around, _, *rest: take_back(around, Room.around(around), *rest))
+    monkeypatch.setattr(loads, "find_stuck_loads", stuck_loads)
+    monkeypatch.setattr(loads, "return_loads", lambda around, _, *rest: take_back(around, Room.around(around), *rest))

@@ -47,11 +47,11 @@ def solid_world(shapes=SHAPES, fires=FIRES, bounds=BOUNDS, touch=6.0) -> SolidWo
 def crowd_in(world: SolidWorld, position: np.ndarray, radius: np.ndarray, **arrays) -> tuple[CrowdArrays, tuple]:
     """Return robots at these places, in that order, and what compiled functions take of them and the world.
 
-    Other `arrays` replace the robots' own: `before`, `listed`, `free`, `contacts`.
+    Other `arrays` replace the robots' own: `before`, `reference`, `free`, `contacts`.
     """
     number = np.arange(len(radius))
     crowd = CrowdArrays.of(world.grid, position, radius, number)
-    crowd = crowd._replace(places=position, radii=radius, numbers=number, listed=position.copy())._replace(**arrays)
+    crowd = crowd._replace(places=position, radii=radius, numbers=number, reference=position.copy())._replace(**arrays)
     return crowd, (Block(crowd).numbers, Block(world.statics).numbers, None)
 
 

@@ -18,7 +18,7 @@ from mesa_swarm.viewing.palette import DARK, LIGHT, rgb, scalar_pixels
 from mesa_swarm.viewing.pictures import legend_of, png, world_figure
 from mesa_swarm.viewing.player import Player
 from mesa_swarm.viewing.scene import scene_of, scene_of_recording
-from mesa_swarm.world.fields import levels_of, shrunk
+from mesa_swarm.world.fields import average_blocks, levels_of
 from support.unpacking import unpacked_chunk, unpacked_frame
 
 
@@ -70,7 +70,7 @@ def test_levels_are_square_roots_of_shares_of_the_peak():
 @pytest.mark.parametrize("most", [1, 10, 1000])
 def test_a_smaller_picture_has_the_same_mean(shape, most):
     values = np.random.default_rng(1).random(shape)
-    small = shrunk(values, most)
+    small = average_blocks(values, most)
     assert small.size <= most
     if most == 1:
         assert small[0, 0] == pytest.approx(values.mean())

@@ -11,10 +11,10 @@ from mesa_swarm.maps.map import FireSpot, read_legacy
 from mesa_swarm.maps.map_parts import Work, file_content, refusal
 from mesa_swarm.maps.random_map import random_map
 from mesa_swarm.maps.svg import chord_count, length, numbers, transform, viewbox_numbers
-from mesa_swarm.maps.toml import number_text, parsed_toml
-from mesa_swarm.world.bodies import checked_resistance
+from mesa_swarm.maps.toml import number_text, parse_toml
+from mesa_swarm.world.bodies import check_resistance
 from mesa_swarm.world.placement import MOST_ROBOTS
-from mesa_swarm.world.shapes import MOST_VERTICES, checked_rings
+from mesa_swarm.world.shapes import MOST_VERTICES, check_rings
 from support.scenes import blind
 
 
@@ -36,8 +36,8 @@ BOX = "Obstacle('rec', [[0, 0], [9, 9]])"
 WITHIN = {
     "coordinates": (lambda: disc((1e9, -1e9), 1), lambda: disc((0, 1.001e9), 1), "at most 1e"),
     "coordinates of arrays": (
-        lambda: checked_rings(np.array([[1e9, 0], [0, -1e9], [1.0, 1.0]])),
-        lambda: checked_rings(np.array([[1.001e9, 0], [0, -1e9], [1.0, 1.0]])),
+        lambda: check_rings(np.array([[1e9, 0], [0, -1e9], [1.0, 1.0]])),
+        lambda: check_rings(np.array([[1.001e9, 0], [0, -1e9], [1.0, 1.0]])),
         "at most 1e",
     ),
     "radius": (lambda: disc((0, 0), 1e9), lambda: disc((0, 0), 1.001e9), "radius is"),
@@ -48,16 +48,16 @@ WITHIN = {
         "fewer than 3",
     ),
     "points of an array": (
-        lambda: checked_rings(np.zeros((MOST_VERTICES, 2))),
-        lambda: checked_rings(np.zeros((MOST_VERTICES + 1, 2))),
+        lambda: check_rings(np.zeros((MOST_VERTICES, 2))),
+        lambda: check_rings(np.zeros((MOST_VERTICES + 1, 2))),
         "more than 200000 points",
     ),
     "points of a list": (
-        lambda: checked_rings([(0, 0)] * 200_000),
-        lambda: checked_rings([(0, 0)] * 200_001),
+        lambda: check_rings([(0, 0)] * 200_000),
+        lambda: check_rings([(0, 0)] * 200_001),
         "more than 200000 points",
     ),
-    "resistance": (lambda: checked_resistance(1e9), lambda: checked_resistance(1.001e9), "resistance is"),
+    "resistance": (lambda: check_resistance(1e9), lambda: check_resistance(1.001e9), "resistance is"),
     "fire's radius": (lambda: FireSpot((0, 0), 1e9), lambda: FireSpot((0, 0), 1.001e9), "radius of a fire is"),
     "fire's x": (lambda: FireSpot((-1e9, 0), 1), lambda: FireSpot((-1.001e9, 0), 1), "x of a fire is"),
     "fire's y": (lambda: FireSpot((0, 1e9), 1), lambda: FireSpot((0, 1.001e9), 1), "y of a fire is"),
@@ -122,13 +122,13 @@ WITHIN = {
         "plain numbers",
     ),
     "dots on a line": (
-        lambda: parsed_toml(".".join("abcdefghijk") + ".l = 1\n" * 1 + "m.n.o = 1", "job"),
-        lambda: parsed_toml(".".join("abcdefghijkl") + ".m = 1", "job"),
+        lambda: parse_toml(".".join("abcdefghijk") + ".l = 1\n" * 1 + "m.n.o = 1", "job"),
+        lambda: parse_toml(".".join("abcdefghijkl") + ".m = 1", "job"),
         "dotted names",
     ),
     "dots in a file": (
-        lambda: parsed_toml("".join(f"a{i}.b.c = 1\n" for i in range(2000)), "job"),
-        lambda: parsed_toml("".join(f"a{i}.b.c = 1\n" for i in range(2001)), "job"),
+        lambda: parse_toml("".join(f"a{i}.b.c = 1\n" for i in range(2000)), "job"),
+        lambda: parse_toml("".join(f"a{i}.b.c = 1\n" for i in range(2001)), "job"),
         "line 2001: has dotted names of more than 10 dots, or 2000 in the file",
     ),
     "elements of a drawing": (

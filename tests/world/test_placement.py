@@ -312,4 +312,4 @@ def test_long_edges_on_a_wide_map_are_listed_a_bounded_number_of_times():
     shapes = [polygon(corner) for corner in corners]
     statics = Statics.of((0, 0, 1e5, 1e5), shapes, [OBSTACLE] * len(shapes), sight=50.0, touch=5.0)
     assert statics.grid.cells < CELLS_PER_ITEM * len(statics.edges) / 2
-    assert len(statics.seen.items) <= 2 * MOST_LISTED
+    assert len(statics.sight_cells.items) <= 2 * MOST_LISTED

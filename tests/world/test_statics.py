@@ -113,8 +113,8 @@ def test_a_cell_lists_what_can_be_seen_or_touched_from_it_also_once_a_load_has_m
     moving = statics.body == LOAD
     for point in rng.uniform(BOUNDS[:2], BOUNDS[2:], (20, 2)):
         away = np.maximum(0, np.maximum(low - point, point - high)).max(axis=1) - slack * moving
-        seen = items_at(statics.seen, point)
-        touched = items_at(statics.touched, point)
+        seen = items_at(statics.sight_cells, point)
+        touched = items_at(statics.touch_cells, point)
         assert set(np.flatnonzero(away < sight - 1e-6).tolist()) <= seen
         assert set(range(4, len(bodies))) & set(np.flatnonzero(away < touch - 1e-6).tolist()) <= touched
         # No farther than a cell and the reach; the border is never touched.
@@ -137,5 +137,5 @@ def test_marks_have_rows_of_their_own_and_solids_none_among_them():
 def test_an_empty_world_has_a_grid_of_cells_as_wide_as_can_be_touched(reach, cells):
     statics = Statics.of((0, 0, 10, 10), [], [], sight=1.0, touch=reach)
     assert statics.grid.cells == cells
-    assert len(statics.touched.items) == 0
-    assert set(statics.seen.items.tolist()) == {0, 1, 2, 3}
+    assert len(statics.touch_cells.items) == 0
+    assert set(statics.sight_cells.items.tolist()) == {0, 1, 2, 3}

@@ -21,7 +21,7 @@ from mesa_swarm.viewing.packing import MOST_PIXELS
 from mesa_swarm.viewing.palette import DARK, LIGHT, Palette, fire_colour
 from mesa_swarm.viewing.scene import Scene, scene_of
 from mesa_swarm.world.bodies import Form
-from mesa_swarm.world.fields import shrunk
+from mesa_swarm.world.fields import average_blocks
 from mesa_swarm.world.shapes import Shape
 
 HALF_DISC = "M%.5g %.5gA%.5g %.5g 0 0 1 %.5g %.5gZ"
@@ -107,7 +107,7 @@ def draw_field(levels: np.ndarray, size: tuple[float, float], place: int, name: 
 
     The picture is how opaque the colour is, so that the colour can follow the page.
     """
-    small = np.rint(shrunk(levels, MOST_PIXELS)).astype(np.uint8)
+    small = np.rint(average_blocks(levels, MOST_PIXELS)).astype(np.uint8)
     file = BytesIO()
     Image.fromarray(small, "L").save(file, "PNG", optimize=True)
     light, dark = (palette.scalars[place % len(palette.scalars)][:7] for palette in (LIGHT, DARK))

@@ -13,7 +13,7 @@ from mesa_swarm.dashboard.page.inputs import checked_setting, map_from, whole_nu
 from mesa_swarm.dashboard.page.live_run import Before, LiveRun, Repetition
 from mesa_swarm.dashboard.page.series import Series
 from mesa_swarm.maps.map import Map, builtin_maps
-from mesa_swarm.maps.map_parts import stopping_when
+from mesa_swarm.maps.map_parts import stop_reading_when
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.info import USUAL_SPEED, model_info
@@ -359,7 +359,7 @@ class Session(Player):
         new_map, fault = None, ""
         try:
             # One at a time; another upload cancels the one before.
-            with self._one_reader, stopping_when(cancelled.is_set):
+            with self._one_reader, stop_reading_when(cancelled.is_set):
                 if not cancelled.is_set():
                     new_map = map_from(name, content)
         except CancelledError:
