@@ -182,12 +182,12 @@ def place_of_error(error: BaseException) -> str:
 
 def _causes(error: BaseException) -> list[BaseException]:
     """Return an error, what it was raised from, and so on."""
-    found: list[BaseException] = []
+    causes: list[BaseException] = []
     cause: BaseException | None = error
-    while cause is not None and cause not in found:
-        found.append(cause)
+    while cause is not None and cause not in causes:
+        causes.append(cause)
         cause = cause.__cause__
-    return found
+    return causes
 
 
 def _calls(error: BaseException) -> Iterator[tuple[str, int] | None]:
@@ -258,16 +258,16 @@ def check_number(
 def _checked(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
     if type(value) is float and minimum <= value <= maximum and value > above and math.isfinite(value):
         return value  # as a rule: composing the text below takes longer than all else
-    wanted = _range_in_words(what, minimum, maximum, above)
+    expectation = _range_in_words(what, minimum, maximum, above)
     try:
         # Arrays of one number would be taken for it, with a warning.
         if isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", 0) != 0:
             raise TypeError
         number = float(value)  # type: ignore[arg-type]
     except Exception:  # a class of the user's may raise anything
-        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {expectation}") from None
     if not (math.isfinite(number) and minimum <= number <= maximum and number > above):
-        raise InvalidValueError(f"{name} is {number:g}; expected {wanted}")
+        raise InvalidValueError(f"{name} is {number:g}; expected {expectation}")
     return number
 
 
@@ -280,17 +280,17 @@ def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2*
         number = _checked(name, value, minimum, maximum, -math.inf, "a whole number")
         permitted = number == int(number)
     if not permitted:
-        wanted = _range_in_words("a whole number", minimum, maximum, -math.inf)
-        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}")
+        expectation = _range_in_words("a whole number", minimum, maximum, -math.inf)
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {expectation}")
     return int(number)
 
 
 def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
     """Return `value` if it is one of `choices`, else suggest the nearest."""
-    known = list(choices)
-    if isinstance(value, str) and value in known:
+    names = list(choices)
+    if isinstance(value, str) and value in names:
         return value
-    raise UnknownNameError(unknown_name(name, value, known))
+    raise UnknownNameError(unknown_name(name, value, names))
 
 
 def check_name(name: str, value: object) -> str:
@@ -310,25 +310,25 @@ def check_flag(name: str, value: object) -> bool:
     raise InvalidValueError(f"{name} is {shortened(value)}; expected True or False")
 
 
-def unknown_name(what: str, got: object, known: Iterable[str], *, beside: int = 0) -> str:
+def unknown_name(what: str, value: object, known_names: Iterable[str], *, beside: int = 0) -> str:
     """Return one sentence about an unknown name, with the nearest known one.
 
     Known names are listed as far as a message of 300 characters has room, with `beside` characters of other text.
     """
-    names = list(known)
-    hint = f"did you mean {near!r}? " if (near := _nearest(got, names)) else ""
-    begin = f"unknown {what} {shortened(got)}; {hint}known: "
+    names = list(known_names)
+    hint = f"did you mean {near!r}? " if (near := _nearest(value, names)) else ""
+    begin = f"unknown {what} {shortened(value)}; {hint}known: "
     room = LONGEST - beside - len(begin)
-    listed = ", ".join(names)
-    while len(listed) > room and names:
+    listing = ", ".join(names)
+    while len(listing) > room and names:
         names.pop()
-        listed = ", ".join([*names, "..."])
-    return begin + listed
+        listing = ", ".join([*names, "..."])
+    return begin + listing
 
 
-def _nearest(got: object, names: list[str]) -> str:
+def _nearest(value: object, names: list[str]) -> str:
     """Return the known name that is most like another one, in any case, or an empty text."""
-    text = got[:80] if isinstance(got, str) else shortened(got)
+    text = value[:80] if isinstance(value, str) else shortened(value)
     if near := get_close_matches(text, names, n=1, cutoff=0.5):
         return near[0]
     by_folded = {name.casefold(): name for name in reversed(names)}

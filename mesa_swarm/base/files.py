@@ -43,9 +43,9 @@ FORMER = {
 def check_writable(folder: str | os.PathLike[str]) -> Path:
     """Return a folder in which files can be written, or raise why they cannot; nothing stays behind."""
     path = Path(folder)
-    missing: list[Path] = []
+    new_folders: list[Path] = []
     try:
-        missing = [part for part in (path, *path.parents) if not part.exists()]
+        new_folders = [part for part in (path, *path.parents) if not part.exists()]
         path.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=path):
             return path
@@ -55,7 +55,7 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
             f"results cannot be written to '{shown_path(path)}': {reason}; choose another folder"
         ) from None
     finally:
-        _remove_empty(missing)
+        _remove_empty(new_folders)
 
 
 def checked_file(path: Path, ending: str, name: str = "out") -> Path:
@@ -109,9 +109,9 @@ def check_apart(
             )
 
 
-def _are_one_file(one: Path, other: str | os.PathLike[str]) -> bool:
+def _are_one_file(target: Path, source: str | os.PathLike[str]) -> bool:
     try:
-        return os.path.samefile(one, other)
+        return os.path.samefile(target, source)
     except (OSError, ValueError):  # one is not there, or no file can have that name
         return False
 
@@ -171,7 +171,7 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
     If the file cannot be written, an `error` is raised that has its name, never that of the draft; with `folders` its
     folder is created if it is missing.
     """
-    made = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
+    new_folders = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
     try:
         place, hold = _begun(path, error, folders)
         with hold:
@@ -188,7 +188,7 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
                 discard(hold)
                 raise
     finally:
-        _remove_empty(made)
+        _remove_empty(new_folders)
 
 
 def _begun(path: Path, error: type[SwarmError], folders: bool) -> tuple[Path, FileIO]:

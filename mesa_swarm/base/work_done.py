@@ -51,8 +51,8 @@ class WorkSummary:
     def add(self, work: WorkDone, begin: float) -> None:
         """Add work to that of the same unit."""
         self.begin = begin if self.begin is None else min(self.begin, begin)
-        known = self.works.get(work.unit, WorkDone(work.unit, 0, 0))
-        counts = known.done + work.done, known.total + work.total, known.before + work.before
+        earlier = self.works.get(work.unit, WorkDone(work.unit, 0, 0))
+        counts = earlier.done + work.done, earlier.total + work.total, earlier.before + work.before
         self.works[work.unit] = WorkDone(work.unit, *counts)
 
     def print(self) -> None:

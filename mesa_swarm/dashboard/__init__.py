@@ -63,8 +63,8 @@ def launch(
 
 def page_models() -> list[str]:
     """Return the names of the page's models: all that can be loaded, and the address that the server was given."""
-    started = os.environ.get(MODEL_VARIABLE, FIRST)
-    return sorted([*gallery_names(), *_usable(tuple(model_names()))]) + [started] * is_address(started)
+    first = os.environ.get(MODEL_VARIABLE, FIRST)
+    return sorted([*gallery_names(), *_usable(tuple(model_names()))]) + [first] * is_address(first)
 
 
 def check_page_model(name: str) -> str:
@@ -94,8 +94,8 @@ def _serve(application: "Gate", host: str, port: int, address: str) -> None:
     import uvicorn  # noqa: PLC0415 - comes with Solara
 
     # Packing frames smaller costs more time than sending them as they are.
-    unpacked: dict = {"ws_per_message_deflate": False, "ws_max_size": LARGEST_MESSAGE}
-    server = uvicorn.Server(uvicorn.Config(application, host=host, port=port, log_level="warning", **unpacked))
+    options: dict = {"ws_per_message_deflate": False, "ws_max_size": LARGEST_MESSAGE}
+    server = uvicorn.Server(uvicorn.Config(application, host=host, port=port, log_level="warning", **options))
     if address:
         threading.Thread(target=_open_when_served, args=(server, address), daemon=True).start()
     with suppress(KeyboardInterrupt):

@@ -255,7 +255,7 @@ class Delivering:
         if not movers.carried.any():
             return
         carried = [movers.agents[row] for row in np.flatnonzero(movers.carried)]
-        for body in [one for one in carried if one.kind == FOOD]:
+        for body in [item for item in carried if item.kind == FOOD]:
             robot = body.carrier
             if np.hypot(*(robot.position - nest)) < self._radius - FOOD_RADIUS:
                 model.event("delivered", robot=robot)
@@ -266,10 +266,10 @@ class Delivering:
     def add_food(self, model: SwarmModel) -> None:
         """Add an item of food that robots can reach from the nest, not in it, and away from robots and other food."""
         x_min, y_min, x_max, y_max = self._space.bounds
-        others = np.vstack([model.movers.position, model.swarm.position])
+        neighbours = np.vstack([model.movers.position, model.swarm.position])
         for _ in range(TRIES):
             place = model.streams[FOOD].uniform((x_min, y_min), (x_max, y_max))
-            apart = (np.hypot(*(others - place).T) > ROOM).all()
+            apart = (np.hypot(*(neighbours - place).T) > ROOM).all()
             if apart and shapely.contains_xy(self._space, *place):
                 model.add_body(disc(tuple(place.tolist()), FOOD_RADIUS), kind=FOOD)
                 return
@@ -286,7 +286,7 @@ class ForagingScore:
     def __init__(self, model: SwarmModel, count: int, *, delivery: float, pick_up: float, step_cost: float) -> None:
         self._model = model
         self._worth = delivery, pick_up, step_cost
-        self._process = next(one for one in model.processes if isinstance(one, Delivering))
+        self._process = next(process for process in model.processes if isinstance(process, Delivering))
         self._carried, self._delivered = np.zeros(count), np.zeros(count)
         self._count, self._numbers = count, np.arange(count)  # of robots with rewards, those that are left
         self._robot_steps = 0
@@ -327,23 +327,23 @@ def equipped(design: RobotDesign) -> RobotDesign:
     (('food',), True)
     """
     kinds = LineSensor, Carried, NestSensor
-    missing = [kind() for kind in kinds if not any(isinstance(sensor, kind) for sensor in design.sensors)]
-    grips = any(isinstance(one, Gripper) and one.name == GRIP for one in design.actuators)
+    sensors = [kind() for kind in kinds if not any(isinstance(sensor, kind) for sensor in design.sensors)]
+    grips = any(isinstance(actuator, Gripper) and actuator.name == GRIP for actuator in design.actuators)
     gripper = () if grips else (Gripper(kinds=(FOOD,), reach=REACH),)
-    if not missing and grips:
+    if not sensors and grips:
         return design
-    return replace(design, sensors=(*design.sensors, *missing), actuators=(*design.actuators, *gripper))
+    return replace(design, sensors=(*design.sensors, *sensors), actuators=(*design.actuators, *gripper))
 
 
 @lru_cache(maxsize=256)
-def nest_in(chart: Map, radius: float, wanted: tuple[float, float] | None) -> tuple[float, float]:
+def nest_in(chart: Map, radius: float, centre: tuple[float, float] | None) -> tuple[float, float]:
     """Return the centre of a nest: as wanted, or nearest to the middle of the map where it touches no obstacle."""
     room = room_for_disc(chart.bounds, _solids(chart), radius, SEGMENTS)
     x_min, y_min, x_max, y_max = chart.bounds
-    place = shapely.Point(((x_min + x_max) / 2, (y_min + y_max) / 2) if wanted is None else wanted)
+    place = shapely.Point(((x_min + x_max) / 2, (y_min + y_max) / 2) if centre is None else centre)
     if room.is_empty:
         raise InvalidValueError(f"map {chart.name} has no room for a nest of radius {radius:g}; give a smaller one")
-    if wanted is not None and not shapely.intersects(room, place):
+    if centre is not None and not shapely.intersects(room, place):
         raise InvalidValueError(
             f"nest is ({place.x:g}, {place.y:g}), where one of radius {radius:g} touches an obstacle or the border of "
             f"map {chart.name}; move it, or make it smaller"

@@ -25,31 +25,31 @@ def with_common(cls: type, shows_all: bool = False) -> Callable[..., None]:
     constructor = _declared(cls.__dict__.get("__init__", cls.__init__))  # type: ignore[misc]
     signature = inspect.signature(constructor)
     inherited = {name: _inherited(cls, name) for name in (*COMMON, *ALSO) if name not in signature.parameters}
-    missing = {name: parameter for name, parameter in inherited.items() if parameter is not None}
-    shown = {name: parameter for name, parameter in missing.items() if shows_all or name in COMMON}
+    additions = {name: parameter for name, parameter in inherited.items() if parameter is not None}
+    visible = {name: parameter for name, parameter in additions.items() if shows_all or name in COMMON}
 
     @wraps(constructor)
-    def extended(self: Any, *given: Any, **named: Any) -> None:
-        if "scenario" in named and "scenario" not in signature.parameters:
-            self.__dict__[GIVEN] = named["scenario"]
+    def extended(self: Any, *arguments: Any, **keywords: Any) -> None:
+        if "scenario" in keywords and "scenario" not in signature.parameters:
+            self.__dict__[GIVEN] = keywords["scenario"]
             if declares(type(self), "scenario"):
-                named = known_of_scenario({*signature.parameters, *missing}, named)
+                keywords = known_of_scenario({*signature.parameters, *additions}, keywords)
             else:
-                named = without_scenario(type(self), named)
-        taken = {name: named.pop(name) for name in missing if name in named}
-        common = {**taken, **self.__dict__.pop("_common", {})}  # what the outermost constructor is given counts
-        replaced = {name: value for name, value in common.items() if name not in missing}
-        if len(replaced) < len(common):
-            self.__dict__["_common"] = {name: value for name, value in common.items() if name in missing}
-        if replaced:
-            bound = signature.bind_partial(self, *given, **named)
-            bound.arguments.update(replaced)
-            given, named = bound.args[1:], bound.kwargs
-        constructor(self, *given, **named)
+                keywords = without_scenario(type(self), keywords)
+        settings = {name: keywords.pop(name) for name in additions if name in keywords}
+        common = {**settings, **self.__dict__.pop("_common", {})}  # what the outermost constructor is given counts
+        overrides = {name: value for name, value in common.items() if name not in additions}
+        if len(overrides) < len(common):
+            self.__dict__["_common"] = {name: value for name, value in common.items() if name in additions}
+        if overrides:
+            binding = signature.bind_partial(self, *arguments, **keywords)
+            binding.arguments.update(overrides)
+            arguments, keywords = binding.args[1:], binding.kwargs
+        constructor(self, *arguments, **keywords)
 
     extended.declared = constructor  # type: ignore[attr-defined]
-    extended.whole = _extended(signature, missing)  # type: ignore[attr-defined]
-    extended.__signature__ = _extended(signature, shown)  # type: ignore[attr-defined]
+    extended.whole = _extended(signature, additions)  # type: ignore[attr-defined]
+    extended.__signature__ = _extended(signature, visible)  # type: ignore[attr-defined]
     return extended
 
 
@@ -70,9 +70,9 @@ def whole_signature(model_class: Any) -> inspect.Signature:
 def _inherited(cls: type, name: str) -> inspect.Parameter | None:
     """Return a common parameter with the default and the annotation of the next class that declares it."""
     for base in cls.__mro__[1:]:
-        known = _parameters(_declared(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
-        if name in known and known[name].default is not inspect.Parameter.empty:
-            return known[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        parameters = _parameters(_declared(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
+        if name in parameters and parameters[name].default is not inspect.Parameter.empty:
+            return parameters[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
     return None  # of fires, in a class without them
 
 
@@ -86,6 +86,6 @@ def _parameters(constructor: Callable[..., None]) -> Mapping[str, inspect.Parame
 
 def _extended(signature: inspect.Signature, more: dict[str, inspect.Parameter]) -> inspect.Signature:
     """Return a signature with more keyword parameters, before what takes all others."""
-    own = list(signature.parameters.values())
-    place = next((i for i, each in enumerate(own) if each.kind is each.VAR_KEYWORD), len(own))
-    return signature.replace(parameters=[*own[:place], *more.values(), *own[place:]])
+    present = list(signature.parameters.values())
+    place = next((i for i, p in enumerate(present) if p.kind is p.VAR_KEYWORD), len(present))
+    return signature.replace(parameters=[*present[:place], *more.values(), *present[place:]])

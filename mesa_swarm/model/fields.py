@@ -27,7 +27,7 @@ class FieldsPart(Part):
     first = ("declared",)
 
     def __init__(self, model: Any) -> None:
-        self.model, self.made = model, Prepared()
+        self.model, self.cache = model, Prepared()
         self.live: dict[str, ScalarField] = {}
 
     def bind(self, context: Context) -> None:
@@ -63,17 +63,17 @@ class FieldsPart(Part):
     def restore(self, stored: dict[str, Any]) -> None:
         """Take back what `store` returned; fields that the model has stay the same objects."""
         if "declared" in stored:
-            self._declare([Field(*declared) for declared in stored["declared"]])
+            self._declare([Field(*values) for values in stored["declared"]])
         for field, peak in zip(self.live.values(), stored.get("peaks", ()), strict=False):
             field.restore({**field.checkpoint(), "peak": peak})
 
     def _declare(self, fields: Sequence[Field]) -> None:
         before, self.live = self.live, {}
         for field in fields:
-            known = before.get(field.name)
-            if known is None or known.declared != field:
-                known = self.add_field(field)
-            self.live = {**self.live, field.name: known}
+            live_field = before.get(field.name)
+            if live_field is None or live_field.declared != field:
+                live_field = self.add_field(field)
+            self.live = {**self.live, field.name: live_field}
         for earlier in before.values():
             earlier.removed = self.live.get(earlier.name) is not earlier
         self._made_anew()
@@ -85,16 +85,16 @@ class FieldsPart(Part):
 
     def kernel(self) -> Kernel:
         """Return what advances all fields, made anew when these or their walls have changed."""
-        if self.made.kernel is None:
+        if self.cache.kernel is None:
             blocks = [field.block() for field in self.live.values()]
             rows = np.array([block.numbers for block in blocks], np.int64).reshape(len(blocks), -1 if blocks else 0)
             every = Block(FieldBlocks(rows))
-            self.made.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
-        return self.made.kernel
+            self.cache.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
+        return self.cache.kernel
 
     def _made_anew(self) -> None:
         """Let the kernel be made anew."""
-        self.made.kernel = None
+        self.cache.kernel = None
         self.model.parts.replan()
 
     def walls_changed(self) -> None:

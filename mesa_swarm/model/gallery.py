@@ -61,13 +61,13 @@ def model_names() -> list[str]:
 
 def loaded_models() -> tuple[dict[str, type], dict[str, str]]:
     """Return the classes of all models by name, and by the other names why their models cannot be loaded."""
-    found, faults = {}, {}
+    models, faults = {}, {}
     for name in model_names():
         try:
-            found[name] = find_model(name)
+            models[name] = find_model(name)
         except SwarmError as error:
             faults[name] = str(error)
-    return found, faults
+    return models, faults
 
 
 def check_model_name(name: str) -> str:
@@ -112,8 +112,8 @@ def find_model(name: str) -> type:
     """
     check_model_name(name)
     if name in gallery_names():
-        found: type = getattr(import_module(f"{PACKAGE}.{name}"), class_name(name))
-        return found
+        model_class: type = getattr(import_module(f"{PACKAGE}.{name}"), class_name(name))
+        return model_class
     if name in _installed(tuple(sys.path)):
         return _of_package(name, _installed(tuple(sys.path))[name])
     if file := FILE.fullmatch(name):
@@ -149,12 +149,12 @@ def object_at(address: str) -> Any:
         module, name = _imported_file(file["file"], "Python file"), file["name"]
     else:
         module, name = _imported_module(dotted["module"], address), dotted["name"]  # type: ignore[index]
-    found: Any = module
+    value: Any = module
     for part in name.split("."):
-        if not hasattr(found, part):
+        if not hasattr(value, part):
             raise UnknownNameError(without_middle(f"{address}: there is no {name!r} in {module.__name__}"))
-        found = getattr(found, part)
-    return found
+        value = getattr(value, part)
+    return value
 
 
 def class_name(name: str) -> str:
@@ -201,8 +201,8 @@ def shipped_class(module: str, name: str) -> type | None:
         module = BASE
     if module != BASE and module not in {f"{PACKAGE}.{model}" for model in gallery_names()}:
         return None
-    found = getattr(import_module(module), name, None)
-    return found if isinstance(found, type) and found.__module__ == module else None
+    model_class = getattr(import_module(module), name, None)
+    return model_class if isinstance(model_class, type) and model_class.__module__ == module else None
 
 
 @cache
@@ -210,10 +210,10 @@ def _installed(path: tuple[str, ...]) -> "dict[str, tuple[EntryPoint, ...]]":
     """Return the entry points of installed packages by name; `path` is that of the interpreter, for the cache."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - slow to load
 
-    found: dict[str, dict[str, EntryPoint]] = {}
+    by_name: dict[str, dict[str, EntryPoint]] = {}
     for point in entry_points(group=GROUP):
-        found.setdefault(point.name, {})[point.value] = point
-    return {name: tuple(points[value] for value in sorted(points)) for name, points in sorted(found.items())}
+        by_name.setdefault(point.name, {})[point.value] = point
+    return {name: tuple(points[value] for value in sorted(points)) for name, points in sorted(by_name.items())}
 
 
 def _of_package(name: str, points: "Sequence[EntryPoint]") -> type:
@@ -275,15 +275,15 @@ def _class_in(module: ModuleType, name: str | None, address: str) -> type:
     models = _models_in(module)
     if name is None:
         if len(models) != 1:
-            found = f"has several models; add one of :{', :'.join(models)}" if models else f"has no model; {EXPECTED}"
-            raise InvalidValueError(without_middle(f"{address} {found}"))
+            fault = f"has several models; add one of :{', :'.join(models)}" if models else f"has no model; {EXPECTED}"
+            raise InvalidValueError(without_middle(f"{address} {fault}"))
         return models[next(iter(models))]
     kind: Any = module
     for part in name.split("."):
         kind = getattr(kind, part, None)
     if kind is None:
-        known = ", ".join(models) or "none"
-        raise UnknownNameError(without_middle(f"{address}: there is no class {name!r}; known models: {known}"))
+        names = ", ".join(models) or "none"
+        raise UnknownNameError(without_middle(f"{address}: there is no class {name!r}; known models: {names}"))
     if not (isinstance(kind, type) and issubclass(kind, _base())):
         raise InvalidValueError(without_middle(f"{address} is {shortened(kind)}; {EXPECTED}"))
     return kind
@@ -292,8 +292,8 @@ def _class_in(module: ModuleType, name: str | None, address: str) -> type:
 def _models_in(module: ModuleType) -> dict[str, type]:
     """Return the models that a module itself defines, by name."""
     classes = {value.__name__: value for value in vars(module).values() if isinstance(value, type)}
-    own = {name: one for name, one in sorted(classes.items()) if one.__module__ == module.__name__}
-    return {name: one for name, one in own.items() if issubclass(one, _base()) and not name.startswith("_")}
+    of_module = {name: kind for name, kind in sorted(classes.items()) if kind.__module__ == module.__name__}
+    return {name: kind for name, kind in of_module.items() if issubclass(kind, _base()) and not name.startswith("_")}
 
 
 def _base() -> type:
@@ -337,8 +337,8 @@ class FileFinder:
     def name_of(self, path: Path) -> str:
         """Return the name of a file's module: that of the file, unless another module has it already."""
         stem = path.stem.replace(".", "_")
-        found = self.paths.get(stem) or _origin(stem)
-        if found in (None, str(path)):
+        file = self.paths.get(stem) or _origin(stem)
+        if file in (None, str(path)):
             return stem
         return f"{stem}_{blake2b(str(path).encode(), digest_size=4).hexdigest()}"
 

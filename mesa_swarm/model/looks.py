@@ -43,7 +43,7 @@ def themed(name: str, colour: Colour) -> tuple[str, str]:
     both = (colour, colour) if isinstance(colour, str) else colour
     if isinstance(both, (tuple, list)) and len(both) == 2:
         light, dark = both
-        if all(isinstance(one, str) and COLOUR.fullmatch(one) for one in (light, dark)):
+        if all(isinstance(colour, str) and COLOUR.fullmatch(colour) for colour in (light, dark)):
             return light, dark
     raise InvalidValueError(
         f"colour of {shortened(name)} is {shortened(colour)}; expected #rrggbb, or (light, dark) of two such"
@@ -195,22 +195,22 @@ class Looks:
 
     def columns_of(self, model: Any) -> dict[str, np.ndarray]:
         """Return what is drawn of a model now: `VALUE`, shape (n,), and `LABEL`, n texts, as far as declared."""
-        found: dict[str, np.ndarray] = {}
+        columns: dict[str, np.ndarray] = {}
         if isinstance(self.column, ColourMap):
-            found[VALUE] = _numbers("column", _values(model, "column", self.column.source))
+            columns[VALUE] = _numbers("column", _values(model, "column", self.column.source))
         if self.label is not None:
             values = _values(model, "label", self.label)
-            found[LABEL] = np.array([label_text(value) for value in values.tolist()], object)
-        return found
+            columns[LABEL] = np.array([label_text(value) for value in values.tolist()], object)
+        return columns
 
     def as_json(self) -> dict[str, Any]:
         """Return what a recording stores: colours, range and names; what a function computes is not recorded."""
-        found: dict[str, Any] = {}
+        content: dict[str, Any] = {}
         if self.kinds:
-            found["kinds"] = {name: list(pair) for name, pair in self.kinds.items()}
+            content["kinds"] = {name: list(pair) for name, pair in self.kinds.items()}
         if isinstance(self.column, ColourMap):
             source = self.column.source
-            found["column"] = {
+            content["column"] = {
                 "name": source if isinstance(source, str) else "",
                 "label": self.column.label,
                 "low": float(self.column.low),
@@ -218,8 +218,8 @@ class Looks:
                 "colours": [list(pair) for pair in self.column.colours],
             }
         if self.label is not None:
-            found["label"] = self.label if isinstance(self.label, str) else ""
-        return found
+            content["label"] = self.label if isinstance(self.label, str) else ""
+        return content
 
 
 def looks_of(model: Any) -> Looks | None:
@@ -238,8 +238,8 @@ def label_bytes(texts: np.ndarray) -> np.ndarray:
     >>> label_bytes(np.array(["ab", ""], object))[:, :3].tolist()
     [[97, 98, 0], [0, 0, 0]]
     """
-    cut = [str(text).encode()[:LABEL_BYTES].decode(errors="ignore").encode() for text in texts.tolist()]
-    return np.frombuffer(b"".join(one.ljust(LABEL_BYTES, b"\0") for one in cut), np.int8).reshape(-1, LABEL_BYTES)
+    labels = [str(text).encode()[:LABEL_BYTES].decode(errors="ignore").encode() for text in texts.tolist()]
+    return np.frombuffer(b"".join(text.ljust(LABEL_BYTES, b"\0") for text in labels), np.int8).reshape(-1, LABEL_BYTES)
 
 
 def _values(model: Any, what: str, source: Source) -> np.ndarray:

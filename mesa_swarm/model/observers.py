@@ -120,7 +120,7 @@ class Observers(list):
 
 
 def _completed(observers: list) -> tuple[Observer, ...]:
-    return tuple(each if isinstance(each, Observer) else _Adapted(each) for each in observers)
+    return tuple(observer if isinstance(observer, Observer) else _Adapted(observer) for observer in observers)
 
 
 def _completing(name: str) -> Callable:
@@ -128,9 +128,9 @@ def _completing(name: str) -> Callable:
     change = getattr(list, name)
 
     @wraps(change)
-    def method(self: Observers, *given: Any, **named: Any) -> Any:
+    def method(self: Observers, *arguments: Any, **keywords: Any) -> Any:
         before = self[:]
-        result = change(self, *given, **named)
+        result = change(self, *arguments, **keywords)
         try:
             self.complete = _completed(self)
         except InvalidValueError:

@@ -97,9 +97,9 @@ def _robot_rows(model: Any) -> Iterator[str]:
     memory = sorted(name for name in model.swarm.columns if name.partition(".")[0].isdigit())
     for index, design in enumerate(model.swarm.designs):
         acts = (f"act.{part.name}" for part in design.actuators)
-        own = ["position", "heading", "readings", "command", "layer", *memory, *acts]
+        columns = ["position", "heading", "readings", "command", "layer", *memory, *acts]
         about = f"radius {design.radius:g}, at most {design.max_speed:g} units a step"
-        yield f"| robot `{design.name}`: {about} | {of_design[index]} | {', '.join(own)} |"
+        yield f"| robot `{design.name}`: {about} | {of_design[index]} | {', '.join(columns)} |"
 
 
 def _body_rows(model: Any) -> Iterator[str]:
@@ -142,8 +142,8 @@ def _one_line(part: Any) -> str:
 
 
 def _concepts(info: ModelInfo, model: Any) -> str:
-    found = {**info.concepts, **_own_concepts(model)}
-    return "\n\n".join(f"**{title}.** {found[name]}" for name, title in CONCEPTS.items() if name in found)
+    concepts = {**info.concepts, **_own_concepts(model)}
+    return "\n\n".join(f"**{title}.** {concepts[name]}" for name, title in CONCEPTS.items() if name in concepts)
 
 
 def _own_concepts(model: Any) -> dict[str, str]:
@@ -174,7 +174,7 @@ def _sensing(model: Any) -> Iterator[str]:
 
 
 def _initialization(info: ModelInfo, model: Any) -> str:
-    table = parameter_table({name: one for name, one in info.parameters.items() if name != "rng"})
+    table = parameter_table({name: parameter for name, parameter in info.parameters.items() if name != "rng"})
     return (
         f"The map `{model.map.name}` with its bodies. Robots are at random free places with random headings, unless "
         f"the model places them; the seed determines all of it.\n\n{table}"
@@ -187,6 +187,6 @@ def _input(model: Any) -> str:
 
 def _submodels(info: ModelInfo, head: str) -> str:
     pieces = [info.how] if info.how else []
-    pieces += [f"$${one.latex}$$\n\n{one.text}" for one in info.equations]
-    pieces += [f"{head} {one.name}\n\nFrom `{one.module}`.\n\n```python\n{one.code}\n```" for one in info.code]
+    pieces += [f"$${equation.latex}$$\n\n{equation.text}" for equation in info.equations]
+    pieces += [f"{head} {part.name}\n\nFrom `{part.module}`.\n\n```python\n{part.code}\n```" for part in info.code]
     return "\n\n".join(pieces)

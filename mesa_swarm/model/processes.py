@@ -79,13 +79,13 @@ class ProcessesPart(Part):
 
     def store(self) -> dict[str, Any]:
         """Return what processes hold, by their number; one that stores itself whole."""
-        stored: dict[str, Any] = {}
+        content: dict[str, Any] = {}
         for number, process in self.numbered.items():
             if isinstance(process, Checkpointed):
-                stored[f"{number}"] = process
+                content[f"{number}"] = process
             else:
-                stored |= {f"{number} {name}": value for name, value in attributes_of(process).items()}
-        return stored
+                content |= {f"{number} {name}": value for name, value in attributes_of(process).items()}
+        return content
 
     def word_of(self, name: str) -> str:
         """Return whose attribute a stored value is."""

@@ -247,9 +247,9 @@ def described_process(process: Any) -> list:
 
     Dataclasses and functions that it holds count, and numbers that its methods read by name.
     """
-    held = {} if _has(type(process), "checkpoint", "restore") else attributes_of(process)
+    attributes = {} if _has(type(process), "checkpoint", "restore") else attributes_of(process)
     plain = (*ATOMS, np.ndarray, np.generic, np.random.Generator)
-    parts = {name: value for name, value in held.items() if not isinstance(value, plain)}
+    parts = {name: value for name, value in attributes.items() if not isinstance(value, plain)}
     return [type(process).__qualname__, parts, values_read_by(process)]
 
 
@@ -274,13 +274,13 @@ def described_control(control: Arbiter) -> list:
     """Return the arbiters of a control, each with its layers, and what else it is made of."""
     if isinstance(control, Team):
         return [
-            [message_label(key), described_control(one) if one is not None else None] for key, one in control.items()
+            [message_label(key), described_control(part) if part is not None else None] for key, part in control.items()
         ]
     layers = [described_layer(layer) for layer in control.layers]
     if graph := control._graph():
         return [type(control).__qualname__, layers, *graph]
-    own = {name: value for name, value in attributes_of(control).items() if name not in OF_ARBITERS}
-    return [type(control).__qualname__, layers, own, values_read_by(control)]
+    parameters = {name: value for name, value in attributes_of(control).items() if name not in OF_ARBITERS}
+    return [type(control).__qualname__, layers, parameters, values_read_by(control)]
 
 
 def described_layer(layer: Any) -> Any:

@@ -58,7 +58,7 @@ def scenery_of(model: EngineModel) -> dict:
     """
     layers, looks = () if model.control is None else model.control.names, looks_of(model)
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
-    own = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
+    kinds = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
     return {
         "designs": [_written_design(design) for design in model.swarm.designs],
         "robots": _runs(model.swarm.unique_ids.tolist(), model.swarm.design.tolist()),
@@ -67,7 +67,7 @@ def scenery_of(model: EngineModel) -> dict:
             {"id": body.unique_id, **outline_to_json(body.form.outline, body.form.radius), **_own_kind(body, LOAD)}
             for body in model.displaced
         ],
-        **own,
+        **kinds,
         "layers": list(layers),
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
@@ -79,7 +79,7 @@ def scenery_of(model: EngineModel) -> dict:
 
 def drawn_parts(model: EngineModel) -> list[list[str]]:
     """Return the name and the colour of each added part that shows discs."""
-    return [[shown.name, shown.colour] for shown in with_discs(model)]
+    return [[part.name, part.colour] for part in with_discs(model)]
 
 
 def _own_kind(body: Body, usual: int) -> dict:
@@ -89,7 +89,7 @@ def _own_kind(body: Body, usual: int) -> dict:
 
 def shows(scenery: dict, other: dict) -> bool:
     """Return whether a scenery includes a later one of the same model, from which only robots may be missing."""
-    last, newest = (max((run[1] for run in one["robots"]), default=0) for one in (scenery, other))
+    last, newest = (max((run[1] for run in robots_of["robots"]), default=0) for robots_of in (scenery, other))
     return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
 
 
@@ -133,11 +133,11 @@ def _written_design(design: RobotDesign) -> dict:
 def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
     """Return ranges of robots of one design: [first id, last id, design]."""
     runs: list[list[int]] = []
-    for one, design in zip(ids, designs, strict=True):
+    for number, design in zip(ids, designs, strict=True):
         if runs and runs[-1][2] == design:
-            runs[-1][1] = one
+            runs[-1][1] = number
         else:
-            runs.append([one, one, design])
+            runs.append([number, number, design])
     return runs
 
 
@@ -162,12 +162,12 @@ def provenance_of(model: EngineModel, rerun: bool) -> dict:
 
 def parameters_of_run(model: EngineModel) -> dict:
     """Return the arguments of the model's constructor, defaults included."""
-    given, named = model.given
-    bound = whole_signature(type(model)).bind(*given, **named)
-    unshown = bound.signature.parameters.keys() - inspect.signature(type(model)).parameters.keys() - {*bound.arguments}
-    bound.apply_defaults()
-    parameters = {name: value for name, value in bound.arguments.items() if name not in unshown}
-    for parameter in bound.signature.parameters.values():
+    arguments, keywords = model.given
+    call = whole_signature(type(model)).bind(*arguments, **keywords)
+    unshown = call.signature.parameters.keys() - inspect.signature(type(model)).parameters.keys() - {*call.arguments}
+    call.apply_defaults()
+    parameters = {name: value for name, value in call.arguments.items() if name not in unshown}
+    for parameter in call.signature.parameters.values():
         if parameter.kind is parameter.VAR_KEYWORD:
             parameters.update(parameters.pop(parameter.name))
     return parameters
@@ -209,10 +209,10 @@ def recorded_map(provenance: dict) -> Map:
 
 def check_class(provenance: dict, model_class: type) -> None:
     """Refuse another class than the one that was recorded."""
-    recorded = provenance["model"]
+    recorded_class = provenance["model"]
     if not is_of(provenance, model_class):
         raise RecordingError(
-            f"the recording is of {recorded['module']}.{recorded['name']}, "
+            f"the recording is of {recorded_class['module']}.{recorded_class['name']}, "
             f"not of {model_class.__module__}.{model_class.__qualname__}; give its class"
         )
 
@@ -244,8 +244,8 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
             raise RecordingError(f"{source}: {shortened(name)} cannot be decoded, or is too long") from None
         facts = {}
     if facts.get("format") not in READABLE:
-        shown, known = shortened(facts.get("format")), ", ".join(map(str, READABLE))
-        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected one of {known}")
+        shown, formats = shortened(facts.get("format")), ", ".join(map(str, READABLE))
+        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected one of {formats}")
     facts = checked_provenance(facts, source)
     model = facts["model"]
     model["module"] = MOVED.get((model["module"], model["name"]), model["module"])
@@ -282,7 +282,7 @@ def _written_seed(model: EngineModel, seed: object, rerun: bool) -> object:
         return int(seed)
     if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:
         raise RecordingError(f"rng is {shortened(seed)}, which cannot be recorded; expected a whole number")
-    grown = model.streams.seed
-    given: Any = grown.entropy  # never None: a SeedSequence without entropy draws some
-    entropy = given if isinstance(given, int) else [int(word) for word in given]
-    return {"entropy": entropy, "spawn_key": [int(word) for word in grown.spawn_key]}
+    sequence = model.streams.seed
+    seed_entropy: Any = sequence.entropy  # never None: a SeedSequence without entropy draws some
+    entropy = seed_entropy if isinstance(seed_entropy, int) else [int(word) for word in seed_entropy]
+    return {"entropy": entropy, "spawn_key": [int(word) for word in sequence.spawn_key]}

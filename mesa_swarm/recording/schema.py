@@ -106,8 +106,8 @@ def check_recorded_columns(schema: pa.Schema, source: object) -> None:
         )
     for field in list(schema)[len(FIRST_COLUMNS) :]:
         if not _is_known(field.name, field.type):
-            shown = " ".join(str(field.type).split())
-            raise RecordingError(f"{_shown(source)} has invalid column {shortened(field.name)}: type {shown:.{SHOWN}}")
+            words = " ".join(str(field.type).split())
+            raise RecordingError(f"{_shown(source)} has invalid column {shortened(field.name)}: type {words:.{SHOWN}}")
 
 
 def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) -> Rows:
@@ -247,7 +247,7 @@ def _is_column(name: str, kind: pa.DataType) -> bool:
     if name not in COLUMNS:
         return True
     shape, dtype, _ = COLUMNS[name]
-    fits = [isinstance(own, str) or own == width for own, width in zip(shape, widths, strict=False)]
+    fits = [isinstance(size, str) or size == width for size, width in zip(shape, widths, strict=False)]
     is_kind = {"f": REALS.__contains__, "i": pa.types.is_signed_integer, "b": pa.types.is_boolean}
     return len(shape) == len(widths) and all(fits) and is_kind[np.dtype(dtype).kind](kind)
 
@@ -272,9 +272,9 @@ def _check(value: Any, form: Any, where: str) -> None:
     elif isinstance(form, tuple):
         if type(value) is not list or len(value) != len(form):
             raise _unexpected(where, value)
-        for one, own in zip(value, form, strict=True):
-            _check(one, own, where)
-    elif not (any(_fits(value, one, where) for one in form) if isinstance(form, list) else type(value) is form):
+        for item, item_form in zip(value, form, strict=True):
+            _check(item, item_form, where)
+    elif not (any(_fits(value, choice, where) for choice in form) if isinstance(form, list) else type(value) is form):
         raise _unexpected(where, value)
 
 
@@ -309,8 +309,8 @@ def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int
     def check(value: Any, where: str) -> None:
         if type(value) is not kind or not least <= len(value) <= most:
             raise _unexpected(where, value)
-        for one in _inside(value):
-            _check(one, form, where)
+        for item in _inside(value):
+            _check(item, form, where)
 
     return check
 
@@ -345,7 +345,7 @@ def _check_depth(value: Any) -> None:
     """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
     for _ in range(DEEPEST):
-        level = [inner for one in level for inner in _inside(one)]
+        level = [inner for item in level for inner in _inside(item)]
     if level:
         raise _FaultError("parameters", f"are nested more than {DEEPEST} deep")
 

@@ -175,9 +175,9 @@ class SealedWriter:
         try:
             self._file.seek(self.sealed.end)
             self._file.truncate()
-            left = memoryview(content)
-            while left:
-                left = left[self._file.write(left) :]
+            remaining = memoryview(content)
+            while remaining:
+                remaining = remaining[self._file.write(remaining) :]
         except OSError as error:
             with suppress(OSError):  # readers ignore a tail without a seal
                 self._file.truncate(self.sealed.end)
@@ -269,26 +269,26 @@ class SealedReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._bytes = pa.py_buffer(_mapped(path))
-        found = list(self._found())
-        if not found or found[0].batch != 0 or not self.is_whole(found[0]):
+        pieces = list(self._found())
+        if not pieces or pieces[0].batch != 0 or not self.is_whole(pieces[0]):
             check_present_format(path, RecordingError)
             raise RecordingError(f"{path} is not a recording, or its beginning is damaged; choose another file")
         try:
             self.schema = pa.ipc.read_schema(self._message(0))
         except (pa.ArrowException, OSError, ValueError, MemoryError):
             raise RecordingError(f"{path} does not begin with an Arrow schema; choose another file") from None
-        if len(found) > 1 and not self.is_whole(found[-1]):  # a power cut may leave holes before the end
-            found.pop()
-        self.pieces = [piece for piece in found[1:] if piece.rows]
-        self.attached = [piece for piece in found[1:] if not piece.rows]
-        self._end = found[-1].end
+        if len(pieces) > 1 and not self.is_whole(pieces[-1]):  # a power cut may leave holes before the end
+            pieces.pop()
+        self.pieces = [piece for piece in pieces[1:] if piece.rows]
+        self.attached = [piece for piece in pieces[1:] if not piece.rows]
+        self._end = pieces[-1].end
         self.lost = self._bytes.size - self._end
         self.complete = self._bytes[self._end :].to_pybytes() == END_OF_STREAM
 
     def cut(self, piece: Piece) -> None:
         """Treat a piece and all that follow it as damaged."""
         self.pieces, self.attached = (
-            [one for one in pieces if one.begin < piece.begin] for pieces in (self.pieces, self.attached)
+            [other for other in pieces if other.begin < piece.begin] for pieces in (self.pieces, self.attached)
         )
         self._end = piece.batch
         self.lost, self.complete = self._bytes.size - self._end, False
@@ -298,8 +298,8 @@ class SealedReader:
         """Whether the bytes after the last piece are more than the torn end of a stream that was not closed."""
         if self.complete:
             return False
-        rest = memoryview(self._bytes)[self._end :].tobytes()
-        return rest.endswith(END_OF_STREAM) or _holds_whole_piece(rest)
+        tail = memoryview(self._bytes)[self._end :].tobytes()
+        return tail.endswith(END_OF_STREAM) or _holds_whole_piece(tail)
 
     def batch(self, piece: Piece) -> pa.RecordBatch:
         """Return the rows of a piece."""
@@ -404,13 +404,13 @@ def _field(content: bytes, table: int, number: int) -> int:
     return table + offset if offset else 0
 
 
-def _holds_whole_piece(rest: bytes) -> bool:
+def _holds_whole_piece(tail: bytes) -> bool:
     """Return whether a seal matches the bytes between it and the one before, wherever the two are."""
     seals, after = [], 0
-    for seal in SEAL.finditer(rest):  # only between two seals, else the time is the square of their number
-        seals.append((max(rest.rfind(BEGIN_OF_MESSAGE, after, seal.start()), after), seal))
+    for seal in SEAL.finditer(tail):  # only between two seals, else the time is the square of their number
+        seals.append((max(tail.rfind(BEGIN_OF_MESSAGE, after, seal.start()), after), seal))
         after = seal.end()
-    return any(_fits(rest[begin:end], seal) for (begin, _), (end, seal) in pairwise(seals))
+    return any(_fits(tail[begin:end], seal) for (begin, _), (end, seal) in pairwise(seals))
 
 
 def _fits(content: bytes, seal: re.Match[bytes]) -> bool:

@@ -52,18 +52,20 @@ class Rerun:
         states: Sequence[Checkpoint] = (),
     ) -> None:
         self.recording, self.model, self._watch = recording, model, watch
-        self.taken: tuple[Intervention, ...] = ()
+        self.interventions: tuple[Intervention, ...] = ()
         self.begin = "" if checkpoint < 0 else f", from the stored state of step {model.completed}"
         self.states = list(states)
         self._layout = _layout_of(recording, model)
         self._format = recording.provenance["format"]
         first, has = model.completed, checkpoint
         # Where a step failed and was taken again there are several: the last one includes all changes.
-        last = {one.step: one for one in recording.interventions}.values()
-        self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
-        self._moves = deque(one for one in recording.hand_moves if one.step >= first and one.after > has)
+        last = {change.step: change for change in recording.interventions}.values()
+        self._ahead = [
+            change for change in last if change.step >= first and (change.checkpoint is None or change.checkpoint > has)
+        ]
+        self._moves = deque(move for move in recording.hand_moves if move.step >= first and move.after > has)
         self.moved: set[int] = set()
-        by_hand = {one.checkpoint for one in recording.interventions}
+        by_hand = {change.checkpoint for change in recording.interventions}
         steps = enumerate(recording.checkpoints)
         self.unseen = deque((k, step) for k, step in steps if k > has and step >= first and k not in by_hand)
 
@@ -132,7 +134,7 @@ class Rerun:
             why = f"{intervention.why_not:.{2 * LONGEST_DESCRIPTION}}"
             raise RecordingError(f"{intervention!s:.{LONGEST_DESCRIPTION}}; the state then was not stored ({why})")
         self.model = self._restored(intervention.checkpoint)
-        self.taken += (self._ahead.pop(0),)
+        self.interventions += (self._ahead.pop(0),)
         while self._moves and self._moves[0].after <= intervention.checkpoint:
             self._moves.popleft()  # the state includes them
 
@@ -204,21 +206,21 @@ def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
         rerun.unseen.popleft()
         rerun.states = states
         return rerun
-    stored = Rerun(recording, model, 0, watch, states)
-    stored.begin += f" (its {name} is not what the parameters make)"
-    return stored
+    from_state = Rerun(recording, model, 0, watch, states)
+    from_state.begin += f" (its {name} is not what the parameters make)"
+    return from_state
 
 
-def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
+def states_to(recording: Recording, checkpoint: int, earlier: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
     """Return the stored states up to one of `Recording.checkpoints`, by index: each builds on those before.
 
-    Only the last one is whole. The others are reduced to their collected data: memory has room for one state. `known`
+    Only the last one is whole. The others are reduced to their collected data: memory has room for one state. `earlier`
     are the first ones, as returned before.
     """
-    states = [*known[:-1], *map(without_rest, known[-1:])]
+    states = [*earlier[:-1], *map(without_rest, earlier[-1:])]
     size, file = sum(map(size_of_collected, states)), recording.path.stat().st_size
     try:
-        for place in range(len(known), checkpoint + 1):
+        for place in range(len(earlier), checkpoint + 1):
             state = recording.checkpoint(place)
             size += size_of_collected(state)
             check_collected(size, file)
@@ -313,7 +315,7 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     verdict = replace(verdict, text=verdict.text + rerun.begin)
     if recording.damage:
         verdict = replace(verdict, same=False, text=f"{verdict.text}; {recording.path} {recording.damage}")
-    return replace(verdict, interventions=rerun.taken, moved=len(rerun.moved))
+    return replace(verdict, interventions=rerun.interventions, moved=len(rerun.moved))
 
 
 def _moved_by_hand(steps: int) -> str:
@@ -423,9 +425,9 @@ def _differing(name: str, frame: Frame, again: Frame) -> tuple[int, ...] | None:
 def _named(robots: tuple[int, ...]) -> str:
     if not robots:
         return ""
-    shown = ", ".join(map(str, robots[:MOST_NAMED]))
+    numbers = ", ".join(map(str, robots[:MOST_NAMED]))
     more = f" and {len(robots) - MOST_NAMED} more" if len(robots) > MOST_NAMED else ""
-    return f" for robot{'s' if len(robots) > 1 else ''} {shown}{more}"
+    return f" for robot{'s' if len(robots) > 1 else ''} {numbers}{more}"
 
 
 def _verdict(row: int, step: int, column: str | None, what: str, robots: tuple[int, ...] = ()) -> Verification:

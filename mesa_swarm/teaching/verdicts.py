@@ -116,15 +116,15 @@ def verdict_on(
 ) -> Verdict:
     """Return the verdict on measured numbers, a row a criterion."""
     rows = list(zip(criteria, numbers, strict=True))
-    passed = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
-    return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows))
+    passes = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
+    return Verdict(passes, "\n".join(_line(criterion, row, seeds) for criterion, row in rows))
 
 
 def _line(criterion: Criterion, row: Sequence[float | None], seeds: Sequence[int]) -> str:
-    met, runs = sum(map(criterion.is_met, row)), len(row)
-    measured = ", ".join(map(shown, row))
+    successes, runs = sum(map(criterion.is_met, row)), len(row)
+    numbers = ", ".join(map(shown, row))
     enough = f" ({runs - criterion.misses} required)" if criterion.misses else ""
-    return f"  {criterion}; measured {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
+    return f"  {criterion}; measured {numbers} with {seeds_in_words(seeds)}; {successes} of {runs} seeds pass{enough}"
 
 
 def shown(number: float | None) -> str:

@@ -144,7 +144,7 @@ def test_runs_of_an_experiment_that_fail_state_where_and_print_one_traceback(own
     capfd.readouterr()
     experimenting.start()
     wait_until(lambda: not experimenting.runs.running, 120)
-    errors = set(experimenting.found.errors().values())
+    errors = set(experimenting.grid.errors().values())
     session.close()
     assert errors == {PLACE.format("step")}
     assert tracebacks(capfd) == ["KeyError: 'step'"]

@@ -88,8 +88,8 @@ class Comparing:
     @property
     def choices(self) -> dict[str, Parameter]:
         """The parameters that can be compared, by name."""
-        known, named = self.parameters.values(), ("map", getattr(self.model_class, "compares", (None,))[0])
-        return {one.name: one for one in known if one.name in named or isinstance(one.control, (Choice, Slider))}
+        parameters, always = self.parameters.values(), ("map", getattr(self.model_class, "compares", (None,))[0])
+        return {p.name: p for p in parameters if p.name in always or isinstance(p.control, (Choice, Slider))}
 
     @property
     def shared_settings(self) -> dict[str, Any]:
@@ -97,9 +97,9 @@ class Comparing:
         session = self.session
         if session.name != self.name:
             return {}
-        requested = {name: value for name, value in session.settings.items() if value != self.parameters[name].default}
-        requested.pop(self.parameter, None)
-        return {name: self._meant(name, value) for name, value in requested.items()}
+        settings = {name: value for name, value in session.settings.items() if value != self.parameters[name].default}
+        settings.pop(self.parameter, None)
+        return {name: self._meant(name, value) for name, value in settings.items()}
 
     @property
     def waiting(self) -> frozenset[str]:
@@ -242,8 +242,8 @@ def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list
 
     Those that the model suggests; else the first two of a list, or the default and the farther end of the slider.
     """
-    named, values = getattr(model_class, "compares", (None, ()))
-    if parameter.name == named and len(values) >= 2:
+    name, values = getattr(model_class, "compares", (None, ()))
+    if parameter.name == name and len(values) >= 2:
         return list(values[:2])
     control = parameter.control
     if isinstance(control, Slider):

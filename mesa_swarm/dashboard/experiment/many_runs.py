@@ -80,10 +80,10 @@ class ManyRuns:
         fresh = self.done - self.before
         return (self._last - self._began) / fresh if fresh else 0.0
 
-    def start(self, task: BackgroundTask, heard: Callable[[Any], object] = lambda run: None) -> None:
+    def start(self, task: BackgroundTask, report: Callable[[Any], object] = lambda run: None) -> None:
         """Begin with a task, unless one is under way or too many are on this server.
 
-        `heard` is called, in another thread, with what the task sends of each run.
+        `report` is called, in another thread, with what the task sends of each run.
         """
         with self._lock:
             if self.running:
@@ -100,7 +100,7 @@ class ManyRuns:
                 if not isinstance(error, OSError):  # a task with a user's objects may not be picklable
                     raise
                 raise SwarmError(f"no process could be started ({error.strerror})") from error
-            about = (self._process, heard)
+            about = (self._process, report)
             threading.Thread(target=self._follow, args=about, name="many runs", daemon=True).start()
         self.changed.notify()
 
@@ -124,12 +124,12 @@ class ManyRuns:
         self.cancel()
         self.report = None
 
-    def _follow(self, process: subprocess.Popen, heard: Callable[[Any], object]) -> None:
+    def _follow(self, process: subprocess.Popen, report: Callable[[Any], object]) -> None:
         """Receive the messages of the process until it ends, and clean up after it."""
         try:
             for kind, value in _received(process):
                 if self._process is process:
-                    self._take(kind, value, heard)
+                    self._take(kind, value, report)
         finally:
             _end(process)
             for pipe in _pipes(process):
@@ -144,11 +144,11 @@ class ManyRuns:
             self.error = self.error or ("" if self.report else "the runs ended without a result; try again")
             self.changed.notify()
 
-    def _take(self, kind: str, value: Any, heard: Callable[[Any], object]) -> None:
+    def _take(self, kind: str, value: Any, report: Callable[[Any], object]) -> None:
         if kind in ("before", "run"):
             runs, now = value if kind == "before" else [value], time.monotonic()
             for run in runs:
-                heard(run)
+                report(run)
             self.done, self._last = self.done + len(runs), now
             if kind == "before":
                 self.before, self._began = len(runs), now

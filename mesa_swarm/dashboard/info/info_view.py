@@ -82,10 +82,10 @@ def Presets(session: Session, about: ModelInfo) -> None:
 @solara.component
 def Code(about: ModelInfo) -> None:
     """Show the code of the rules and of the model; it is highlighted when it is opened first."""
-    opened, open_ = solara.use_state(False)
+    is_open, open_ = solara.use_state(False)
     with rv.Html(tag="details", class_="swarm-more") as details:
         rv.Html(tag="summary", children=["Code"])
-        for listing in about.code if opened else ():
+        for listing in about.code if is_open else ():
             Fixed(drawn_listing(listing)).key(f"{listing.module} {listing.name}")
     rv.use_event(details, "toggle", lambda *_: open_(True))
 
@@ -106,16 +106,16 @@ def Fixed(escaped: str) -> None:
 
 def play_with(session: Session, settings: Mapping[str, Any]) -> None:
     """Set these parameters, and all others to their defaults; build the model anew and play it."""
-    checked = {name: checked_setting(session.parameters[name], value) for name, value in settings.items()}
-    session.choose(session.name, checked)
+    new_settings = {name: checked_setting(session.parameters[name], value) for name, value in settings.items()}
+    session.choose(session.name, new_settings)
     if not session.error:
         session.play()
 
 
 def is_built(session: Session, preset: Preset) -> bool:
     """Return whether the present model has the settings of a preset."""
-    wanted = {name: parameter.default for name, parameter in session.parameters.items()} | dict(preset.settings)
-    return {name: session.built.get(name) for name in wanted} == wanted
+    defaults = {name: parameter.default for name, parameter in session.parameters.items()} | dict(preset.settings)
+    return {name: session.built.get(name) for name in defaults} == defaults
 
 
 def prose(text: str) -> str:
@@ -131,10 +131,10 @@ def drawn_equation(equation: Equation) -> str:
     # The converter does not escape what stands in \text.
     latex = equation.latex.replace("<", r"\lt ").replace(">", r"\gt ")
     try:
-        drawn = convert(latex, display="block")
+        markup = convert(latex, display="block")
     except Exception:  # text of a user's may be any LaTeX
-        drawn = f"<p><code>{escape(equation.latex)}</code></p>"
-    return f'<div class="swarm-equation" {SCROLLED} aria-label="equation">{drawn}</div>{prose(equation.text)}'
+        markup = f"<p><code>{escape(equation.latex)}</code></p>"
+    return f'<div class="swarm-equation" {SCROLLED} aria-label="equation">{markup}</div>{prose(equation.text)}'
 
 
 @cache

@@ -72,10 +72,10 @@ class ChartTable(ABC):
 
     def chart(self, key: str) -> Plot:
         """Return one of the charts."""
-        known = {chart.key: chart for chart in self.charts()}
-        if key not in known:
-            raise UnknownNameError(unknown_name("chart", key, known))
-        return known[key]
+        charts = {chart.key: chart for chart in self.charts()}
+        if key not in charts:
+            raise UnknownNameError(unknown_name("chart", key, charts))
+        return charts[key]
 
     def curves(self, key: str, most: int) -> Curves:
         """Return the curves of one chart with at most `most` points each.
@@ -94,12 +94,12 @@ class ChartTable(ABC):
 
     def labels(self) -> dict[str, tuple[str, int]]:
         """Return every curve by a name that is unique, as the key of its chart and its index there."""
-        found: dict[str, tuple[str, int]] = {}
+        labels: dict[str, tuple[str, int]] = {}
         for chart in self.charts():
             for k, name in enumerate(chart.names):
                 label = chart.title if len(chart.names) == 1 else f"{chart.title}: {name}"
-                found[label if label not in found else f"{label} ({chart.key})"] = chart.key, k
-        return found
+                labels[label if label not in labels else f"{label} ({chart.key})"] = chart.key, k
+        return labels
 
 
 class Series(ChartTable, Observer):
@@ -195,10 +195,10 @@ class Series(ChartTable, Observer):
             counts[: len(self._collided)] = self._collided[: len(counts)]
         later = model.completed - step
         if later:
-            watched = model.watched
-            if watched is None or "collided" not in watched.columns or np.sum(watched.steps > step) != later:
+            snapshots = model.watched
+            if snapshots is None or "collided" not in snapshots.columns or np.sum(snapshots.steps > step) != later:
                 return None
-            return counts[number] - watched["collided"][-later:].sum(axis=0)
+            return counts[number] - snapshots["collided"][-later:].sum(axis=0)
         return counts[number]
 
     def _count_collisions(self, model: SwarmModel) -> None:
@@ -239,9 +239,9 @@ class Series(ChartTable, Observer):
             self._table = np.concatenate([self._table, more])
             return
         self.every *= 2
-        left = np.flatnonzero(self._steps[: self._count] % self.every == 0)
-        self._steps[: len(left)], self._table[: len(left)] = self._steps[left], self._table[left]
-        self._count = len(left)
+        remaining = np.flatnonzero(self._steps[: self._count] % self.every == 0)
+        self._steps[: len(remaining)], self._table[: len(remaining)] = self._steps[remaining], self._table[remaining]
+        self._count = len(remaining)
 
 
 def row_until(steps: np.ndarray, rows: np.ndarray, step: int | None) -> tuple[int, np.ndarray] | None:
@@ -255,9 +255,9 @@ def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
     if width == 1 or not len(rows):
         return Curves(steps, rows.T, rows.T, rows.T, 1, steps)
     starts = np.arange(0, len(rows), width)
-    known = np.isfinite(rows)
-    counts = np.add.reduceat(known, starts, axis=0, dtype=float)
-    totals = np.add.reduceat(np.where(known, rows, 0.0), starts, axis=0)
+    is_finite = np.isfinite(rows)
+    counts = np.add.reduceat(is_finite, starts, axis=0, dtype=float)
+    totals = np.add.reduceat(np.where(is_finite, rows, 0.0), starts, axis=0)
     mean = np.divide(totals, counts, out=np.full_like(totals, np.nan), where=counts > 0)
     ends = np.append(starts[1:], len(rows)) - 1
     low, high = np.fmin.reduceat(rows, starts, axis=0), np.fmax.reduceat(rows, starts, axis=0)
@@ -273,12 +273,12 @@ def form_of(model: SwarmModel) -> tuple:
 
 def number_columns(charts: Iterable[Plot]) -> list[Plot]:
     """Return charts with consecutive columns."""
-    found: list[Plot] = []
+    plots: list[Plot] = []
     first = 0
     for chart in charts:
-        found.append(replace(chart, first=first))
+        plots.append(replace(chart, first=first))
         first += len(chart.names)
-    return found
+    return plots
 
 
 def charts_of(model: SwarmModel) -> list[Plot]:
@@ -292,7 +292,7 @@ def charts_of(model: SwarmModel) -> list[Plot]:
         charts.append(layer_plot(layer_names(model)))
     if model.events:
         charts.append(event_plot(model.events.names))
-    return charts + [Plot(own_key(own), own.name, own.unit, own.curves) for own in own_charts(model)]
+    return charts + [Plot(own_key(chart), chart.name, chart.unit, chart.curves) for chart in own_charts(model)]
 
 
 def own_key(chart: Chart) -> str:
@@ -307,8 +307,8 @@ def reporter_title(name: str) -> str:
 
 def reporter_plot(name: str) -> Plot:
     """Return the chart of a reporter of the model."""
-    known = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
-    title, unit = known.get(name, (reporter_title(name), ""))
+    titles = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
+    title, unit = titles.get(name, (reporter_title(name), ""))
     return Plot(name, title, unit, (title,))
 
 
@@ -368,13 +368,13 @@ def measure(model: SwarmModel, row: np.ndarray) -> dict[str, str]:
         row[column : column + len(model.events.names)] = list(model.events.counts.values())
         column += len(model.events.names)
     faults: dict[str, str] = {}
-    for own in own_charts(model):
+    for chart in own_charts(model):
         try:
-            row[column : column + len(own.curves)] = own.numbers(model)
+            row[column : column + len(chart.curves)] = chart.numbers(model)
         except Exception as problem:  # a function of a user's may raise anything; the chart has a gap there
-            row[column : column + len(own.curves)] = np.nan
-            faults[own_key(own)] = reported(problem)
-        column += len(own.curves)
+            row[column : column + len(chart.curves)] = np.nan
+            faults[own_key(chart)] = reported(problem)
+        column += len(chart.curves)
     return faults
 
 
@@ -387,8 +387,8 @@ def agent_means(model: SwarmModel) -> list[float]:
     latest = list(records[next(reversed(records))])
     # Rows begin with the step and the id of the agent.
     columns = ([number_of(row[place]) for row in latest] for place in range(2, 2 + len(names)))
-    known = ([number for number in column if np.isfinite(number)] for column in columns)
-    return [float(np.mean(column)) if column else np.nan for column in known]
+    finite = ([number for number in column if np.isfinite(number)] for column in columns)
+    return [float(np.mean(column)) if column else np.nan for column in finite]
 
 
 def number_of(value: object) -> float:

@@ -20,7 +20,7 @@ from mesa_swarm.dashboard.page.series import (
     reporter_plot,
 )
 from mesa_swarm.recording.collected import check_collected, join_series, size_of_collected, without_rest
-from mesa_swarm.recording.container import Packed
+from mesa_swarm.recording.container import Packer
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing.scene import Scene
@@ -39,20 +39,20 @@ class RecordedSeries(ChartTable):
 
     def __init__(self, recording: Recording, scene: Scene, rows: int, most_numbers: int = MOST_NUMBERS) -> None:
         self.scene, self.most_numbers = scene, most_numbers
-        recorded = recording.provenance
+        facts = recording.provenance
         self._columns = recording.columns
         # Whether each step from the first is there, so that sums are those of the run.
-        self.is_whole = recorded["every"] == 1 and recorded["start"]["step"] == 0
+        self.is_whole = facts["every"] == 1 and facts["start"]["step"] == 0
         self.complete = False
         self.note = ""
-        self._spacing, self._rows = recorded["every"], rows
+        self._spacing, self._rows = facts["every"], rows
         self._lock = threading.Lock()
         self._charts: dict[str, Plot] = {}
         self._tables: dict[str, np.ndarray] = {}
         self._steps = np.empty(0, np.int64)
         self._count = 0
         # Ids of the robots that collided, row after row, and where each row ends; None if there are too many.
-        self._met: list[np.ndarray] | None = [] if self.is_whole and "contacts" in recording.columns else None
+        self._colliding: list[np.ndarray] | None = [] if self.is_whole and "contacts" in recording.columns else None
         self._totals: list[int] = []
 
     def __len__(self) -> int:
@@ -81,10 +81,10 @@ class RecordedSeries(ChartTable):
     def collisions_of(self, robots: np.ndarray, row: int) -> np.ndarray | None:
         """Return in how many steps each of these robots collided up to a row, None if it is not known."""
         with self._lock:
-            if self._met is None or row >= len(self._met):
+            if self._colliding is None or row >= len(self._colliding):
                 return None
-            met = np.concatenate(self._met[: row + 1])
-        ids, counts = np.unique(met, return_counts=True)
+            ids_met = np.concatenate(self._colliding[: row + 1])
+        ids, counts = np.unique(ids_met, return_counts=True)
         if not len(ids):
             return np.zeros(len(robots), np.int64)
         place = np.minimum(np.searchsorted(ids, robots), len(ids) - 1)
@@ -110,10 +110,10 @@ class RecordedSeries(ChartTable):
 
     def _arrange(self, frame: Frame, reporters: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
         """Make the charts, with as many rows as there is memory for."""
-        known = set(reporters)
+        reporters_known = set(reporters)
         if "contacts" in self._columns or "collided" in self._columns:
-            known |= {"collisions", *(["total_collisions"] if self.is_whole else [])}
-        first = [name for name in ("collisions", "total_collisions") if name in known]
+            reporters_known |= {"collisions", *(["total_collisions"] if self.is_whole else [])}
+        first = [name for name in ("collisions", "total_collisions") if name in reporters_known]
         charts = [*map(reporter_plot, [*first, *(name for name in reporters if name not in first)])]
         if "fires" in self._columns:
             charts += fire_plots(len(frame["fires"]))
@@ -137,16 +137,16 @@ class RecordedSeries(ChartTable):
         return tuple(dict.fromkeys(name for ones in names for name in ones))
 
     def _note_collisions(self, frame: Frame) -> None:
-        met = collided_in(frame)
+        robots = collided_in(frame)
         with self._lock:
-            if met is None:
-                self._met = None
+            if robots is None:
+                self._colliding = None
                 return
-            self._totals.append((self._totals[-1] if self._totals else 0) + len(met))
+            self._totals.append((self._totals[-1] if self._totals else 0) + len(robots))
             if self._totals[-1] > self.most_numbers:
-                self._met = None
-            if self._met is not None:
-                self._met.append(met)
+                self._colliding = None
+            if self._colliding is not None:
+                self._colliding.append(robots)
 
     def _put(self, frame: Frame, events: dict[str, int], reporters: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
         with self._lock:
@@ -157,10 +157,10 @@ class RecordedSeries(ChartTable):
                 # After the last recorded state nothing is known.
                 if place >= 0 and (place < len(steps) - 1 or frame.step == steps[-1]):
                     tables[name][row] = values[place]
-            met = collided_in(frame)
-            if met is not None and "collisions" in tables:
-                tables["collisions"][row] = len(met)
-            if met is not None and self.is_whole:
+            robots = collided_in(frame)
+            if robots is not None and "collisions" in tables:
+                tables["collisions"][row] = len(robots)
+            if robots is not None and self.is_whole:
                 tables["total_collisions"][row] = self._totals[-1]
             self._put_fires(frame, row)
             if "layers" in tables:
@@ -221,25 +221,25 @@ def collected_reporters(recording: Recording) -> dict[str, tuple[np.ndarray, np.
             every = int(state.facts.get("collect_every", 1))
             states.append(without_rest(state))
         check_collected(sum(map(size_of_collected, states)), recording.path.stat().st_size)
-        series = join_series([(reporters_in(state.facts["collected"]), Packed(state.arrays)) for state in states])
-        found = {path[1]: _with_steps(values, states[-1].step, every) for path, values in series.items()}
+        series = join_series([(reporters_in(state.facts["collected"]), Packer(state.arrays)) for state in states])
+        lines = {path[1]: _with_steps(values, states[-1].step, every) for path, values in series.items()}
     except (RecordingError, LookupError, TypeError, ValueError, OSError, MemoryError):  # a file may contain anything
         return {}
-    return {name: line for name, line in found.items() if line is not None and np.isfinite(line[1]).any()}
+    return {name: line for name, line in lines.items() if line is not None and np.isfinite(line[1]).any()}
 
 
 def _note_on(reporters: dict[str, tuple[np.ndarray, np.ndarray]], last: int) -> str:
     """Return why reporters are missing, or are known up to an earlier step than the last one."""
     if not reporters:
         return WITHOUT_REPORTERS
-    known = max(int(steps[-1]) for steps, _ in reporters.values())
-    end = f"Reporters of the model are recorded with its complete states, up to step {known:,}."
-    return end if known < last and reporters.keys() - {"collisions", "total_collisions"} else ""
+    last_known = max(int(steps[-1]) for steps, _ in reporters.values())
+    end = f"Reporters of the model are recorded with its complete states, up to step {last_known:,}."
+    return end if last_known < last and reporters.keys() - {"collisions", "total_collisions"} else ""
 
 
 def reporters_in(content: list) -> list:
     """Return what was collected of the model's reporters, without that of agents, tables and fires."""
-    return [one for one in content if one[0][0] == "model"]
+    return [series for series in content if series[0][0] == "model"]
 
 
 def _with_steps(values: list[Any], last: int, every: int) -> tuple[np.ndarray, np.ndarray] | None:

@@ -131,14 +131,14 @@ class RecordingSwitch(Observer):
             model.observers.remove(self)
         if recorder is None:
             return
-        failed = recorder.closed  # at an error
+        has_failed = recorder.closed  # at an error
         try:
             recorder.close()
         except RecordingError:
-            failed = True
+            has_failed = True
             raise
         finally:
-            if failed:
+            if has_failed:
                 self._note_what_is_left(recorder.written.rows)
 
     def close(self) -> None:
@@ -221,9 +221,9 @@ class Exporting:
     def connect(self, deliver: Callable[[str, bytes | Path], None], notify: Callable[[], None]) -> None:
         """Connect a listener; it receives at once a file that was made while none was connected."""
         self._deliver, self._notify = deliver, notify
-        made, self._undelivered = self._undelivered, None
-        if made is not None:
-            deliver(*made)
+        files, self._undelivered = self._undelivered, None
+        if files is not None:
+            deliver(*files)
 
     def disconnect(self) -> None:
         """Disconnect the listener; work in the background continues."""
@@ -249,14 +249,14 @@ class Exporting:
             if self.switch.running and self.switch.model is not self.session.model:
                 self.switch.stop()
 
-    def start(self, **wanted: Any) -> None:
+    def start(self, **options: Any) -> None:
         """Begin to make a file, unless one is being made."""
         if self._thread is not None and self._thread.is_alive():
             self.fault = "an export is in progress; wait for it, or cancel it"
         else:
             self._cancelled.clear()
             self.doing, self.progress, self.message, self.fault = "Starting", None, "", ""
-            self._thread = threading.Thread(target=self._work, args=(wanted,), name="export", daemon=True)
+            self._thread = threading.Thread(target=self._work, args=(options,), name="export", daemon=True)
             self._thread.start()
         self._notify()
 
@@ -276,9 +276,9 @@ class Exporting:
             self._thread.join(5)
         self._folder.cleanup()
 
-    def _work(self, wanted: dict[str, Any]) -> None:
+    def _work(self, options: dict[str, Any]) -> None:
         try:
-            name = self._make(Wanted(**wanted))
+            name = self._make(Wanted(**options))
         except CancelledError:
             self.message = "Cancelled."
         except Exception as problem:  # shown beside the button
@@ -289,29 +289,29 @@ class Exporting:
         self.doing, self.progress = "", None
         self._notify()
 
-    def _make(self, wanted: Wanted) -> str:
+    def _make(self, request: Wanted) -> str:
         """Make a file, deliver it and return its name."""
         session = self.session
         self._undelivered = None
         for old in self.folder.glob("made*"):
             old.unlink()
-        if wanted.kind in PICTURES:
-            step, shown = self._shown()
-            figure = world_figure({f"{short_name(session.name)}, step {step:,}": shown}, wanted.sectors)
-            name = f"{short_name(session.name)}_{step}.{wanted.kind}"
-            self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
+        if request.kind in PICTURES:
+            step, scene = self._shown()
+            figure = world_figure({f"{short_name(session.name)}, step {step:,}": scene}, request.sectors)
+            name = f"{short_name(session.name)}_{step}.{request.kind}"
+            self._hand_over(name, png(figure) if request.kind == "png" else svg(figure))
             return name
         source = self.folder / "made.arrow"
-        rows = self._from_recording(source) if wanted.source == "recording" else self._repeat_run(source)
-        made = source if wanted.kind == "arrow" else self.folder / f"made.{wanted.ending}"
-        if made is not source:
-            self._check_table(wanted, rows)
-            self._export([str(source), str(made), *wanted.options()])
+        rows = self._from_recording(source) if request.source == "recording" else self._repeat_run(source)
+        result = source if request.kind == "arrow" else self.folder / f"made.{request.ending}"
+        if result is not source:
+            self._check_table(request, rows)
+            self._export([str(source), str(result), *request.options()])
         self._check_cancelled()
-        if made.stat().st_size > LARGEST_DOWNLOAD:
-            raise ExportError(f"the file has {made.stat().st_size / 1e6:,.0f} MB; expected at most 500 MB: record less")
-        name = f"{short_name(session.name)}{f'_{wanted.table}' if wanted.table else ''}.{wanted.ending}"
-        self._hand_over(name, made)
+        if (size := result.stat().st_size) > LARGEST_DOWNLOAD:
+            raise ExportError(f"the file has {size / 1e6:,.0f} MB; expected at most 500 MB: record less")
+        name = f"{short_name(session.name)}{f'_{request.table}' if request.table else ''}.{request.ending}"
+        self._hand_over(name, result)
         return name
 
     def _shown(self) -> tuple[int, Shown]:
@@ -365,13 +365,13 @@ class Exporting:
         again.finish()
         return again.model
 
-    def _check_table(self, wanted: Wanted, steps: int) -> None:
+    def _check_table(self, request: Wanted, steps: int) -> None:
         """Refuse tables too large to open."""
-        if not wanted.table:
+        if not request.table:
             return
         model = self.session.model
-        things = 0 if model is None else len(model.swarm if wanted.table == "robots" else model.fires)
-        rows = steps * things // wanted.every
+        things = 0 if model is None else len(model.swarm if request.table == "robots" else model.fires)
+        rows = steps * things // request.every
         if rows > MOST_ROWS:
             raise ExportError(f"the table would have {rows:,} rows; expected at most {MOST_ROWS:,}: take fewer steps")
 
@@ -436,7 +436,7 @@ class ExportDesk(Link):
         self.exporter, self.session = exporter, session
         self._downloads = Downloads(exporter)
         self._lock = threading.Lock()
-        self._shown = 0.0
+        self._shown_at = 0.0
         self._doing = ""
         self.exporting = session.companion(Exporting)
         self.exporting.connect(self._downloads.send, self.report)
@@ -450,19 +450,19 @@ class ExportDesk(Link):
         self.exporting.check_recording()
         model = self.session.model
         burns = model is not None and len(model.fires) > 0
-        made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
-        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
+        kinds_made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
+        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in kinds_made.items()]
         self.exporter.kinds = kinds
         self._show()
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show the recorded steps, if an update is due."""
-        if not self.session.playing or time.monotonic() - self._shown >= EVERY:
+        if not self.session.playing or time.monotonic() - self._shown_at >= EVERY:
             self._show()
 
     def report(self) -> None:
         """Show the progress, if an update is due."""
-        if self.exporting.doing != self._doing or time.monotonic() - self._shown >= EVERY:
+        if self.exporting.doing != self._doing or time.monotonic() - self._shown_at >= EVERY:
             self._show()
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
@@ -481,7 +481,7 @@ class ExportDesk(Link):
 
     def _show(self) -> None:
         with self._lock:
-            self._shown, self._doing = time.monotonic(), self.exporting.doing
+            self._shown_at, self._doing = time.monotonic(), self.exporting.doing
             self.exporter.status = status_of(self.exporting)
 
 
