@@ -40,10 +40,8 @@ class Boards(Part):
 
     def columns(self) -> dict[str, Column]:
         """Return source and boards, and of each robot what it reads, its visits, when and where the last one was."""
-        columns = {
-            "places": Column(self.places, role="parameter"),
-            "since": Column(self.since, "robots", initial=NEVER),
-        }
+        places, since = Column(self.places, role="parameter"), Column(self.since, "robots", initial=NEVER)
+        columns = {"places": places, "since": since}
         columns |= {name: Column(getattr(self, name)) for name in ("source", "strength", "azimuth")}
         return columns | {name: Column(getattr(self, name), "robots") for name in ("read", "seen", "visits", "written")}
 

@@ -153,12 +153,12 @@ def error_line(error: BaseException) -> str:
     return without_middle("".join(letter if letter.isprintable() else "\ufffd" for letter in text))
 
 
-def located(error: BaseException) -> str:
+def locate_error(error: BaseException) -> str:
     """Return the line of `error_line`, and before it the place in a user's code where the error arose, if it did there.
 
     Examples
     --------
-    >>> located(ValueError("n is 0"))  # which was not raised
+    >>> locate_error(ValueError("n is 0"))  # which was not raised
     'ValueError: n is 0'
     """
     words, place = error_line(error), place_of_error(error)
@@ -222,7 +222,8 @@ def _is_ours(file: str) -> bool:
 
 def _uses_us(names: dict[str, Any]) -> bool:
     """Return whether a module has anything of mesa_swarm's among its names."""
-    origins = (asked(value, "__module__", "") or asked(value, "__name__", "") for value in list(names.values()))
+    values, read = list(names.values()), read_attribute
+    origins = (read(value, "__module__", "") or read(value, "__name__", "") for value in values)
     return any(isinstance(origin, str) and origin.partition(".")[0] == "mesa_swarm" for origin in origins)
 
 
@@ -252,10 +253,10 @@ def check_number(
     above: float = -math.inf,
 ) -> float:
     """Return any real number, NumPy's included, as a float if it is finite and permitted; `above` is exclusive."""
-    return _checked(name, value, minimum, maximum, above, "a finite number")
+    return _check_real(name, value, minimum, maximum, above, "a finite number")
 
 
-def _checked(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
+def _check_real(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
     if type(value) is float and minimum <= value <= maximum and value > above and math.isfinite(value):
         return value  # as a rule: composing the text below takes longer than all else
     expectation = _range_in_words(what, minimum, maximum, above)
@@ -277,7 +278,7 @@ def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2*
         number: float = int(value)
         permitted = minimum <= number <= maximum
     else:
-        number = _checked(name, value, minimum, maximum, -math.inf, "a whole number")
+        number = _check_real(name, value, minimum, maximum, -math.inf, "a whole number")
         permitted = number == int(number)
     if not permitted:
         expectation = _range_in_words("a whole number", minimum, maximum, -math.inf)
@@ -336,7 +337,7 @@ def _nearest(value: object, names: list[str]) -> str:
     return by_folded[near[0]] if near else ""
 
 
-def asked(value: object, name: str, default: Any = None) -> Any:
+def read_attribute(value: object, name: str, default: Any = None) -> Any:
     """Return an attribute of a user's object, or the default where it is missing or raises an error."""
     try:
         return getattr(value, name, default)
@@ -346,17 +347,17 @@ def asked(value: object, name: str, default: Any = None) -> Any:
 
 def _range_in_words(what: str, minimum: float, maximum: float, above: float) -> str:
     if above > -math.inf:
-        lower = f"above {_shown(above)}"
+        lower = f"above {_format_limit(above)}"
     elif minimum > -math.inf:
-        lower = f"at least {_shown(minimum)}"
+        lower = f"at least {_format_limit(minimum)}"
     else:
         lower = ""
-    upper = f"at most {_shown(maximum)}" if maximum < math.inf else ""
+    upper = f"at most {_format_limit(maximum)}" if maximum < math.inf else ""
     limits = " and ".join(part for part in (lower, upper) if part)
     return f"{what} {limits}".rstrip()
 
 
-def _shown(limit: float) -> str:
+def _format_limit(limit: float) -> str:
     return str(limit) if isinstance(limit, int) else f"{limit:g}"
 
 

@@ -67,7 +67,7 @@ _of_command: list[WorkSummary] = []
 
 
 @contextmanager
-def one_line() -> Iterator[None]:
+def summarise_work() -> Iterator[None]:
     """Collect all work that is done within into one line, which is printed at the end."""
     summary = WorkSummary()
     _of_command.append(summary)
@@ -83,7 +83,7 @@ def report_work(work: WorkDone, begin: float) -> None:
 
     Examples
     --------
-    >>> with one_line():  # to standard error
+    >>> with summarise_work():  # to standard error
     ...     report_work(WorkDone("steps", 40, 40), perf_counter())
     """
     if _of_command:

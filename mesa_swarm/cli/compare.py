@@ -112,7 +112,7 @@ def compare(
     from mesa_swarm.experiments.plan import checked_plan
     from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.experiments.tables import WIDEST
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
 
     model_class = find_model(model)
     folder = check_writable(out or Path("results", f"compare_{short_name(model)}"))
@@ -123,7 +123,7 @@ def compare(
         values=None if values is None else parsed_values(model_class, parameter, values),
         seeds=seeds,
         steps=steps,
-        settings=parsed_settings(model_class, setting or ()),
+        settings=parse_settings(model_class, setting or ()),
         measures=measure or (),
     )
     with resumable(folder / LEDGER):
@@ -138,12 +138,12 @@ def compare(
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
     """Return values separated by commas, as the parameter's type."""
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
 
     name = parameter or getattr(model_class, "compares", (None,))[0]
     if name is None:
         raise InvalidValueError("--values is given without --parameter; give both")
-    return [parsed_settings(model_class, [f"{name}={text.strip()}"])[name] for text in values.split(",")]
+    return [parse_settings(model_class, [f"{name}={text.strip()}"])[name] for text in values.split(",")]
 
 
 @commands.command("reality-gap")
@@ -171,7 +171,7 @@ def reality_gap(
     """Turn a dial from ideal to imperfect robots and draw the model's score; continue an interrupted call."""
     prepare()
     from mesa_swarm.experiments import reality_gap as gaps
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
     from mesa_swarm.viewing.pictures import png
 
     if model is None and (setting or measure is not None):
@@ -187,7 +187,7 @@ def reality_gap(
             measure=measure,
             seeds=seeds,
             steps=steps,
-            settings=parsed_settings(find_model(name), setting or ()),
+            settings=parse_settings(find_model(name), setting or ()),
             jobs=jobs,
             progress=not quiet,
             out=home,

@@ -150,20 +150,20 @@ def _panels(session: Session, beside: Beside) -> Sequence[anywidget.AnyWidget]:
         panels.append(widget)
 
     if beside.controls:
-        names = None if beside.controls is True else known_names("parameter", beside.controls, session.parameters)
+        names = None if beside.controls is True else check_known("parameter", beside.controls, session.parameters)
         connect(ControlPanel(bare=names is not None), ChosenControls, names)
     if beside.inspector:
         connect(Inspector(), Inspecting)
     if beside.charts:
         if beside.charts is not True:
             charts = {chart.key.removeprefix("own "): chart.key for chart in session.series.charts()}
-            keys = [charts[name] for name in known_names("chart", beside.charts, charts)]
+            keys = [charts[name] for name in check_known("chart", beside.charts, charts)]
             session.chosen_charts[session.name] = keys
         connect(ChartBoard(), Charting)
     return panels
 
 
-def known_names(what: str, names: Any, choices: Any) -> list[str]:
+def check_known(what: str, names: Any, choices: Any) -> list[str]:
     """Return names of parameters or charts, all of which must be known."""
     for name in names:
         if name not in choices:

@@ -150,7 +150,7 @@ class Foraging(Task):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        designs = tuple(map(equipped, self.designs))
+        designs = tuple(map(equip_design, self.designs))
         object.__setattr__(self, "design", designs[0] if len(designs) == 1 else designs)
         check_count("items", self.items, minimum=1, maximum=MOST_ITEMS)
         check_number("nest_radius", self.nest_radius, minimum=10, maximum=1000)
@@ -194,7 +194,8 @@ class Foraging(Task):
         """Return the encoder, which includes what the robot carries and where the nest is."""
         beacon = next((float(s.range) for s in design.sensors if isinstance(s, NestSensor)), BEACON_RANGE)
         kinds = (OBSTACLE, ROBOT, FOOD_CODE)
-        return ObservationEncoder(equipped(design), encoding=self.encoding, kinds=kinds, home=beacon, **self._heard())
+        design = equip_design(design)
+        return ObservationEncoder(design, encoding=self.encoding, kinds=kinds, home=beacon, **self._heard())
 
     def furnish(self, model: SwarmModel) -> None:
         """Add the nest and the food."""
@@ -317,13 +318,13 @@ class ForagingScore:
         }
 
 
-def equipped(design: RobotDesign) -> RobotDesign:
+def equip_design(design: RobotDesign) -> RobotDesign:
     """Return a design with what foraging takes, unless it has it: gripper, line sensor, sensors of nest and load.
 
     Examples
     --------
     >>> from mesa_swarm import AGENT9
-    >>> equipped(AGENT9).actuators[0].kinds, equipped(equipped(AGENT9)) == equipped(AGENT9)
+    >>> equip_design(AGENT9).actuators[0].kinds, equip_design(equip_design(AGENT9)) == equip_design(AGENT9)
     (('food',), True)
     """
     kinds = LineSensor, Carried, NestSensor

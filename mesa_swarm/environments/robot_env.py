@@ -220,7 +220,7 @@ class RobotVectorEnv(VectorEnv):
         observations, reward, *ends, raw = self.swarms.step(by_worlds(actions, *shape))
         terminated, truncated, is_new = (np.repeat(worlds, shape[1]) for worlds in (*ends, self.swarms.begun))
         is_over, collided = terminated | truncated, raw["collided"].ravel()
-        infos = _masked({"collided": collided & ~is_new}, ~is_new) if not is_new.all() else {}
+        infos = _mask_infos({"collided": collided & ~is_new}, ~is_new) if not is_new.all() else {}
         if is_new.any():
             infos |= self._conditions()
         if is_over.any():
@@ -244,14 +244,14 @@ class RobotVectorEnv(VectorEnv):
     def _final(self, raw: Infos, collided: np.ndarray, is_over: np.ndarray) -> Infos:
         """Return the infos of episodes that have ended."""
         whole = {name: np.repeat(values, self.swarms.commanded) for name, values in raw["measures"].items()}
-        of_episodes = {"measures": _masked(whole, is_over)}
+        of_episodes = {"measures": _mask_infos(whole, is_over)}
         if "final_obs" not in raw:
-            return _masked(of_episodes, is_over)
+            return _mask_infos(of_episodes, is_over)
         last = {"collided": collided & is_over, **of_episodes}
         return {
             "final_obs": self._flat(raw["final_obs"]),
             "_final_obs": is_over,
-            **_masked({"final_info": _masked(last, is_over)}, is_over),
+            **_mask_infos({"final_info": _mask_infos(last, is_over)}, is_over),
         }
 
     def _final_of_removed(self, observations: np.ndarray, infos: Infos, absent: np.ndarray) -> Infos:
@@ -285,17 +285,18 @@ class RobotVectorEnv(VectorEnv):
         for name, kind in (("map", object), ("n_robots", int), ("speed", float), ("imperfection", float)):
             blank = None if kind is object else 0
             values = np.array([row.get(name, blank) for row in rows], kind)
-            infos |= _masked({name: np.repeat(values, self.swarms.commanded)}, np.repeat(is_new, self.swarms.commanded))
+            k = self.swarms.commanded
+            infos |= _mask_infos({name: np.repeat(values, k)}, np.repeat(is_new, k))
         return infos
 
     def _present(self) -> Infos:
-        return _masked({"present": self.swarms.present.ravel()}, np.ones(self.num_envs, bool))
+        return _mask_infos({"present": self.swarms.present.ravel()}, np.ones(self.num_envs, bool))
 
     def _flat(self, array: np.ndarray) -> np.ndarray:
         return array.reshape(self.num_envs, -1)
 
 
-def _masked(values: Infos, where: np.ndarray) -> Infos:
+def _mask_infos(values: Infos, where: np.ndarray) -> Infos:
     """Return infos, each with the mask of the environments that have it."""
     return {**values, **{f"_{name}": where.copy() for name in values}}
 

@@ -119,7 +119,8 @@ class ObservationEncoder:
         readings = OBSERVED(columns)
         if first:
             readings = tuple(column[rows] for column in readings)
-        observe(*readings, self._reach, self._has_types, self._kinds, self._parts, self._body, self._leave, out)
+        about = self._reach, self._has_types, self._kinds, self._parts, self._body, self._leave
+        write_observations(*readings, *about, out)
         if self._home:
             place = columns[NEST][rows]
             out[:, self._width_of_senses] = columns[CARRIED][rows, 0] >= 0
@@ -190,7 +191,7 @@ class TeamEncoder:
 
 # This calls no compiled function of another file, so that Numba's own cache cannot go stale.
 @compiled
-def observe(
+def write_observations(
     distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, kinds, parts, body, leave, out
 ):
     """Write the first blocks of the rows that `ObservationEncoder` describes; a robot may lack the last columns."""
@@ -302,7 +303,7 @@ class DrivingScore:
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         columns = self._model.swarm.columns
-        driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
+        reward_driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
 
 
 class ThesisScore:
@@ -322,7 +323,7 @@ class ThesisScore:
         """Write the rewards of the last step."""
         columns = self._model.swarm.columns
         readings = columns["distance"], columns["design"], self._ranges
-        near(*readings, columns["command"], columns["max_speed"], *self._rule, out)
+        reward_nearness(*readings, columns["command"], columns["max_speed"], *self._rule, out)
 
 
 class FindingScore:
@@ -353,7 +354,7 @@ class FindingScore:
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         check_fires(self._model, self._fires)
-        finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
+        reward_finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
         if math.isnan(self._steps_to_end) and self.finished:
             self._steps_to_end = float(self._model.steps)
 
@@ -385,7 +386,7 @@ class ExtinguishingScore:
         """Write the rewards of the last step."""
         check_fires(self._model, self._fires)
         out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
-        extinguishing(fire, out_now, *self._worth, self._fought, out)
+        reward_extinguishing(fire, out_now, *self._worth, self._fought, out)
         if math.isnan(self._steps_to_end) and self.finished:
             self._steps_to_end = float(self._model.steps)
 
@@ -430,7 +431,7 @@ def tally_step(command, max_speed, collided, position, bounds, visited, fresh, s
 
 
 @compiled
-def driving(command, max_speed, collided, collision_cost, reward):
+def reward_driving(command, max_speed, collided, collision_cost, reward):
     """Write (left + right) / (2 max_speed) - collision_cost if the robot collided."""
     for i in range(reward.shape[0]):
         forward = 0.5 * (command[i, 0] + command[i, 1])
@@ -440,7 +441,7 @@ def driving(command, max_speed, collided, collision_cost, reward):
 
 
 @compiled
-def near(distance, design, ranges, command, max_speed, kind, critical, reward):
+def reward_nearness(distance, design, ranges, command, max_speed, kind, critical, reward):
     """Write the thesis's reward for the least reading and the wheel commands."""
     for i in range(reward.shape[0]):
         nearest = 1.0
@@ -452,7 +453,7 @@ def near(distance, design, ranges, command, max_speed, kind, critical, reward):
 
 
 @compiled
-def finding(fire, arrival, step_cost, found, reward):
+def reward_finding(fire, arrival, step_cost, found, reward):
     """Write -step_cost, and `arrival` more at a fire that is new to the robot; note that it is found."""
     for i in range(reward.shape[0]):
         reward[i] = -step_cost
@@ -462,7 +463,7 @@ def finding(fire, arrival, step_cost, found, reward):
 
 
 @compiled
-def extinguishing(fire, out, put_out, work, step_cost, fought, reward):
+def reward_extinguishing(fire, out, put_out, work, step_cost, fought, reward):
     """Write -step_cost, `work` more while fighting, `put_out` more if what it fought is out; note what it fights."""
     for i in range(reward.shape[0]):
         before = fought[i]

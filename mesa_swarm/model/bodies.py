@@ -17,7 +17,7 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.kernels.part import Column, Part, Phase, Stage
-from mesa_swarm.model.state_hash import described_bodies
+from mesa_swarm.model.state_hash import describe_bodies
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.robot import Robot
@@ -188,7 +188,7 @@ class BodiesPart(Part):
         """Return the bounds of the map, what bodies are, and the state of those that move or burn."""
         table, movers = self.table, self.movers
         loads, fires = table.rows(PUSHED), np.flatnonzero(table.kind == FIRE)
-        facts: dict[str, Any] = {"map": self.map.bounds, "bodies": described_bodies(self.listed)}
+        facts: dict[str, Any] = {"map": self.map.bounds, "bodies": describe_bodies(self.listed)}
         if len(loads):
             facts["loads"] = [table.position[loads], table.heading[loads], table.resistance[loads]]
         if len(movers):
@@ -379,7 +379,7 @@ class BodiesPart(Part):
         if new.any():
             self._place_new(rows[new], aims[new])
         table.aim[rows] = aims[:, :2]
-        table.aim_heading[rows] = wrapped_all(aims[:, 2])
+        table.aim_heading[rows] = wrap_headings(aims[:, 2])
 
     def attach(self, robot: Robot, body: Body) -> None:
         """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it.
@@ -559,7 +559,7 @@ class BodiesPart(Part):
         """Place bodies at once that were added after the last step."""
         for row, pose in zip(rows.tolist(), poses.tolist(), strict=True):
             self.check_clear_of_loads("body", cast(Form, self.table.forms[row]).shape_at(tuple(pose)))
-        self.table.position[rows], self.table.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
+        self.table.position[rows], self.table.heading[rows] = poses[:, :2], wrap_headings(poses[:, 2])
         self.scene_changed()
 
     def checked_kind(self, kind: str | None, default: str) -> str:
@@ -662,7 +662,7 @@ def _is_near(geometry: BaseGeometry, radius: float, x: float, y: float, body: Dr
     return x_min - far <= x <= x_max + far and y_min - far <= y <= y_max + far
 
 
-def wrapped_all(headings: np.ndarray) -> np.ndarray:
+def wrap_headings(headings: np.ndarray) -> np.ndarray:
     """Return headings in [-pi, pi), those that are there already unchanged."""
     outside = np.flatnonzero(~((headings >= -np.pi) & (headings < np.pi)))
     angles = headings.copy()

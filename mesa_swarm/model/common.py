@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
 
-from mesa_swarm.model.mesa_model import GIVEN, declares, known_of_scenario, without_scenario
+from mesa_swarm.model.mesa_model import GIVEN, declares, parameters_of_scenario, without_scenario
 
 # Parameters of the base that each class shows as its own, with a slider.
 COMMON = ("noise", "slip", "imperfections")
@@ -22,9 +22,9 @@ def with_common(cls: type, shows_all: bool = False) -> Callable[..., None]:
     Values of those that it does not declare skip it, and go to the next class that declares them. Its signature has
     those of `COMMON`, and with `shows_all` the others too.
     """
-    constructor = _declared(cls.__dict__.get("__init__", cls.__init__))  # type: ignore[misc]
+    constructor = _find_original(cls.__dict__.get("__init__", cls.__init__))  # type: ignore[misc]
     signature = inspect.signature(constructor)
-    inherited = {name: _inherited(cls, name) for name in (*COMMON, *ALSO) if name not in signature.parameters}
+    inherited = {name: _find_inherited(cls, name) for name in (*COMMON, *ALSO) if name not in signature.parameters}
     additions = {name: parameter for name, parameter in inherited.items() if parameter is not None}
     visible = {name: parameter for name, parameter in additions.items() if shows_all or name in COMMON}
 
@@ -33,7 +33,7 @@ def with_common(cls: type, shows_all: bool = False) -> Callable[..., None]:
         if "scenario" in keywords and "scenario" not in signature.parameters:
             self.__dict__[GIVEN] = keywords["scenario"]
             if declares(type(self), "scenario"):
-                keywords = known_of_scenario({*signature.parameters, *additions}, keywords)
+                keywords = parameters_of_scenario({*signature.parameters, *additions}, keywords)
             else:
                 keywords = without_scenario(type(self), keywords)
         settings = {name: keywords.pop(name) for name in additions if name in keywords}
@@ -48,12 +48,12 @@ def with_common(cls: type, shows_all: bool = False) -> Callable[..., None]:
         constructor(self, *arguments, **keywords)
 
     extended.declared = constructor  # type: ignore[attr-defined]
-    extended.whole = _extended(signature, additions)  # type: ignore[attr-defined]
-    extended.__signature__ = _extended(signature, visible)  # type: ignore[attr-defined]
+    extended.whole = _extend_signature(signature, additions)  # type: ignore[attr-defined]
+    extended.__signature__ = _extend_signature(signature, visible)  # type: ignore[attr-defined]
     return extended
 
 
-def _declared(constructor: Callable[..., None]) -> Callable[..., None]:
+def _find_original(constructor: Callable[..., None]) -> Callable[..., None]:
     """Return a constructor as its class declares it, without the parameters that `with_common` adds."""
     declared: Callable[..., None] = getattr(constructor, "declared", constructor)
     return declared
@@ -67,10 +67,10 @@ def whole_signature(model_class: Any) -> inspect.Signature:
     return whole.replace(parameters=list(whole.parameters.values())[1:])
 
 
-def _inherited(cls: type, name: str) -> inspect.Parameter | None:
+def _find_inherited(cls: type, name: str) -> inspect.Parameter | None:
     """Return a common parameter with the default and the annotation of the next class that declares it."""
     for base in cls.__mro__[1:]:
-        parameters = _parameters(_declared(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
+        parameters = _parameters(_find_original(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
         if name in parameters and parameters[name].default is not inspect.Parameter.empty:
             return parameters[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
     return None  # of fires, in a class without them
@@ -84,7 +84,7 @@ def _parameters(constructor: Callable[..., None]) -> Mapping[str, inspect.Parame
         return inspect.signature(constructor).parameters
 
 
-def _extended(signature: inspect.Signature, more: dict[str, inspect.Parameter]) -> inspect.Signature:
+def _extend_signature(signature: inspect.Signature, more: dict[str, inspect.Parameter]) -> inspect.Signature:
     """Return a signature with more keyword parameters, before what takes all others."""
     present = list(signature.parameters.values())
     place = next((i for i, p in enumerate(present) if p.kind is p.VAR_KEYWORD), len(present))

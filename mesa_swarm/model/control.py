@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from mesa_swarm.base.errors import BehaviourError, InvalidValueError, asked, check_count, shortened
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_count, read_attribute, shortened
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.control.arbiter import Arbiter, Subsumption, begin_decisions, driver
 from mesa_swarm.control.behaviour import Behaviour
@@ -202,7 +202,7 @@ class ControlPart(Part):
         """Let another arbiter drive the robots; their memory and messages are cleared."""
         if isinstance(control, Mapping) and not isinstance(control, Team):
             control = Team(control)
-        if control is not None and (isinstance(control, type) or asked(control, "bound") is None):
+        if control is not None and (isinstance(control, type) or read_attribute(control, "bound") is None):
             raise InvalidValueError(
                 f"control is {shortened(control)}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )

@@ -24,7 +24,7 @@ from mesa_swarm.base.errors import (
     InvalidValueError,
     SwarmError,
     UnknownNameError,
-    located,
+    locate_error,
     shortened,
     unknown_name,
     without_middle,
@@ -56,7 +56,7 @@ def gallery_names() -> list[str]:
 
 def model_names() -> list[str]:
     """Return the names of all models, those of installed packages too, sorted, without importing them."""
-    return sorted({*gallery_names(), *_installed(tuple(sys.path))})
+    return sorted({*gallery_names(), *_find_entry_points(tuple(sys.path))})
 
 
 def loaded_models() -> tuple[dict[str, type], dict[str, str]]:
@@ -72,7 +72,9 @@ def loaded_models() -> tuple[dict[str, type], dict[str, str]]:
 
 def check_model_name(name: str) -> str:
     """Return a name or an address of a model if it can be one, without importing anything."""
-    if isinstance(name, str) and (name in gallery_names() or is_address(name) or name in _installed(tuple(sys.path))):
+    if isinstance(name, str) and (
+        name in gallery_names() or is_address(name) or name in _find_entry_points(tuple(sys.path))
+    ):
         return name
     if isinstance(name, str):
         check_present_format(name)
@@ -114,12 +116,12 @@ def find_model(name: str) -> type:
     if name in gallery_names():
         model_class: type = getattr(import_module(f"{PACKAGE}.{name}"), class_name(name))
         return model_class
-    if name in _installed(tuple(sys.path)):
-        return _of_package(name, _installed(tuple(sys.path))[name])
+    if name in _find_entry_points(tuple(sys.path)):
+        return _of_package(name, _find_entry_points(tuple(sys.path))[name])
     if file := FILE.fullmatch(name):
-        return _class_in(_imported_file(file["file"]), file["name"], name)
+        return _class_in(_import_file(file["file"]), file["name"], name)
     module = MODULE.fullmatch(name)
-    return _class_in(_imported_module(module["module"], name), module["name"], name)  # type: ignore[index]
+    return _class_in(_import_module(module["module"], name), module["name"], name)  # type: ignore[index]
 
 
 def object_at(address: str) -> Any:
@@ -146,9 +148,9 @@ def object_at(address: str) -> Any:
     if dotted is None and (file is None or file["name"] is None):
         raise InvalidValueError(f"{shortened(address)}: expected package.module:name or ./file.py:name")
     if file and file["name"]:
-        module, name = _imported_file(file["file"], "Python file"), file["name"]
+        module, name = _import_file(file["file"], "Python file"), file["name"]
     else:
-        module, name = _imported_module(dotted["module"], address), dotted["name"]  # type: ignore[index]
+        module, name = _import_module(dotted["module"], address), dotted["name"]  # type: ignore[index]
     value: Any = module
     for part in name.split("."):
         if not hasattr(value, part):
@@ -206,7 +208,7 @@ def shipped_class(module: str, name: str) -> type | None:
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> "dict[str, tuple[EntryPoint, ...]]":
+def _find_entry_points(path: tuple[str, ...]) -> "dict[str, tuple[EntryPoint, ...]]":
     """Return the entry points of installed packages by name; `path` is that of the interpreter, for the cache."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - slow to load
 
@@ -228,12 +230,12 @@ def _of_package(name: str, points: "Sequence[EntryPoint]") -> type:
     if parts is None:
         raise InvalidValueError(f"{of} is {shortened(points[0].value)}; expected package.module:Class")
     try:
-        return _class_in(_imported_module(parts["module"], address), parts["name"], address)
+        return _class_in(_import_module(parts["module"], address), parts["name"], address)
     except SwarmError as error:
         raise type(error)(without_middle(f"{of}: {error}")) from None
 
 
-def _imported_file(file: str, what: str = "Python file with a model") -> ModuleType:
+def _import_file(file: str, what: str = "Python file with a model") -> ModuleType:
     """Return the module of a file, which is imported once in a process."""
     path = Path(file).expanduser()
     try:
@@ -245,28 +247,28 @@ def _imported_file(file: str, what: str = "Python file with a model") -> ModuleT
     path = path.resolve()
     name = _FILES.name_of(path)
     make_importable({name: str(path)}, (str(path.parent),))
-    return _imported(name, file)
+    return _import_or_refuse(name, file)
 
 
-def _imported_module(module: str, address: str) -> ModuleType:
+def _import_module(module: str, address: str) -> ModuleType:
     """Return a module; packages in the current folder are found too, after all others."""
     first = module.partition(".")[0]
     if first not in sys.modules and _origin(first) is None:
         make_importable({}, (os.getcwd(),))
     try:
-        return _imported(module, address)
+        return _import_or_refuse(module, address)
     except ModuleNotFoundError as error:
         raise UnknownNameError(f"{address}: there is no module {error.name!r}; expected {FORMS}") from None
 
 
-def _imported(module: str, address: str) -> ModuleType:
+def _import_or_refuse(module: str, address: str) -> ModuleType:
     """Import a module; an error in it becomes one line with the place. One that is not there raises that error."""
     try:
         return import_module(module)
     except (Exception, SystemExit) as error:  # a module of a user's may raise anything
         if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
             raise
-        text = f"{address} cannot be imported: {located(error)}"
+        text = f"{address} cannot be imported: {locate_error(error)}"
         raise InvalidValueError(without_middle(text)) from error
 
 
@@ -314,7 +316,7 @@ class Imported:
         return make_importable, (self.files, self.folders)
 
 
-def imported() -> Imported:
+def list_imported() -> Imported:
     """Return what another process needs to import the same models."""
     return Imported(dict(_FILES.paths), tuple(folder for folder in _FILES.folders if folder in sys.path))
 
@@ -324,7 +326,7 @@ def make_importable(files: dict[str, str], folders: Sequence[str]) -> Imported:
     _FILES.paths |= files
     _FILES.folders |= dict.fromkeys(folders)
     sys.path += [folder for folder in folders if folder not in sys.path]
-    return imported()
+    return list_imported()
 
 
 class FileFinder:

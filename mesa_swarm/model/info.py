@@ -162,7 +162,7 @@ class ModelInfo:
     @cached_property
     def built(self) -> Any:
         """The model, or one with all defaults; None if the class cannot be built so."""
-        return _built(self.model_class) if self.model is None else self.model
+        return _build_default(self.model_class) if self.model is None else self.model
 
     def command(self, preset: Preset) -> str:
         """Return the command that runs a preset.
@@ -228,7 +228,7 @@ def model_info(model: Any) -> ModelInfo:
     instance = model if not isinstance(model, str | type) else None
     file = info_file(kind)
     entries = _read(file, kind) if file is not None and file.is_file() else {}
-    return ModelInfo(name=name, model_class=kind, model=instance, **_described(kind) | entries)
+    return ModelInfo(name=name, model_class=kind, model=instance, **_describe_class(kind) | entries)
 
 
 def info_file(model_class: type) -> Path | None:
@@ -242,18 +242,18 @@ def _name_of(model_class: type) -> str:
     return module.rpartition(".")[2] if module.startswith(f"{PACKAGE}.") else model_address(model_class)
 
 
-def _described(model_class: type) -> dict[str, str]:
+def _describe_class(model_class: type) -> dict[str, str]:
     """Return the parts of a model's docstring: that of its module, if it has the headings, else that of the class."""
     of_module = inspect.cleandoc(getattr(sys.modules.get(model_class.__module__), "__doc__", None) or "")
     if WHAT not in of_module:
         return {"what": inspect.cleandoc(vars(model_class).get("__doc__") or "") or of_module}
     starts = [*HEADING.finditer(of_module)]
     ends = [start.start() for start in starts[1:]] + [len(of_module)]
-    parts = {start[0]: _joined(of_module[start.end() : end]) for start, end in zip(starts, ends, strict=True)}
+    parts = {start[0]: _join_lines(of_module[start.end() : end]) for start, end in zip(starts, ends, strict=True)}
     return {"what": parts[WHAT]} | {name: parts[head] for head, name in HEADINGS.items() if head in parts}
 
 
-def _joined(text: str) -> str:
+def _join_lines(text: str) -> str:
     """Return paragraphs, each on one line."""
     return "\n\n".join(" ".join(part.split()) for part in re.split(r"\n\s*\n", text.strip()))
 
@@ -268,7 +268,7 @@ def _read(file: Path, model_class: type) -> dict[str, Any]:
         for key in inside:
             if key not in KEYS:
                 raise InvalidValueError(unknown_name("key", key, KEYS))
-        entries: dict[str, Any] = {key: _joined(_text(key, inside[key])) for key in TEXTS if key in inside}
+        entries: dict[str, Any] = {key: _join_lines(_text(key, inside[key])) for key in TEXTS if key in inside}
         parameters = parameters_of(model_class)
         if "speed" in inside:
             entries["speed"] = check_number("speed", inside["speed"], minimum=SLOWEST, maximum=FASTEST)
@@ -276,7 +276,8 @@ def _read(file: Path, model_class: type) -> dict[str, Any]:
             entries["concepts"] = _concepts(inside["concepts"])
         if "try" in inside:
             entries["presets"] = tuple(
-                Preset(label=_text(f"{key}, label", table["label"]), text=_joined(_text(f"{key}, text", table["text"])),
+                Preset(label=_text(f"{key}, label", table["label"]),
+                       text=_join_lines(_text(f"{key}, text", table["text"])),
                        settings=_settings(f"{key}, settings", table["settings"], parameters))
                 for key, table in _tables("try", inside["try"], ("label", "text", "settings"))
             )  # fmt: skip
@@ -302,7 +303,7 @@ def _concepts(value: object) -> dict[str, str]:
     for name in value:
         if name not in CONCEPTS:
             raise InvalidValueError(unknown_name("concept", name, CONCEPTS))
-    return {name: _joined(_text(f"concepts, {name}", text)) for name, text in value.items()}
+    return {name: _join_lines(_text(f"concepts, {name}", text)) for name, text in value.items()}
 
 
 def _tables(key: str, value: object, names: tuple[str, ...]) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -333,7 +334,7 @@ def _settings(key: str, value: object, parameters: Mapping[str, Parameter]) -> d
         raise InvalidValueError(f"{key}: {error}") from None
 
 
-def _built(model_class: type) -> Any:
+def _build_default(model_class: type) -> Any:
     """Return a model with all defaults, None if it cannot be built so."""
     try:
         return model_class(rng=1)
@@ -402,9 +403,9 @@ def _markdown(info: ModelInfo, head: str, command: Callable[[Preset], str]) -> I
         yield "\n\n".join(f"$${equation.latex}$$\n\n{equation.text}" for equation in info.equations)
     if info.source:
         yield f"{head}# Source\n\n{info.source}"
-    yield _folded("Parameters", parameter_table(info.parameters))
+    yield _fold_code("Parameters", parameter_table(info.parameters))
     for listing in info.code:
-        yield _folded(f"Code: {listing.name} <small>{listing.module}</small>", f"```python\n{listing.code}\n```")
+        yield _fold_code(f"Code: {listing.name} <small>{listing.module}</small>", f"```python\n{listing.code}\n```")
 
 
 def parameter_table(parameters: Mapping[str, Parameter]) -> str:
@@ -413,5 +414,5 @@ def parameter_table(parameters: Mapping[str, Parameter]) -> str:
     return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows]).replace("<", "&lt;")
 
 
-def _folded(title: str, text: str) -> str:
+def _fold_code(title: str, text: str) -> str:
     return f'<details markdown="1">\n<summary>{title}</summary>\n\n{text}\n\n</details>'

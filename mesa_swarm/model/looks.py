@@ -32,12 +32,12 @@ Colour = str | tuple[str, str]
 Source = str | Callable[[Any], Any]
 
 
-def themed(name: str, colour: Colour) -> tuple[str, str]:
+def pair_colours(name: str, colour: Colour) -> tuple[str, str]:
     """Return a colour for the light and one for the dark theme, or refuse what is not one.
 
     Examples
     --------
-    >>> themed("puck", "#c08030")
+    >>> pair_colours("puck", "#c08030")
     ('#c08030', '#c08030')
     """
     both = (colour, colour) if isinstance(colour, str) else colour
@@ -85,7 +85,7 @@ class ColourMap:
         check_number("high", self.high, above=self.low)
         label = self.label or (self.source if isinstance(self.source, str) else _name_of(self.source))
         object.__setattr__(self, "label", check_name("label", label))
-        colours = tuple(themed(self.label, colour) for colour in _as_tuple("colours", self.colours))
+        colours = tuple(pair_colours(self.label, colour) for colour in _as_tuple("colours", self.colours))
         if len(colours) == 1 or len(colours) > MOST_COLOURS:
             raise InvalidValueError(f"colours are {len(colours)}; expected 2 to {MOST_COLOURS}, or none")
         object.__setattr__(self, "colours", colours)
@@ -174,7 +174,7 @@ class Looks:
         """Check every value."""
         if not isinstance(self.kinds, Mapping):
             raise InvalidValueError(f"kinds is {shortened(self.kinds)}; expected a mapping from kinds to colours")
-        kinds = {check_name("kind", name): themed(name, colour) for name, colour in self.kinds.items()}
+        kinds = {check_name("kind", name): pair_colours(name, colour) for name, colour in self.kinds.items()}
         object.__setattr__(self, "kinds", MappingProxyType(kinds))
         if self.column is not None and not isinstance(self.column, ColourMap):
             object.__setattr__(self, "column", ColourMap(self.column))

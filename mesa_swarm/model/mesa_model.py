@@ -298,16 +298,16 @@ def without_scenario(model_class: type, keywords: Mapping[str, Any]) -> dict[str
     """
     values = _values_of(keywords["scenario"])
     check_names(model_class, values)
-    return _combined(values, keywords)
+    return _combine_parameters(values, keywords)
 
 
-def known_of_scenario(parameters: Container[str], keywords: Mapping[str, Any]) -> dict[str, Any]:
+def parameters_of_scenario(parameters: Container[str], keywords: Mapping[str, Any]) -> dict[str, Any]:
     """Return the same for a base of a class that has a parameter `scenario` and reads the other values itself."""
     values = _values_of(keywords["scenario"])
-    return _combined({name: value for name, value in values.items() if name in parameters}, keywords)
+    return _combine_parameters({name: value for name, value in values.items() if name in parameters}, keywords)
 
 
-def _combined(values: dict[str, Any], keywords: Mapping[str, Any]) -> dict[str, Any]:
+def _combine_parameters(values: dict[str, Any], keywords: Mapping[str, Any]) -> dict[str, Any]:
     others = {name: value for name, value in keywords.items() if name != "scenario"}
     if others.get("rng", 0) is None:
         del others["rng"]

@@ -210,7 +210,7 @@ def check_names(model: Callable, names: Iterable[str]) -> None:
             raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, parameters))
 
 
-def parsed_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:
+def parse_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:
     """Return what ``name=value`` texts set, checked against the model's parameters."""
     parameters = parameters_of(model)
     values = {}

@@ -11,7 +11,7 @@ from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Role, Stage
 from mesa_swarm.model.state import checked_state
-from mesa_swarm.model.state_hash import described_designs
+from mesa_swarm.model.state_hash import describe_designs
 from mesa_swarm.physics.engine import Engine
 from mesa_swarm.physics.own_devices import OwnDevices
 from mesa_swarm.physics.packed import CountArrays, count_collided
@@ -134,7 +134,7 @@ class RobotsPart(Part):
 
     def parameters(self) -> dict[str, Any]:
         """Return designs with the rows of their robots, groups, and how robots turn at walls."""
-        designs = described_designs(self.swarm.designs, self.swarm.columns["design"])
+        designs = describe_designs(self.swarm.designs, self.swarm.columns["design"])
         return {"designs": designs, "groups": self.rows_of_groups(), "turn angle": self.turn_angle}
 
     def store(self) -> dict[str, Any]:

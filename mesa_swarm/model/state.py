@@ -249,12 +249,12 @@ def _add_array(digest: Any, array: np.ndarray, quickly: bool) -> None:
     if array.dtype.kind not in KINDS:
         return
     if quickly and array.nbytes > LARGE:
-        digest.update(_condensed(array))
+        digest.update(_condense_array(array))
     else:
         digest.update((array + 0 if array.dtype.kind == "f" else array).tobytes())
 
 
-def _condensed(array: np.ndarray) -> bytes:
+def _condense_array(array: np.ndarray) -> bytes:
     """Return sums of the bytes of an array, read as whole numbers, and the bytes that are left over."""
     content = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
     whole = len(content) // (8 * SUMS) * 8 * SUMS

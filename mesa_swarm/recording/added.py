@@ -5,7 +5,7 @@ from typing import Any
 
 from mesa import Agent, Model
 
-from mesa_swarm.base.errors import RecordingError, asked, check_name, shortened
+from mesa_swarm.base.errors import RecordingError, check_name, read_attribute, shortened
 from mesa_swarm.fire.part import BURNING
 from mesa_swarm.kernels.part import Part, made_of
 from mesa_swarm.model.engine_model import EngineModel
@@ -27,7 +27,7 @@ def added_to_json(model: EngineModel, packer: ModelPacker) -> dict:
     Of parts also all attributes are stored, with which one is made that no constructor adds.
     """
     processes = [[number, class_address(process)] for number, process in model.parts.processes.numbered.items()]
-    parts = [[part.name, class_address(part), _made_to_json(part, packer)] for part in model.parts.added()]
+    parts = [[part.name, class_address(part), _addition_to_json(part, packer)] for part in model.parts.added()]
     return {name: content for name, content in (("processes", processes), ("added", parts)) if content}
 
 
@@ -36,7 +36,7 @@ def class_address(instance: Any) -> str:
     return f"{type(instance).__module__}.{type(instance).__qualname__}"
 
 
-def _made_to_json(part: Part, packer: ModelPacker) -> dict:
+def _addition_to_json(part: Part, packer: ModelPacker) -> dict:
     return {name: attribute_to_json(value, f"{part.name}'s {name}", packer) for name, value in made_of(part).items()}
 
 
@@ -52,7 +52,7 @@ def restore_added(model: EngineModel, facts: dict, packer: ModelPacker) -> None:
             model.remove_part(part.name)
     for name, (kind, values) in parts.items():
         if name not in model.parts:
-            part = _made(model, kind, "part", "stages", check_part_class)
+            part = _make_addition(model, kind, "part", "stages", check_part_class)
             check_made(part, values)
             refuse_attributes(part, values)
             for attribute, content in values.items():
@@ -74,7 +74,7 @@ def _restore_processes(model: EngineModel, kinds: dict[int, str], facts: dict) -
             raise RecordingError(f"invalid number of a process: {shortened(number)}")
         present_process = part.numbered.get(number)
         if present_process is None:
-            present_process = _made(model, kind, "process", "step", check_process_class)
+            present_process = _make_addition(model, kind, "process", "step", check_process_class)
             part.have({**part.numbered, number: present_process})
             names = _names_of(facts, "processes", f"{number} ")
             check_made(present_process, () if isinstance(present_process, Checkpointed) else names)
@@ -100,10 +100,11 @@ def check_addable(addition: Any, kind: str, model: EngineModel) -> None:
     check_made(addition, () if isinstance(addition, Checkpointed) else attributes_of(addition))
 
 
-def _made(model: EngineModel, kind: str, what: str, method: str, check: Callable[[type], None]) -> Any:
+def _make_addition(model: EngineModel, kind: str, what: str, method: str, check: Callable[[type], None]) -> Any:
     """Make a process or a part of a class in the model's own module or the package, without its constructor."""
     classes = (*classes_near(model), *OF_PACKAGE)
-    near_class = next((near for near in classes if _is_kind(near, kind) and callable(asked(near, method))), None)
+    alike = (near for near in classes if _is_kind(near, kind) and callable(read_attribute(near, method)))
+    near_class = next(alike, None)
     if near_class is None or issubclass(near_class, Agent | Model):
         raise RecordingError(_odd(model, kind, what))
     check(near_class)

@@ -156,7 +156,7 @@ def _owners(model: EngineModel) -> dict[str, dict]:
     return {"of_part": dict(model.parts), "process": numbered, "layer": layers, "field": live}
 
 
-def _referred(kind: str, which: Any, model: EngineModel) -> object:
+def _find_referred(kind: str, which: Any, model: EngineModel) -> object:
     """Return the object for which `_reference` returned this."""
     if kind == "of_model":
         if which not in (*OF_MODEL, ""):
@@ -183,7 +183,7 @@ def attribute_from_json(now: object, name: str, content: dict, packer: ModelPack
     if kind == "column":
         return packer.model.swarm.columns[value]
     if kind in REFERENCES:
-        return _referred(kind, value, packer.model)
+        return _find_referred(kind, value, packer.model)
     return part_from_json(value) if kind == "part" else packer.unpack(value)
 
 

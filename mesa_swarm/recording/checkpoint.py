@@ -100,7 +100,7 @@ def _stored_of_parts(facts: dict) -> dict[str, dict[str, Any]]:
         "radio": {"radio": {"part": facts["radio"]}},
         "control": {"arbiter": {"control": facts["control"]}, **_states_of_control(facts)},
         "fields": {
-            "declared": {"plain": [_listed(field) for field, _ in fields]},
+            "declared": {"plain": [_as_list(field) for field, _ in fields]},
             "peaks": {"plain": [dict(map(tuple, state["dict"]))["peak"] for _, state in fields]},
         },
         "fires": {"constants": {"part": facts["constants"]}, "history": {"plain": [every, fires, places]}},
@@ -188,12 +188,12 @@ def restore_fires(model: EngineModel, facts: dict, packer: Packer) -> None:
 def _values_of_fields(facts: dict) -> dict[str, Any]:
     """Return the stored values of fields by name."""
     fields = (
-        (_listed(field)[0], dict(map(tuple, state["dict"]))["values"]) for field, state in facts.get("scalars", [])
+        (_as_list(field)[0], dict(map(tuple, state["dict"]))["values"]) for field, state in facts.get("scalars", [])
     )
     return dict(fields)
 
 
-def _listed(field: Any) -> list:
+def _as_list(field: Any) -> list:
     return field["tuple"] if isinstance(field, dict) else field
 
 

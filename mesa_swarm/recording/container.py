@@ -204,7 +204,7 @@ class Packer:
             if place not in self._restored:
                 self._restored[place] = array.copy()
             if view is not None:
-                self._restored[key] = _viewed(self._restored[place], *view)
+                self._restored[key] = _view_array(self._restored[place], *view)
         return self._restored[key]
 
 
@@ -239,7 +239,7 @@ def _key_of(place: Any, view: Any) -> tuple:
     return place, offset, tuple(shape), tuple(strides)
 
 
-def _viewed(whole: np.ndarray, offset: int, shape: list, strides: list) -> np.ndarray:
+def _view_array(whole: np.ndarray, offset: int, shape: list, strides: list) -> np.ndarray:
     """Return a view of an array, which cannot reach beyond it, nor be larger."""
     if len(shape) > MOST_AXES or math.prod(shape) > whole.size:
         raise ValueError
@@ -271,7 +271,7 @@ def to_bytes(checkpoint: Checkpoint) -> bytes:
     words = json.dumps(head, separators=(",", ":")).encode()
     whole = b"".join([len(words).to_bytes(LENGTH, "little"), words, *parts])
     compressed = MAGIC + len(whole).to_bytes(LENGTH, "little") + CODEC.compress(whole, asbytes=True)
-    needed, allowed = 2 * len(whole) + memory_of(words), _allowed(compressed)
+    needed, allowed = 2 * len(whole) + memory_of(words), _find_most_memory(compressed)
     if len(whole) > LARGEST or needed > allowed:
         raise RecordingError(
             f"the state has {len(whole):,} bytes and needs about {needed:,} to be read, more than the {allowed:,} of "
@@ -288,7 +288,7 @@ def memory_of(words: bytes | str) -> int:
     return 5 * len(words) + 230 * objects + 90 * lists + 48 * values
 
 
-def _allowed(compressed: bytes) -> int:
+def _find_most_memory(compressed: bytes) -> int:
     return max(MOST_MEMORY, MOST_TIMES * len(compressed))
 
 
@@ -305,7 +305,7 @@ def from_bytes(content: bytes) -> Checkpoint:
 def _read(content: bytes) -> Checkpoint:
     begin = len(MAGIC) + LENGTH
     size = int.from_bytes(content[len(MAGIC) : begin], "little")
-    allowed = _allowed(content)
+    allowed = _find_most_memory(content)
     if not content.startswith(MAGIC) or not LENGTH <= size <= min(LARGEST, allowed // 2):
         raise ValueError
     whole = CODEC.decompress(content[begin:], decompressed_size=size, asbytes=True)

@@ -10,7 +10,7 @@ from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.robots import role_of
 from mesa_swarm.model.state import quick_fingerprint
 from mesa_swarm.recording.attributes import own_attributes
-from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
+from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuild_model
 from mesa_swarm.recording.transfer import changed_settings, take_over
 from mesa_swarm.robots.robot import Robot
 
@@ -51,7 +51,7 @@ def continued(model: Model, /, **changes: object) -> Model:
     if odd:
         raise UnknownNameError(unknown_name(f"parameter of {type(model).__name__}", odd[0], parameters))
     origin = provenance_of(model, rerun=True)
-    new, fresh = rebuilt(origin, type(model), **changes), rebuilt(origin, type(model))
+    new, fresh = rebuild_model(origin, type(model), **changes), rebuild_model(origin, type(model))
     continue_with(new, model, fresh, tuple(changes))
     return cast(Model, new)
 

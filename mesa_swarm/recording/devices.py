@@ -80,12 +80,12 @@ def _is_built_in(kind: type) -> bool:
 
 def _class_called(name: object) -> type | None:
     """Return the class whose objects are stored by this name, None if there is none."""
-    if name not in CLASSES and name not in _derived():
+    if name not in CLASSES and name not in _list_derived():
         _load_rooms()
-    return {**_derived(), **CLASSES}.get(str(name))
+    return {**_list_derived(), **CLASSES}.get(str(name))
 
 
-def _derived() -> dict[str, type]:
+def _list_derived() -> dict[str, type]:
     return {kind.__name__: kind for base in BASES for kind in family(base) if _is_built_in(kind)}
 
 

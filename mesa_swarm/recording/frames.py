@@ -90,7 +90,7 @@ def frame_of(model: EngineModel, columns: Sequence[str] = PICTURED, *, perceived
         else:
             raise UnknownNameError(unknown_name("column", name, (*sources, *TABLES)))
     if perceived:
-        values["perceived"] = _perceived(model)
+        values["perceived"] = _locate_perceived(model)
     looks = looks_of(model)
     if looks is not None:
         values |= looks.columns_of(model)
@@ -189,7 +189,7 @@ LIVE_TABLES: Mapping[str, Callable[[EngineModel], np.ndarray]] = {
 }
 
 
-def _perceived(model: EngineModel) -> np.ndarray:
+def _locate_perceived(model: EngineModel) -> np.ndarray:
     centroid, counts = centroids(Senses.of(model.swarm))
     cosine, sine = np.cos(model.swarm.heading), np.sin(model.swarm.heading)
     x, y = centroid.T
@@ -205,8 +205,8 @@ class Rows:
         self._steps, self._hashes = steps.to_numpy().tolist(), hashes.to_pylist()
         pairs = list(zip(batch.schema.names[3:], columns, strict=True))
         # A robot has the same index in all columns: one slice serves them all.
-        self._begins, self._robots = robots.offsets.to_numpy().tolist(), _locked(robots)
-        self._columns = {name: _locked(column) for name, column in pairs}
+        self._begins, self._robots = robots.offsets.to_numpy().tolist(), _lock_values(robots)
+        self._columns = {name: _lock_values(column) for name, column in pairs}
         self._tables = [(n, self._columns[n], c.offsets.to_numpy().tolist()) for n, c in pairs if is_table(n)]
         self._of_robots = [(name, values) for name, values in self._columns.items() if not is_table(name)]
 
@@ -224,7 +224,7 @@ class Rows:
         return Frame(step=self._steps[row], state_hash=self._hashes[row], robots=self._robots[rows], columns=columns)
 
 
-def _locked(column: pa.ListArray) -> np.ndarray:
+def _lock_values(column: pa.ListArray) -> np.ndarray:
     """Return all values of a list column, which frames share, as a read-only array."""
     values = _array(column.values)
     values.flags.writeable = False
@@ -324,11 +324,11 @@ def events_of(frames: Iterable) -> list[Event]:
 
     The frames, in the order of steps, are iterated over up to four times.
     """
-    events = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_noted(frames)]
+    events = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_list_noted(frames)]
     return sorted(events, key=lambda event: (event.step, event.kind, event.ids))
 
 
-def _noted(frames: Iterable) -> Iterator[Event]:
+def _list_noted(frames: Iterable) -> Iterator[Event]:
     """Iterate over the events of the model's own; those of one step and name are one."""
     for frame in frames:
         if "events" not in frame.columns:
@@ -338,10 +338,10 @@ def _noted(frames: Iterable) -> Iterator[Event]:
             together.setdefault((step, name), []).append((unique_id, value))
         for (step, name), ones in together.items():
             ids = tuple(dict.fromkeys(unique_id for unique_id, _ in ones if unique_id >= 0))
-            yield Event(step=step, kind=name, ids=ids, text=_noted_text(name, ids, [value for _, value in ones]))
+            yield Event(step=step, kind=name, ids=ids, text=_describe_noted(name, ids, [value for _, value in ones]))
 
 
-def _noted_text(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
+def _describe_noted(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
     times = f" {len(values)} times" if len(values) > 1 else ""
     more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
     robots = f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""

@@ -234,13 +234,13 @@ class Chunk:
     def batch(self, rows: int) -> pa.RecordBatch:
         """Return the first rows as an Arrow batch."""
         arrays = [pa.array(self.steps[:rows]), pa.array(self.hashes[:rows], pa.string())]
-        arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
+        arrays.append(_as_lists(np.broadcast_to(self._robots, (rows, len(self._robots)))))
         values = {**{name: values for name, (_, values) in self._robot_rows.items()}, **self._part_rows}
-        arrays += [_listed(values[name][:rows]) for name in self.layout.columns]
+        arrays += [_as_lists(values[name][:rows]) for name in self.layout.columns]
         makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
         makers |= {"fields": self._field_table, "events": self._event_table, "shown": self._shown_table}
         arrays += [makers[name](rows) for name in self.layout.tables]
-        arrays += [_listed(pixels[:rows]) for pixels in self._pixels]
+        arrays += [_as_lists(pixels[:rows]) for pixels in self._pixels]
         return pa.record_batch(arrays, schema=self.layout.schema)
 
     def _buffers(self, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, tuple]:
@@ -379,7 +379,7 @@ def _ids(agents: Sequence) -> np.ndarray:
     return np.array([agent.unique_id for agent in agents], np.int32)
 
 
-def _listed(rows: np.ndarray) -> pa.Array:
+def _as_lists(rows: np.ndarray) -> pa.Array:
     """Return an array of shape (k, n, ...) as k lists of n values, or of n lists of a fixed length."""
     count, length = rows.shape[:2]
     values = pa.array(np.ascontiguousarray(rows).reshape(-1))

@@ -25,12 +25,12 @@ from mesa_swarm.world.statics import CARRIED, DRIVEN, FIXED, KINDS, MODES, MOST_
 MOST_OBJECTS = 10_000_000
 
 
-def stored_shape(shape: Shape) -> dict:
-    """Return a shape as stored states have it: `stored_outline`, and whether bodies bump into it."""
-    return {**stored_outline(shape.geometry, shape.radius), "contact": shape.contact}
+def store_shape(shape: Shape) -> dict:
+    """Return a shape as stored states have it: `store_outline`, and whether bodies bump into it."""
+    return {**store_outline(shape.geometry, shape.radius), "contact": shape.contact}
 
 
-def stored_outline(geometry: Point | Polygon, radius: float) -> dict:
+def store_outline(geometry: Point | Polygon, radius: float) -> dict:
     """Return the centre and radius of a disc, or the closed rings of a polygon."""
     outline = outline_to_json(geometry, radius)
     if "disc" in outline:
@@ -39,8 +39,8 @@ def stored_outline(geometry: Point | Polygon, radius: float) -> dict:
     return {"rings": [[*ring, ring[0]] for ring in outline["rings"]]}
 
 
-def restored_shape(value: Any) -> Shape:
-    """Return the shape that `stored_shape` wrote."""
+def restore_shape(value: Any) -> Shape:
+    """Return the shape that `store_shape` wrote."""
 
     def make() -> Shape:
         outline = {"rings": value["rings"]} if "rings" in value else {"disc": [*value["centre"], value["radius"]]}
@@ -49,9 +49,9 @@ def restored_shape(value: Any) -> Shape:
     return make_stored("shape", make, {})
 
 
-def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
-    """Return the geometry and radius that `stored_outline` wrote, every bit of it, also of what is about the origin."""
-    shape = restored_shape(value)
+def restore_outline(value: Any) -> tuple[Point | Polygon, float]:
+    """Return the geometry and radius that `store_outline` wrote, every bit of it, also of what is about the origin."""
+    shape = restore_shape(value)
     if shape.is_disc:
         return Point(*value["centre"]), shape.radius
     outline, *holes = value["rings"]
@@ -216,7 +216,7 @@ def body_to_json(body: Body) -> dict:
     """Return what a body is, as stored states have it: its outline, its kind, the robot or agent that it goes with."""
     form, outline_name = body.form, "shape" if body.form is None else OUTLINES.get(body.added_as, body.added_as)
     shape = body.table.shape_of(body.row)  # of a removed one as well
-    outline = stored_shape(shape) if form is None else stored_outline(form.outline, form.radius)
+    outline = store_shape(shape) if form is None else store_outline(form.outline, form.radius)
     related = {name: getattr(body, name, None) for name in ("carrier", "agent")}
     return {
         "id": body.unique_id,
@@ -239,9 +239,9 @@ def restore_state(body: Body, facts: dict, bounds: tuple[float, float, float, fl
     """Take back what `state_to_json` has returned, or some of it, checked."""
     table, row, name = body.table, body.row, f"body {body.unique_id}"
     if "pose" in facts:
-        table.put(row, stored_pose(name, facts["pose"], bounds))
+        table.put(row, read_pose(name, facts["pose"], bounds))
     if "aim" in facts:
-        *table.aim[row], table.aim_heading[row] = stored_pose(name, facts["aim"], bounds)
+        *table.aim[row], table.aim_heading[row] = read_pose(name, facts["aim"], bounds)
     for column, check in STATE.items():
         if column in facts:
             getattr(table, column)[row] = check(facts[column])
@@ -299,9 +299,9 @@ def _make_body(model: EngineModel, body: dict) -> None:
     bodies, (name, mode) = model.parts.bodies, _form_of(body)
     body_class, form = handles()[mode], None
     if mode == MODES[FIXED]:
-        shape = restored_shape(body[name])
+        shape = restore_shape(body[name])
     else:
-        form = Form.about_origin(*restored_outline(body[name]))
+        form = Form.about_origin(*restore_outline(body[name]))
         shape = form.shape_at((0.0, 0.0, 0.0))
     kind = bodies.checked_kind(body.get("kind"), body_class.usual_kind)
     bodies.take(body_class, shape, kind, form, mode=MODES.index(mode))
@@ -334,7 +334,7 @@ def _check_same(model: EngineModel, things: dict, obstacles: dict) -> None:
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
 
 
-def stored_pose(name: str, numbers: Any, bounds: tuple[float, float, float, float]) -> Pose:
+def read_pose(name: str, numbers: Any, bounds: tuple[float, float, float, float]) -> Pose:
     """Return a stored pose, which has to be on the map."""
     x, y, heading = map(float, numbers)
     x_min, y_min, x_max, y_max = bounds

@@ -60,7 +60,7 @@ def scenery_of(model: EngineModel) -> dict:
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
     kinds = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
     return {
-        "designs": [_written_design(design) for design in model.swarm.designs],
+        "designs": [_design_to_json(design) for design in model.swarm.designs],
         "robots": _runs(model.swarm.unique_ids.tolist(), model.swarm.design.tolist()),
         "shapes": [{**shape_to_json(body.shape), **_own_kind(body, OBSTACLE)} for body in still],
         "loads": [
@@ -112,7 +112,7 @@ def join_sceneries(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, di
     return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
 
 
-def _written_design(design: RobotDesign) -> dict:
+def _design_to_json(design: RobotDesign) -> dict:
     return {
         "name": design.name,
         "radius": design.radius,
@@ -149,11 +149,11 @@ def provenance_of(model: EngineModel, rerun: bool) -> dict:
     return {
         "format": FORMAT,
         "model": {"module": type(model).__module__, "name": type(model).__qualname__},
-        "parameters": {name: _written(name, value, rerun) for name, value in parameters.items()},
+        "parameters": {name: _parameter_to_json(name, value, rerun) for name, value in parameters.items()},
         "takes_map": has_map,
         "map": model.map.to_toml(),
         "scenery": scenery_of(model),
-        "seed": _written_seed(model, seed, rerun),
+        "seed": _seed_to_json(model, seed, rerun),
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         "platform": platform.platform(),
         "rerun": rerun,
@@ -173,7 +173,7 @@ def parameters_of_run(model: EngineModel) -> dict:
     return parameters
 
 
-def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> EngineModel:
+def rebuild_model(provenance: dict, model_class: type, /, **changes: object) -> EngineModel:
     """Return the model as its constructor made it, perhaps with other parameters.
 
     Parameters that did not exist yet have the values with which the model behaves as it did then: those in
@@ -184,11 +184,11 @@ def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> Engine
         raise RecordingError("the recording was made with rerun=False: its model cannot be run again")
     arguments = {
         **getattr(model_class, "earlier_defaults", {}),
-        **{name: _read(value) for name, value in provenance["parameters"].items()},
+        **{name: _parameter_from_json(value) for name, value in provenance["parameters"].items()},
     }
     if provenance["takes_map"]:
         arguments["map"] = recorded_map(provenance)
-    arguments["rng"] = _read_seed(provenance["seed"])
+    arguments["rng"] = _seed_from_json(provenance["seed"])
     try:
         return model_class(**{**arguments, **changes})
     except Exception as error:  # anything that a constructor may raise on unexpected arguments
@@ -252,7 +252,7 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
     return facts
 
 
-def _written(name: str, value: object, rerun: bool) -> object:
+def _parameter_to_json(name: str, value: object, rerun: bool) -> object:
     """Return a parameter as JSON."""
     if isinstance(value, np.generic):
         value = value.item()
@@ -266,18 +266,18 @@ def _written(name: str, value: object, rerun: bool) -> object:
         raise RecordingError(f"{name} is {shortened(value)}, which cannot be recorded; {CURE}") from None
 
 
-def _read(value: object) -> object:
-    """Return a value that `_written` wrote."""
+def _parameter_from_json(value: object) -> object:
+    """Return a value that `_parameter_to_json` wrote."""
     names = {part.__name__ for part in PARTS}
     return part_from_json(value) if isinstance(value, dict) and len(value) == 1 and names >= value.keys() else value
 
 
-def _read_seed(seed: Any) -> int | np.random.SeedSequence:
-    """Return a seed that `_written_seed` wrote."""
+def _seed_from_json(seed: Any) -> int | np.random.SeedSequence:
+    """Return a seed that `_seed_to_json` wrote."""
     return np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]) if isinstance(seed, dict) else seed
 
 
-def _written_seed(model: EngineModel, seed: object, rerun: bool) -> object:
+def _seed_to_json(model: EngineModel, seed: object, rerun: bool) -> object:
     if isinstance(seed, (int, np.integer)):
         return int(seed)
     if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:

@@ -17,7 +17,7 @@ from typing import Any
 import pyarrow as pa
 
 from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
-from mesa_swarm.base.files import shown_path
+from mesa_swarm.base.files import show_path
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.part import BURNING
 from mesa_swarm.model.bodies import POSES
@@ -163,7 +163,7 @@ class RowBuffer:
         """Write the first rows of a chunk; if one has out-of-range values, write those before it and raise."""
         batch, first = chunk.batch(rows), int(chunk.steps[0])
         try:
-            check_values(batch, first, shown_path(self.writer.path))
+            check_values(batch, first, show_path(self.writer.path))
         except RecordingError:
             good = bisect_left(range(1, rows), True, key=lambda number: not _is_readable(chunk.batch(number)))
             if good:
@@ -182,14 +182,14 @@ class RowBuffer:
             checked_scenery(checked_content(CHANGE, content).get("scenery", scenery))
         except (RecordingError, ValueError) as error:
             raise RecordingError(
-                f"{shown_path(self.writer.path)} cannot store the objects of step {model.completed}: {error}"
+                f"{show_path(self.writer.path)} cannot store the objects of step {model.completed}: {error}"
             ) from None
         self.attach(CHANGE, content, model.completed)
 
     def _check_gap(self, step: int) -> None:
         if step > self._newest + self._gap:
             raise RecordingError(
-                f"{shown_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
+                f"{show_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
                 f"expected at most {self._gap:,} steps from row to row; start another recording"
             )
 
@@ -627,7 +627,7 @@ def _checked_path(path: object) -> Path:
     kind, compression = MimeTypes().guess_type(f"_{suffix}")
     if suffix in OTHER_KINDS or compression or (kind and suffix not in KINDS):
         raise RecordingError(
-            f"{shown_path(target)} has the suffix of another kind of file; expected a name such as "
-            f"{shown_path(target.with_suffix('.arrow').name)}"
+            f"{show_path(target)} has the suffix of another kind of file; expected a name such as "
+            f"{show_path(target.with_suffix('.arrow').name)}"
         )
     return target

@@ -33,7 +33,7 @@ from mesa_swarm.recording.schema import (
     checked_content,
     checked_rows,
     checked_scenery,
-    misplaced,
+    find_misplaced,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Piece, SealedReader
 
@@ -100,7 +100,7 @@ class Recording:
     def _check_order(self) -> None:
         """Refuse seals that are out of order; nothing after a damaged one is read."""
         pieces = sorted((*self._reader.pieces, *self._reader.attached))
-        piece = misplaced(pieces, self._start, self.provenance["every"])
+        piece = find_misplaced(pieces, self._start, self.provenance["every"])
         if piece is None:
             return
         if self._reader.is_whole(piece):
@@ -127,11 +127,11 @@ class Recording:
         """What is damaged, as text to follow the file's name; empty if nothing is, even if it was not closed."""
         if self.intact < len(self) or self._reader.broken:
             step = self[self.intact - 1].step if self.intact else self._start
-            return f"is damaged after step {step}: {_counted(self.intact)} whole, the rest is not read"
+            return f"is damaged after step {step}: {_count_rows(self.intact)} whole, the rest is not read"
         damaged_piece = next((piece for piece in self._reader.attached if not self._reader.is_whole(piece)), None)
         if damaged_piece is None:
             return ""
-        return f"is damaged at the piece of step {damaged_piece.step}: {_counted(self.intact)} whole"
+        return f"is damaged at the piece of step {damaged_piece.step}: {_count_rows(self.intact)} whole"
 
     @property
     def why_short(self) -> str:
@@ -469,5 +469,5 @@ def _checked_row(which: Any) -> int:
         ) from None
 
 
-def _counted(rows: int) -> str:
+def _count_rows(rows: int) -> str:
     return f"{rows} row{' is' if rows == 1 else 's are'}"

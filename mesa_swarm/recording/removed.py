@@ -21,9 +21,9 @@ from mesa_swarm.recording.objects import (
     agent_class,
     body_to_json,
     class_of_agent,
+    restore_outline,
+    restore_shape,
     restore_state,
-    restored_outline,
-    restored_shape,
     state_to_json,
 )
 from mesa_swarm.robots.robot import Robot
@@ -105,11 +105,11 @@ def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
     if isinstance(body, Fire):
         body.fires, body.index = model.fires, GONE
     if "shape" in remains or isinstance(body, Fire):  # without a shape in recordings of version 0.2.0
-        shape = restored_shape(remains["shape"]) if "shape" in remains else disc(model.map.bounds[:2], 1.0)
+        shape = restore_shape(remains["shape"]) if "shape" in remains else disc(model.map.bounds[:2], 1.0)
         remains = {name: value for name, value in remains.items() if name not in ("pose", "aim")}
     else:
         name, mode = ("driven", DRIVEN) if isinstance(body, Driven) else ("load", PUSHED)
-        form = Form.about_origin(*restored_outline(remains[name]))
+        form = Form.about_origin(*restore_outline(remains[name]))
         shape = form.shape_at((0.0, 0.0, 0.0))
     if isinstance(body, Driven):
         body.agent = body.carrier = None

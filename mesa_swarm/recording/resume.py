@@ -15,7 +15,7 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import FORMS, is_address, model_address, shipped_class
 from mesa_swarm.recording.making import family
-from mesa_swarm.recording.provenance import is_of, rebuilt
+from mesa_swarm.recording.provenance import is_of, rebuild_model
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.transfer import take_over
 from mesa_swarm.recording.verify import (
@@ -24,9 +24,9 @@ from mesa_swarm.recording.verify import (
     check_row,
     has_row,
     last_same,
-    restored,
+    restore_last,
     run_to,
-    started_again,
+    start_again,
     states_to,
 )
 
@@ -86,10 +86,10 @@ def resume(
     recording = Recording(path)
     step = _checked_step(recording, step)
     with progress_bar(step, "steps", progress) as bar:
-        return resumed(recording, base, step, changes, lambda model: bar.update(model.completed - bar.n))
+        return resume_watched(recording, base, step, changes, lambda model: bar.update(model.completed - bar.n))
 
 
-def resumed(
+def resume_watched(
     recording: Recording, base: type, step: int, changes: dict[str, Any], watch: Watch = lambda _: None
 ) -> EngineModel:
     """Return the same as `resume`, and call `watch` with the model after each step that is run again."""
@@ -103,8 +103,8 @@ def resumed(
     model = state_at(recording, model_class, step, watch)
     if not changes:
         return model
-    fresh = rebuilt(recording.provenance, model_class)
-    continued_model = rebuilt(recording.provenance, model_class, **changes)
+    fresh = rebuild_model(recording.provenance, model_class)
+    continued_model = rebuild_model(recording.provenance, model_class, **changes)
     take_over(continued_model, model, fresh)
     return continued_model
 
@@ -142,11 +142,11 @@ def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -
             continue
         if place not in by_hand and not has_row(recording, recording.checkpoints[place]):
             continue  # nothing proves that it is the state of its step
-        rerun = Rerun(recording, restored(recording, model_class, states), place, watch)
+        rerun = Rerun(recording, restore_last(recording, model_class, states), place, watch)
         if place not in by_hand:
             check_row(rerun)
         return rerun
-    return started_again(recording, model_class, watch)
+    return start_again(recording, model_class, watch)
 
 
 def _checked_step(recording: Recording, step: int | None) -> int:

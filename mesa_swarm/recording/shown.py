@@ -54,7 +54,7 @@ def narrow_columns(model: EngineModel) -> list[str]:
 def shown_of(model: EngineModel) -> list[Shown]:
     """Return what each added part shows, checked, without those that show nothing."""
     pairs = [(part, part.shown()) for part in model.parts.added()]
-    return [_checked(part, picture) for part, picture in pairs if picture is not None]
+    return [_check_picture(part, picture) for part, picture in pairs if picture is not None]
 
 
 def with_discs(model: EngineModel) -> list[Shown]:
@@ -79,7 +79,7 @@ def pictures_of(model: EngineModel) -> Mapping[str, ScalarField | PartPicture]:
     return pictures
 
 
-def _checked(part: Part, picture: Shown) -> Shown:
+def _check_picture(part: Part, picture: Shown) -> Shown:
     """Return what a part shows with arrays of floats; of discs those that can be drawn."""
     if not isinstance(picture, Shown):
         raise _unexpected(part, picture, "an object of mesa_swarm.kernels.part.Shown")

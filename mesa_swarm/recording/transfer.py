@@ -118,12 +118,12 @@ def _changed_objects(new: dict, old: dict, fresh: dict) -> dict:
     """Return the stored objects of `old`, but with those designs and shapes of `new` that the run did not change."""
     designs = [_unless_changed(*three) for three in zip_longest(new["designs"], old["designs"], fresh["designs"])]
     mine, first = ({body["id"]: body for body in model["obstacles"]} for model in (new, fresh))
-    bodies = [_merged(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
+    bodies = [_merge_bodies(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
     kinds = [*dict.fromkeys(kind for model in (old, new) for kind in model.get("kinds", KINDS))]
     return {**old, "designs": designs[: len(old["designs"])], "obstacles": bodies, "kinds": kinds}
 
 
-def _merged(new: dict, old: dict, fresh: dict) -> dict:
+def _merge_bodies(new: dict, old: dict, fresh: dict) -> dict:
     return {name: _unless_changed(new.get(name), value, fresh.get(name)) for name, value in old.items()}
 
 
@@ -274,12 +274,12 @@ def _take_states(new: EngineModel, old: EngineModel, by_label: bool) -> None:
         was = others.get(key)
         if isinstance(machine, StateMachine) and isinstance(was, StateMachine):
             now, fired = (new.swarm.columns[name] for name in machine.noted)
-            now[:] = _numbered(now, was.state_names, machine.state_names)
+            now[:] = _renumber_states(now, was.state_names, machine.state_names)
             if machine.transitions != was.transitions:
                 fired.fill(-1)
 
 
-def _numbered(now: np.ndarray, before: tuple[str, ...], after: tuple[str, ...]) -> np.ndarray:
+def _renumber_states(now: np.ndarray, before: tuple[str, ...], after: tuple[str, ...]) -> np.ndarray:
     """Return the states, given as indices of names, as indices of other names."""
     lacking = [before[number] for number in np.unique(now).tolist() if before[number] not in after]
     if lacking:

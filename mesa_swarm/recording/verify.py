@@ -19,7 +19,7 @@ from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout, is_table
 from mesa_swarm.recording.objects import summary
-from mesa_swarm.recording.provenance import hash_in_format, rebuilt
+from mesa_swarm.recording.provenance import hash_in_format, rebuild_model
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
 
@@ -126,7 +126,7 @@ class Rerun:
         """Return a new model with a stored state, by its index; each is read once, in their order."""
         if len(self.states) <= place:
             self.states = states_to(self.recording, place, self.states)
-        return restored(self.recording, type(self.model), self.states)
+        return restore_last(self.recording, type(self.model), self.states)
 
     def _take(self, intervention: Intervention) -> None:
         """Continue from the state that was stored after an intervention."""
@@ -159,7 +159,7 @@ def run_on(model: EngineModel, step: int, watch: Watch) -> None:
         watch(model)
 
 
-def started_again(recording: Recording, model_class: type, watch: Watch = lambda _: None) -> Rerun:
+def start_again(recording: Recording, model_class: type, watch: Watch = lambda _: None) -> Rerun:
     """Return the model at the start of a recording: from its parameters, else from the state stored then.
 
     A recording that began late is not run again from step 0: its rows do not prove that there were that many steps.
@@ -168,14 +168,14 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
     """
     facts = recording.provenance
     start = facts["start"]
-    model, is_near = rebuilt(facts, model_class), start["step"] <= MOST_UNSEEN
+    model, is_near = rebuild_model(facts, model_class), start["step"] <= MOST_UNSEEN
     if is_near:
         run_on(model, start["step"], watch)
         if model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]:
             return _unless_stored_differs(Rerun(recording, model, watch=watch), watch)
     if recording.checkpoints[:1] == (start["step"],):
         states = states_to(recording, 0)
-        model = restored(recording, model_class, states)
+        model = restore_last(recording, model_class, states)
         if hash_in_format(model, facts["format"]) == start["state_hash"]:
             return Rerun(recording, model, 0, watch, states)
     if not is_near:
@@ -196,7 +196,7 @@ def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
         return rerun
     try:
         states = states_to(recording, 0)
-        model = restored(recording, type(rerun.model), states)
+        model = restore_last(recording, type(rerun.model), states)
         name = differing_part(model, rerun.model)
     except RecordingError:  # which `Rerun.check_states` reports
         return rerun
@@ -230,10 +230,10 @@ def states_to(recording: Recording, checkpoint: int, earlier: Sequence[Checkpoin
     return states
 
 
-def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
+def restore_last(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
     """Return a new model with the last of these states."""
     facts = recording.provenance
-    return restore(rebuilt(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
+    return restore(rebuild_model(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -269,7 +269,7 @@ class Verification:
     moved: int = 0
 
     def __str__(self) -> str:
-        return self.text + as_remark(self.interventions) + _moved_by_hand(self.moved)
+        return self.text + as_remark(self.interventions) + _describe_moves(self.moved)
 
 
 def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
@@ -310,7 +310,7 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     rows = recording.intact
     last = recording[rows - 1].step if rows else recording.provenance["start"]["step"]
     with progress_bar(last, "steps", progress) as bar:
-        rerun = started_again(recording, model_class, lambda model: bar.update(model.completed - bar.n))
+        rerun = start_again(recording, model_class, lambda model: bar.update(model.completed - bar.n))
         verdict = _all_compared(rerun, rows)
     verdict = replace(verdict, text=verdict.text + rerun.begin)
     if recording.damage:
@@ -318,7 +318,7 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     return replace(verdict, interventions=rerun.interventions, moved=len(rerun.moved))
 
 
-def _moved_by_hand(steps: int) -> str:
+def _describe_moves(steps: int) -> str:
     """Return what a verdict adds about moves, an empty text if there were none."""
     if not steps:
         return ""
@@ -405,7 +405,7 @@ def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
     for name in frame.columns:
         differing = _differing(name, frame, again)
         if differing is not None:
-            return _verdict(row, frame.step, name, f"{name} differs{_named(differing)}", differing)
+            return _verdict(row, frame.step, name, f"{name} differs{_name_robots(differing)}", differing)
     if frame.state_hash != again.state_hash:
         text = "the state differs in a value that was not recorded, since the last state hash"
         return _verdict(row, frame.step, None, text)
@@ -422,7 +422,7 @@ def _differing(name: str, frame: Frame, again: Frame) -> tuple[int, ...] | None:
     return tuple(frame.robots[wrong].tolist()) if wrong.any() else None
 
 
-def _named(robots: tuple[int, ...]) -> str:
+def _name_robots(robots: tuple[int, ...]) -> str:
     if not robots:
         return ""
     numbers = ", ".join(map(str, robots[:MOST_NAMED]))

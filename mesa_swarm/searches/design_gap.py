@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import LearningError, check_choice, check_count
-from mesa_swarm.base.files import check_writable, shown_path, write_whole
+from mesa_swarm.base.files import check_writable, show_path, write_whole
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
@@ -308,7 +308,7 @@ def _stored(folder: Path | None, task: tuple[str, int], settings: dict) -> dict 
     changed = sorted(name for name, now in settings.items() if stored["settings"].get(name) != now)
     if changed:
         raise LearningError(
-            f"{shown_path(file)} is of controllers with other {', '.join(changed)}; use its settings or another folder"
+            f"{show_path(file)} is of controllers with other {', '.join(changed)}; use its settings or another folder"
         )
     return stored
 

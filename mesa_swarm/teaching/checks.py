@@ -37,9 +37,9 @@ from mesa_swarm.teaching.verdicts import (
     NOT_JUDGED,
     Criterion,
     Verdict,
+    format_number,
     rounding,
     seeds_in_words,
-    shown,
     verdict_on,
 )
 
@@ -149,7 +149,7 @@ def code_of(thing: Any) -> set[CodeType]:
     (2, set())
     """
     if isinstance(thing, FunctionType):
-        return set(_nested(thing.__code__))
+        return set(_list_codes(thing.__code__))
     if isinstance(thing, type):
         is_users = thing.__module__.partition(".")[0] not in ("builtins", "mesa_swarm")
         return set().union(*map(code_of, vars(thing).values())) if is_users else set()
@@ -169,11 +169,11 @@ def _function_within(thing: Any) -> Any:
     return thing.fget if isinstance(thing, property) else within
 
 
-def _nested(code: CodeType) -> Iterator[CodeType]:
+def _list_codes(code: CodeType) -> Iterator[CodeType]:
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _nested(constant)
+            yield from _list_codes(constant)
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +288,7 @@ def is_missing(answer: object) -> bool:
     return answer is None or answer is ...
 
 
-def _hinted(verdict: Verdict, hint: str | Sequence[str], answer: object) -> Verdict:
+def _add_hint(verdict: Verdict, hint: str | Sequence[str], answer: object) -> Verdict:
     """Return a verdict with the next stage of its exercise's hint, if it did not pass."""
     if verdict.passed:
         forget(stages_of(hint))
@@ -306,7 +306,7 @@ def _broken(error: CheckError) -> Verdict:
     return Verdict(False, error_report(error, version("mesa-swarm")), status=CHECK_FAILED)
 
 
-def _refused(answer: object, expectation: str) -> Verdict:
+def _refuse_answer(answer: object, expectation: str) -> Verdict:
     return _not_judged(f"your answer is {shortened(answer)}; expected {expectation}")
 
 
@@ -323,7 +323,7 @@ def _refusal(answer: object, expects: str, accepts: Callable[[Any], bool] | None
         return _broken(error)
     except Exception:  # an answer of any type may be given
         accepted = False
-    return None if accepted else _refused(answer, expects)
+    return None if accepted else _refuse_answer(answer, expects)
 
 
 # Other seeds than the notebooks show: an answer is tested on seeds that it was not made for.
@@ -375,7 +375,7 @@ def check_model(
     is_answer = answer is GIVEN
     subject = make if is_answer else answer
     trial = _Trial(make, criteria, subject, () if is_answer else (make,), steps=steps, makes_outcome=is_answer)
-    return _hinted(refusal or _model_verdict(trial, seeds), hint, subject)
+    return _add_hint(refusal or _model_verdict(trial, seeds), hint, subject)
 
 
 @dataclass(frozen=True, slots=True)
@@ -518,7 +518,7 @@ def check_rule(
 
     refusal = _refusal(rule, "a function of me with @behaviour, or a layer such as Avoid()", _is_rule)
     trial = _Trial(make, criteria, rule, (world, *layers), steps=steps, without=without)
-    return _hinted(refusal or _model_verdict(trial, seeds), hint, rule)
+    return _add_hint(refusal or _model_verdict(trial, seeds), hint, rule)
 
 
 def _is_rule(rule: Any) -> bool:
@@ -572,7 +572,7 @@ def check_settings(
     has_defaults = _has_defaults(model)
     defaults = without if has_defaults else None
     trial = _Trial(make, criteria, settings, (model,), steps=steps, without=defaults, decisive=has_defaults)
-    return _hinted(_settings_refusal(settings, names) or _model_verdict(trial, seeds), hint, settings)
+    return _add_hint(_settings_refusal(settings, names) or _model_verdict(trial, seeds), hint, settings)
 
 
 def _has_defaults(model: Callable[..., Any]) -> bool:
@@ -588,7 +588,7 @@ def _settings_refusal(settings: Any, names: Sequence[str]) -> Verdict | None:
     if is_missing(settings) or (isinstance(settings, Mapping) and any(map(is_missing, settings.values()))):
         return _not_judged(NO_ANSWER)
     if not isinstance(settings, Mapping):
-        return _refused(settings, f"settings by name, such as dict({names[0]}=...)")
+        return _refuse_answer(settings, f"settings by name, such as dict({names[0]}=...)")
     odd = [name for name in settings if name not in names]
     return _not_judged(unknown_name("parameter", odd[0], names)) if odd else None
 
@@ -622,7 +622,7 @@ def check_estimate(
     Not yet. You expected 3 for it; the mean of seeds 1 and 2 is 1.5 (1 to 2); required: within 1.
     """
     verdict = _refusal(guess, "a number", _is_number) or _estimate_verdict(float(guess), run, within, what, seeds)
-    return _hinted(verdict, hint, guess)
+    return _add_hint(verdict, hint, guess)
 
 
 def _is_number(guess: Any) -> bool:
@@ -640,9 +640,10 @@ def _estimate_verdict(
     except CheckError as error:
         return _broken(error)
     means = np.array(numbers)
+    mean, least, largest = map(format_number, (means.mean(), means.min(), means.max()))
     text = (
-        f"you expected {shown(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {shown(means.mean())} "
-        f"({shown(means.min())} to {shown(means.max())}); required: within {within:g}"
+        f"you expected {format_number(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {mean} "
+        f"({least} to {largest}); required: within {within:g}"
     )
     near = bool(abs(expected - means.mean()) <= within + rounding(within))
     return Verdict(near, f"  {text}" if near else text)
@@ -683,7 +684,7 @@ def check_function(
     refusal = _refusal(function, "a function", callable) or _refusal(answer, expects, accepts)
     authors = Authors(function, (twin, inputs)) if answer is GIVEN else Authors(answer, (function, twin, inputs))
     verdict = refusal or _function_verdict(_Twins(function, twin, inputs, tolerance), authors, seeds)
-    return _hinted(verdict, hint, function if answer is GIVEN else answer)
+    return _add_hint(verdict, hint, function if answer is GIVEN else answer)
 
 
 @dataclass(frozen=True, slots=True)

@@ -122,12 +122,12 @@ def verdict_on(
 
 def _line(criterion: Criterion, row: Sequence[float | None], seeds: Sequence[int]) -> str:
     successes, runs = sum(map(criterion.is_met, row)), len(row)
-    numbers = ", ".join(map(shown, row))
+    numbers = ", ".join(map(format_number, row))
     enough = f" ({runs - criterion.misses} required)" if criterion.misses else ""
     return f"  {criterion}; measured {numbers} with {seeds_in_words(seeds)}; {successes} of {runs} seeds pass{enough}"
 
 
-def shown(number: float | None) -> str:
+def format_number(number: float | None) -> str:
     """Return a number for a reader, "undefined" for None and NaN."""
     if number is None or math.isnan(number):
         return "undefined"

@@ -24,7 +24,7 @@ from mesa_swarm.dashboard.experiment.experiment_view import (
     experiment_values,
     picture_of,
 )
-from mesa_swarm.dashboard.experiment.experimenting import Experimenting, checked_values, spaced, usual_values
+from mesa_swarm.dashboard.experiment.experimenting import Experimenting, checked_values, space_values, usual_values
 from mesa_swarm.dashboard.experiment.many_runs import do_task
 from mesa_swarm.dashboard.page.controls import ControlPanel
 from mesa_swarm.dashboard.page.session import Session
@@ -264,9 +264,9 @@ def test_too_many_runs_settings_values_seeds_and_steps_are_refused(experimenting
 
 def test_values_are_spaced_ticked_and_typed_as_the_parameters_type():
     count, share = Parameter("count", 3, int, Slider(0, 10, 1)), Parameter("share", 0.5, float, Slider(0, 1, 0.1))
-    assert spaced(count, 0, 4, 3) == [0, 2, 4]
-    assert spaced(share, 0, 0.3, 4) == [0.0, 0.1, 0.2, 0.3]
-    assert spaced(share, 0.5, 1, 1) == [0.5]
+    assert space_values(count, 0, 4, 3) == [0, 2, 4]
+    assert space_values(share, 0, 0.3, 4) == [0.0, 0.1, 0.2, 0.3]
+    assert space_values(share, 0.5, 1, 1) == [0.5]
     assert usual_values(Parameter("flag", True, bool, None), []) == [False, True]
     assert usual_values(Parameter("rule", "a", str, Choice(("a", "b"))), []) == ["a", "b"]
     assert usual_values(Parameter("note", "", str, None), []) == [""]

@@ -222,7 +222,7 @@ class Experimenting:
         parameter = self.choices[self.p if name == "values" else self.q]
         try:
             count = whole_number("number of values", number, 1, MOST_VALUES)
-            self.set_values(name, spaced(parameter, low, high, count))
+            self.set_values(name, space_values(parameter, low, high, count))
             self.faults.pop(name, None)
         except Exception as problem:  # as in `set`
             self.faults[name] = reported(problem)
@@ -313,10 +313,10 @@ class Experimenting:
         uploads = self.session.uploads
         experiment = checked_experiment(
             self.model_class,
-            {name: [_meant(value, uploads) for value in values] for name, values in self.varied.items()},
+            {name: [_find_map(value, uploads) for value in values] for name, values in self.varied.items()},
             seeds=self.seeds,
             steps=self.steps,
-            settings={name: _meant(value, uploads) for name, value in self.settings.items()},
+            settings={name: _find_map(value, uploads) for name, value in self.settings.items()},
             measure=self.measures,
         )
         return SeedBySeed(**{name: getattr(experiment, name) for name in Experiment.__dataclass_fields__})
@@ -402,17 +402,17 @@ def usual_values(parameter: Parameter, maps: Sequence[str]) -> list:
     """Return values of a parameter to begin with: five over its slider, all that can be ticked, or its default."""
     if isinstance(parameter.control, Slider):
         slider = parameter.control
-        return spaced(parameter, slider.minimum, slider.maximum, USUAL_VALUES)
+        return space_values(parameter, slider.minimum, slider.maximum, USUAL_VALUES)
     options = options_of(parameter, maps)
     return checked_values(parameter, options[:MOST_VALUES], maps) if options else [parameter.default]
 
 
-def spaced(parameter: Parameter, low: Any, high: Any, number: int) -> list:
+def space_values(parameter: Parameter, low: Any, high: Any, number: int) -> list:
     """Return this number of values at equal distances; of whole numbers different ones only.
 
     Examples
     --------
-    >>> spaced(Parameter("n_robots", 10, int, Slider(1, 50, 1)), 1, 4, 10)
+    >>> space_values(Parameter("n_robots", 10, int, Slider(1, 50, 1)), 1, 4, 10)
     [1, 2, 3, 4]
     """
     start, end = (check_number(name, _number(name, end)) for name, end in (("from", low), ("to", high)))
@@ -445,6 +445,6 @@ def checked_values(parameter: Parameter, values: Sequence, maps: Sequence[str]) 
     return distinct
 
 
-def _meant(value: Any, uploads: Mapping[str, Map]) -> Any:
+def _find_map(value: Any, uploads: Mapping[str, Map]) -> Any:
     """Return the uploaded map of this name, or the value itself."""
     return uploads.get(value, value) if isinstance(value, str) else value

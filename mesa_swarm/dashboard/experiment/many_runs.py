@@ -16,7 +16,7 @@ from joblib import cpu_count
 
 from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.pool import ending_with_us
-from mesa_swarm.model.gallery import imported
+from mesa_swarm.model.gallery import list_imported
 from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.play_loop import Listeners
 
@@ -87,14 +87,14 @@ class ManyRuns:
         """
         with self._lock:
             if self.running:
-                raise SwarmError(f"{_one(self._name)} is under way; cancel it first")
+                raise SwarmError(f"{_with_article(self._name)} is under way; cancel it first")
             if not _under_way.acquire(blocking=False):
                 what = f"{MOST_AT_ONCE} comparisons or experiments are under way on this server"
                 raise SwarmError(f"{what}; try again when one is done")
             self.done, self.before, self.total, self.report, self.error = 0, 0, len(task), None, ""
             self._began = self._last = time.monotonic()
             try:
-                self._process = _begun(task)
+                self._process = _begin_process(task)
             except Exception as error:
                 _under_way.release()
                 if not isinstance(error, OSError):  # a task with a user's objects may not be picklable
@@ -127,7 +127,7 @@ class ManyRuns:
     def _follow(self, process: subprocess.Popen, report: Callable[[Any], object]) -> None:
         """Receive the messages of the process until it ends, and clean up after it."""
         try:
-            for kind, value in _received(process):
+            for kind, value in _receive_messages(process):
                 if self._process is process:
                     self._take(kind, value, report)
         finally:
@@ -161,7 +161,7 @@ class ManyRuns:
             self.error = value
 
 
-def _one(name: str) -> str:
+def _with_article(name: str) -> str:
     return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 
@@ -170,9 +170,9 @@ def workers_for(task: BackgroundTask) -> int:
     return max(1, min(cpu_count() - 1, len(task)))
 
 
-def _begun(task: BackgroundTask) -> subprocess.Popen:
+def _begin_process(task: BackgroundTask) -> subprocess.Popen:
     """Start the process, in its own group, and send it the task."""
-    message = pickle.dumps((imported(), task, workers_for(task)))  # what is imported comes first
+    message = pickle.dumps((list_imported(), task, workers_for(task)))  # what is imported comes first
     process = subprocess.Popen(
         [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
         stdin=subprocess.PIPE,
@@ -187,11 +187,11 @@ def _begun(task: BackgroundTask) -> subprocess.Popen:
 
 
 def _pipes(process: subprocess.Popen) -> tuple[IO[bytes], IO[bytes]]:
-    """Return the pipes to and from the process, which `_begun` has made."""
+    """Return the pipes to and from the process, which `_begin_process` has made."""
     return cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
 
 
-def _received(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
+def _receive_messages(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
     """Yield the messages of the process."""
     _, from_it = _pipes(process)
     while True:

@@ -46,7 +46,7 @@ def Explained(session: Session, about: ModelInfo) -> None:
     if about.presets:
         Presets(session, about)
     more = {"How it works": prose(about.how), "What to watch": prose(about.watch)}
-    more["Equations"] = "".join(map(drawn_equation, about.equations))
+    more["Equations"] = "".join(map(draw_equation, about.equations))
     more["Source"] = prose(about.source)
     for title, text in more.items():
         if text:
@@ -86,7 +86,7 @@ def Code(about: ModelInfo) -> None:
     with rv.Html(tag="details", class_="swarm-more") as details:
         rv.Html(tag="summary", children=["Code"])
         for listing in about.code if is_open else ():
-            Fixed(drawn_listing(listing)).key(f"{listing.module} {listing.name}")
+            Fixed(draw_listing(listing)).key(f"{listing.module} {listing.name}")
     rv.use_event(details, "toggle", lambda *_: open_(True))
 
 
@@ -100,7 +100,7 @@ def Folded(title: str, text: str) -> None:
 
 @solara.component
 def Fixed(escaped: str) -> None:
-    """Show HTML that `prose`, `drawn_equation` or `drawn_listing` made, in which texts are escaped."""
+    """Show HTML that `prose`, `draw_equation` or `draw_listing` made, in which texts are escaped."""
     solara.HTML(unsafe_innerHTML=escaped)
 
 
@@ -126,7 +126,7 @@ def prose(text: str) -> str:
 
 
 @cache
-def drawn_equation(equation: Equation) -> str:
+def draw_equation(equation: Equation) -> str:
     """Return an equation as MathML, and what its letters are; as LaTeX if it cannot be drawn."""
     # The converter does not escape what stands in \text.
     latex = equation.latex.replace("<", r"\lt ").replace(">", r"\gt ")
@@ -138,7 +138,7 @@ def drawn_equation(equation: Equation) -> str:
 
 
 @cache
-def drawn_listing(listing: Listing) -> str:
+def draw_listing(listing: Listing) -> str:
     """Return code with its tokens marked by classes, folded under its name."""
     code = highlight(listing.code, PythonLexer(), HtmlFormatter(nowrap=True))
     head = f"{escape(listing.name)} <small>{escape(listing.module)}</small>"

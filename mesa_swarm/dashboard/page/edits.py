@@ -99,7 +99,7 @@ def apply_edit(model: SwarmModel, do: str, values: Sequence[float]) -> None:
 
 def check_place(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> None:
     """Refuse a place where something, `of` itself left out, would overlap another thing or the border of the map."""
-    depth, what = deepest(model, shape, of)
+    depth, what = find_deepest(model, shape, of)
     if depth > TOUCHING:
         x, y = shape.position.tolist()
         raise InvalidValueError(
@@ -107,7 +107,7 @@ def check_place(model: SwarmModel, shape: Shape, of: Robot | Body | None = None)
         )
 
 
-def deepest(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> tuple[float, str]:
+def find_deepest(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> tuple[float, str]:
     """Return the largest overlap of a shape, and with what."""
     x_min, y_min, x_max, y_max = model.map.bounds
     left, low, right, high = shape.bounds
@@ -139,7 +139,7 @@ def _gap(first: Shape, second: Shape) -> float:
     return -float(np.sqrt(shapely.intersection(first.geometry, second.geometry).area))
 
 
-def thing(model: SwarmModel, number: float) -> Robot | Body:
+def find_thing(model: SwarmModel, number: float) -> Robot | Body:
     """Return the robot, fire or body with this unique_id."""
     everything = (*model.swarm.agents, *model.fires.agents, *model.obstacle_list)
     match = next((body for body in everything if body.unique_id == number), None)
@@ -148,7 +148,7 @@ def thing(model: SwarmModel, number: float) -> Robot | Body:
     return match
 
 
-def thing_at(model: SwarmModel, x: float, y: float, near: float = 0.0) -> Robot | Body | None:
+def find_thing_at(model: SwarmModel, x: float, y: float, near: float = 0.0) -> Robot | Body | None:
     """Return what is at a place: a robot, else a body that moves, a fire, an obstacle; None on free ground.
 
     Robots count as `near` larger than they are, so that small ones are found.
@@ -165,7 +165,7 @@ def thing_at(model: SwarmModel, x: float, y: float, near: float = 0.0) -> Robot 
 
 def move(model: SwarmModel, number: float, x: float, y: float, heading: float) -> None:
     """Move a robot or a body that moves to a free place; others are replaced by the same ones there."""
-    body = thing(model, number)
+    body = find_thing(model, number)
     if isinstance(body, Robot):
         check_place(model, disc((x, y), body.radius), body)
         body.position, body.heading = (x, y), heading
@@ -244,7 +244,7 @@ def fire(model: SwarmModel, x: float, y: float, radius: float) -> None:
 
 def switch(model: SwarmModel, number: float) -> None:
     """Put a fire out, or light it again."""
-    target = thing(model, number)
+    target = find_thing(model, number)
     if not isinstance(target, Fire):
         raise InvalidValueError(f"{number:g} is not a fire; click on one")
     if target.out:
@@ -255,7 +255,7 @@ def switch(model: SwarmModel, number: float) -> None:
 
 def remove(model: SwarmModel, number: float) -> None:
     """Remove a robot, a fire or a body."""
-    thing(model, number).remove()
+    find_thing(model, number).remove()
 
 
 def clear(model: SwarmModel) -> None:

@@ -75,7 +75,7 @@ class Bins:
     without: int
 
 
-def binned(values: np.ndarray, *, log: bool = False, is_direction: bool = False) -> Bins:
+def bin_values(values: np.ndarray, *, log: bool = False, is_direction: bool = False) -> Bins:
     """Return a histogram of the finite values; its counts sum to their number.
 
     Whole numbers of a small range have a bin each, directions bins of `SECTOR` degrees; logarithmic bins need values
@@ -83,7 +83,7 @@ def binned(values: np.ndarray, *, log: bool = False, is_direction: bool = False)
 
     Examples
     --------
-    >>> bins = binned(np.array([2.0, 3.0, 3.0, np.nan]))
+    >>> bins = bin_values(np.array([2.0, 3.0, 3.0, np.nan]))
     >>> bins.edges, bins.counts, bins.without
     (array([1.5, 2.5, 3.5]), array([1, 2]), 1)
     """

@@ -86,7 +86,7 @@ class ChartTable(ABC):
         width = 1
         while len(rows) > most * width:
             width *= 2
-        return grouped(steps, rows, width)
+        return group_rows(steps, rows, width)
 
     def exact(self, key: str, step: int | None = None) -> tuple[int, np.ndarray] | None:
         """Return step and numbers (c,) of the last stored row that is not after a step, None without one."""
@@ -250,7 +250,7 @@ def row_until(steps: np.ndarray, rows: np.ndarray, step: int | None) -> tuple[in
     return None if row < 0 else (int(steps[row]), rows[row])
 
 
-def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
+def group_rows(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
     """Return means, least and greatest numbers of groups of `width` rows, without NaN."""
     if width == 1 or not len(rows):
         return Curves(steps, rows.T, rows.T, rows.T, 1, steps)
@@ -337,10 +337,10 @@ def own_charts(model: SwarmModel) -> tuple[Chart, ...]:
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
     """Return the names of a model's layers, numbered where names repeat."""
-    return numbered(model.control.names if model.control is not None else ())
+    return number_names(model.control.names if model.control is not None else ())
 
 
-def numbered(names: tuple[str, ...]) -> tuple[str, ...]:
+def number_names(names: tuple[str, ...]) -> tuple[str, ...]:
     """Return names, numbered from 1 where they repeat."""
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 

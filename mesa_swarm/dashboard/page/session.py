@@ -204,7 +204,7 @@ class Session(Player):
             elif self.model.running:
                 self.note = f"step {completed:,} of {goal:,}: paused early; press Play to continue"
             else:
-                self.note = ended_early(completed, goal)
+                self.note = describe_early_end(completed, goal)
             super().rest()
             if plays_on and completed >= goal and not self.error:
                 self.play()
@@ -490,7 +490,7 @@ class Session(Player):
                 self.note = f"step {steps:,} takes a while: the run is played up to it; press Pause to stop"
                 return
         if self.model.completed < steps:
-            self.note = ended_early(self.model.completed, steps)
+            self.note = describe_early_end(self.model.completed, steps)
         elif steps:
             self._apply_planned()
 
@@ -570,7 +570,7 @@ class Session(Player):
             self.look_now()
 
 
-def ended_early(step: int, goal: int) -> str:
+def describe_early_end(step: int, goal: int) -> str:
     """Return the message for a run that ended before the requested step."""
     return f"the run ended at step {step:,}, before step {goal:,}"
 

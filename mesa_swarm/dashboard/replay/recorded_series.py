@@ -15,8 +15,8 @@ from mesa_swarm.dashboard.page.series import (
     event_plot,
     fire_plots,
     layer_plot,
+    number_names,
     number_of,
-    numbered,
     reporter_plot,
 )
 from mesa_swarm.recording.collected import check_collected, join_series, size_of_collected, without_rest
@@ -133,11 +133,11 @@ class RecordedSeries(ChartTable):
 
     def _layers(self) -> tuple[str, ...]:
         """Return the names of all layers that there ever were."""
-        names = (numbered(tuple(scenery["layers"])) for _, scenery in self.scene.changes)
+        names = (number_names(tuple(scenery["layers"])) for _, scenery in self.scene.changes)
         return tuple(dict.fromkeys(name for ones in names for name in ones))
 
     def _note_collisions(self, frame: Frame) -> None:
-        robots = collided_in(frame)
+        robots = find_collided(frame)
         with self._lock:
             if robots is None:
                 self._colliding = None
@@ -157,7 +157,7 @@ class RecordedSeries(ChartTable):
                 # After the last recorded state nothing is known.
                 if place >= 0 and (place < len(steps) - 1 or frame.step == steps[-1]):
                     tables[name][row] = values[place]
-            robots = collided_in(frame)
+            robots = find_collided(frame)
             if robots is not None and "collisions" in tables:
                 tables["collisions"][row] = len(robots)
             if robots is not None and self.is_whole:
@@ -181,7 +181,7 @@ class RecordedSeries(ChartTable):
 
     def _shares(self, frame: Frame) -> np.ndarray:
         """Return the share of robots that each layer drives, of all layers that there ever were; the last of none."""
-        names = numbered(tuple(self.scene.world(frame.step)["layers"]))
+        names = number_names(tuple(self.scene.world(frame.step)["layers"]))
         place = [self._charts["layers"].names.index(name) for name in (*names, NO_LAYER)]
         layer = frame["layer"].astype(np.int64)
         counts = np.bincount(np.clip(layer, -1, len(names) - 1) + 1, minlength=len(names) + 1)
@@ -200,7 +200,7 @@ class RecordedSeries(ChartTable):
         table[row] = list(events.values())
 
 
-def collided_in(frame: Frame) -> np.ndarray | None:
+def find_collided(frame: Frame) -> np.ndarray | None:
     """Return the ids of the robots that collided in the step of a frame, None if that was not recorded."""
     if "contacts" in frame.columns:  # one row for each robot
         return np.asarray(frame["contacts"]["robot"], np.int64)

@@ -183,7 +183,7 @@ def Branch(replaying: Replaying) -> None:
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
     if replaying.model_name:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
-        label = f"Continue live with {_changed(replaying)}" if replaying.changes else "Continue live"
+        label = f"Continue live with {_describe_changes(replaying)}" if replaying.changes else "Continue live"
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
         Linked(ControlPanel, BranchPanel, replaying, bare=True)
     else:
@@ -191,7 +191,7 @@ def Branch(replaying: Replaying) -> None:
         rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is not a model of this page; replay only."])
 
 
-def _changed(replaying: Replaying) -> str:
+def _describe_changes(replaying: Replaying) -> str:
     words = [f"{name} {value_text(value)}" for name, value in replaying.changes.items()]
     return ", ".join(words).replace("_", " ")
 

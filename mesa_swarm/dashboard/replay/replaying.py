@@ -20,7 +20,7 @@ from mesa_swarm.dashboard.page.inputs import LARGEST_SEED
 from mesa_swarm.dashboard.page.robot_columns import RobotValues, values_of_frame
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Incoming
-from mesa_swarm.dashboard.replay.recorded_series import RecordedSeries, collided_in
+from mesa_swarm.dashboard.replay.recorded_series import RecordedSeries, find_collided
 from mesa_swarm.maps.map import Map, builtin_maps
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import PACKAGE, find_model, gallery_names
@@ -28,7 +28,7 @@ from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.recording.frames import Event, Frame, events_of
 from mesa_swarm.recording.provenance import is_of, recorded_map
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.resume import resumed
+from mesa_swarm.recording.resume import resume_watched
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.faults import reported
@@ -146,7 +146,7 @@ class RecordedPast(Past):
         key = self.index, self.series.collisions_until(self.index), self.has_trails
         if self._last is None or self._last[0] != key:
             frame, trail = self.recording[self.index], self._trail() if self.has_trails else ()
-            self._last = key, replace(packed_with_readings(frame, self._scene, key[1]), trail=trail)
+            self._last = key, replace(pack_with_readings(frame, self._scene, key[1]), trail=trail)
         return self._last[1]
 
     def _trail(self) -> tuple[TrailPoint, ...]:
@@ -310,7 +310,7 @@ class ReplayPlayer(Player):
         return None  # the reason is in `error`
 
 
-def packed_with_readings(frame: Frame, scene: Scene, total: int | None = None) -> PackedFrame:
+def pack_with_readings(frame: Frame, scene: Scene, total: int | None = None) -> PackedFrame:
     """Return the picture of a recorded frame; `total` is the number of collisions so far, if known."""
     world, readings = scene.world(frame.step), readings_of_frame(frame, total)
     return PackedFrame(frame.step, packed_frame(frame, scene), world, readings, frame.state_hash or "")
@@ -318,7 +318,7 @@ def packed_with_readings(frame: Frame, scene: Scene, total: int | None = None) -
 
 def readings_of_frame(frame: Frame, total: int | None = None) -> tuple[tuple[str, str], ...]:
     """Return the numbers above the picture, each with its name as on the Watch page; only recorded ones."""
-    robots, colliding = f"{len(frame.robots):,}", collided_in(frame)
+    robots, colliding = f"{len(frame.robots):,}", find_collided(frame)
     if len(frame.columns.get("fires", ())):
         fires = frame["fires"]
         burning = ("Fires burning", f"{int((~fires['out']).sum())} of {len(fires)}")
@@ -498,7 +498,8 @@ class Replaying:
     def _branch(self, path: Path, step: int, changes: dict[str, Any], stop: threading.Event) -> None:
         try:
             (settings, seed), name = self._origin(), self.model_name
-            model = cast(SwarmModel, resumed(Recording(path), find_model(name), step, changes, self._watch(step, stop)))
+            watch = self._watch(step, stop)
+            model = cast(SwarmModel, resume_watched(Recording(path), find_model(name), step, changes, watch))
         except StoppedError:
             return
         except Exception as problem:  # a recorded model may raise anything

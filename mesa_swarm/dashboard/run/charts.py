@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError, unknown_name
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.dashboard.page.robot_columns import Bins, Quantity, RobotValues, binned, values_of_session
+from mesa_swarm.dashboard.page.robot_columns import Bins, Quantity, RobotValues, bin_values, values_of_session
 from mesa_swarm.dashboard.page.series import ChartTable, Curves, Plot, row_until
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
@@ -147,13 +147,13 @@ class HistogramContent:
         if quantity is None:
             axis = Axis(choice.what, False, robots.missing or "there are no robots")
             nothing = Quantity(choice.what, "", lambda: np.empty(0))
-            return cls(nothing, robots.step, np.empty(0), binned(np.empty(0)), axis, Axis("robots"))
+            return cls(nothing, robots.step, np.empty(0), bin_values(np.empty(0)), axis, Axis("robots"))
         try:
             values = quantity.measure()
         except Exception as problem:  # a function of a user's may raise anything
             return cls.of(RobotValues(robots.step, missing=reported(problem)), choice)
         x = Axis.of(quantity.label, values, "x" in choice.log)
-        bins = binned(values, log=x.log, is_direction=quantity.is_direction)
+        bins = bin_values(values, log=x.log, is_direction=quantity.is_direction)
         return cls(quantity, robots.step, values, bins, x, Axis("robots"))
 
     @property
@@ -195,7 +195,7 @@ class PhaseContent:
         steps, across, up = steps[:both], across[:both], up[:both]
         x, y = Axis.of(below, across, "x" in choice.log), Axis.of(beside, up, "y" in choice.log)
         mark = row_until(steps, np.column_stack([across, up]), step)
-        rows = thinned(both, most)
+        rows = thin_places(both, most)
         return cls(steps[rows], across[rows], up[rows], mark, x, y)
 
 
@@ -209,12 +209,12 @@ def curve_of(series: ChartTable, label: str) -> tuple[np.ndarray, np.ndarray, st
     return steps, rows[:, k], with_unit(label, series.chart(key))
 
 
-def thinned(count: int, most: int) -> np.ndarray:
+def thin_places(count: int, most: int) -> np.ndarray:
     """Return at most `most` + 1 places of `count` ones, evenly from the first on, and the last one.
 
     Examples
     --------
-    >>> thinned(10, 4)
+    >>> thin_places(10, 4)
     array([0, 4, 8, 9])
     """
     stride = 1

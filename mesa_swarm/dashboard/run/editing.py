@@ -8,7 +8,7 @@ import numpy as np
 import traitlets
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice
-from mesa_swarm.dashboard.page.edits import EDITS, SET, Edit, thing_at
+from mesa_swarm.dashboard.page.edits import EDITS, SET, Edit, find_thing_at
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
 from mesa_swarm.fire.fires import Fire
@@ -105,11 +105,11 @@ class Editing(Link):
         """Use a tool at a place: the first two values."""
         session, (x, y, *more) = self.session, map(float, values)
         with session.lock:
-            there = thing_at(self._model, x, y, near)
+            there = find_thing_at(self._model, x, y, near)
         if tool == "erase":
-            session.edit("remove", _found(there, x, y).unique_id)
+            session.edit("remove", _find_thing(there, x, y).unique_id)
         elif tool == "move":
-            self._move(_found(there, x, y), *more)
+            self._move(_find_thing(there, x, y), *more)
         elif tool == "fire" and isinstance(there, Fire):
             session.edit("switch", there.unique_id)
         elif tool == "robot":
@@ -120,7 +120,7 @@ class Editing(Link):
     def grab(self, x: float, y: float, near: float = 0.0) -> None:
         """Begin to drag what is at a place; the run waits meanwhile."""
         with self.session.lock:
-            target = thing_at(self._model, x, y, near)
+            target = find_thing_at(self._model, x, y, near)
         if target is not None:
             self._dragged = Dragging(self.session, target, x, y)
 
@@ -177,7 +177,7 @@ class Dragging:
         self._has_begun = self._at_once
 
 
-def _found(there: Robot | Body | None, x: float, y: float) -> Robot | Body:
+def _find_thing(there: Robot | Body | None, x: float, y: float) -> Robot | Body:
     if there is None:
         raise InvalidValueError(f"there is nothing at ({x:.4g}, {y:.4g}); choose a place on a robot, a fire or a body")
     return there

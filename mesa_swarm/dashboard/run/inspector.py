@@ -15,7 +15,7 @@ from mesa_swarm.control.explain import moment_of
 from mesa_swarm.dashboard.page.robot_columns import column_title
 from mesa_swarm.dashboard.page.session import WATCHED, Session, custom_columns
 from mesa_swarm.dashboard.page.widgets import Link
-from mesa_swarm.dashboard.replay.recorded_series import collided_in
+from mesa_swarm.dashboard.replay.recorded_series import find_collided
 from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.frames import Frame
@@ -306,8 +306,8 @@ def recorded_facts(frame: Frame, scene: Scene, row: int, columns: dict[str, Any]
     for name in [*(name for name in ("radiation", "line") if name in columns), *names]:
         value = columns[name]
         if np.asarray(value).dtype.kind in "biuf":
-            facts.append((capitalised(column_title(name)), _numbers(value)))
-    colliding = collided_in(frame)
+            facts.append((capitalise_title(column_title(name)), _numbers(value)))
+    colliding = find_collided(frame)
     if colliding is not None:
         facts.append(("Collided", "yes" if frame.robots[row] in colliding else "no"))
     relevant = {name: text for name, text in RECORDED.items() if fires or name not in ("temperature", "fire")}
@@ -361,7 +361,7 @@ def rows_of_parts(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
     """Return what added parts have of a robot now: their columns, and the rows that they show."""
     rows = {f"{picture.name} {name}": values for picture in shown_of(model) for name, values in picture.rows.items()}
     columns = {column_title(name): values for name, values in columns_of_parts(model).items()}
-    return [(capitalised(name), _in_words(np.asarray(v)[robot.row])) for name, v in {**columns, **rows}.items()]
+    return [(capitalise_title(name), _in_words(np.asarray(v)[robot.row])) for name, v in {**columns, **rows}.items()]
 
 
 def _in_words(value: Any) -> str:
@@ -384,10 +384,10 @@ def body_of(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
 def custom_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
     """Return what custom sensors read, actuators were set to, and messages held, each with its name."""
     names = [name for name in custom_columns(model) if name in columns]
-    return [(capitalised(column_title(name)), _numbers(columns[name])) for name in names]
+    return [(capitalise_title(column_title(name)), _numbers(columns[name])) for name in names]
 
 
-def capitalised(text: str) -> str:
+def capitalise_title(text: str) -> str:
     """Return a title with a capital; the name of a layer, which may be a name in code, stays as it is."""
     return text if " remembers " in text else text.capitalize()
 
