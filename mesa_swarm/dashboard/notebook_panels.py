@@ -59,12 +59,12 @@ class NotebookSession(Session):
         if isinstance(chart, Map):
             self.uploads[settings["map"]] = chart
 
-    def _made(self, settings: Mapping[str, Any]) -> SwarmModel:
+    def _make_model(self, settings: Mapping[str, Any]) -> SwarmModel:
         """Return first the model that was shown, then new ones."""
         first, self._first = self._first, None
         if first is not None:
             return first
-        return super()._made(settings) if self._copy is None else deepcopy(self._copy)
+        return super()._make_model(settings) if self._copy is None else deepcopy(self._copy)
 
     def _limit_collected(self, model: Any) -> None:
         """Drop nothing: the rows are the user's."""

@@ -126,7 +126,7 @@ class ParallelSwarmEnv(ParallelEnv):
         world = self._running()
         reward = np.empty(world.commanded)
         world.advance(
-            shares(self.task.actions, self._ordered(world, actions), reward.shape, self._clip, self.task.numbers),
+            shares(self.task.actions, self._order_actions(world, actions), reward.shape, self._clip, self.task.numbers),
             reward,
         )
         is_over, out_of_time = world.finished, world.out_of_time
@@ -134,7 +134,7 @@ class ParallelSwarmEnv(ParallelEnv):
         observations, rewards = self._observations(world), self._by_agent(reward.tolist())
         terminated = dict.fromkeys(self.agents, is_over)
         truncated = dict.fromkeys(self.agents, out_of_time and not is_over)
-        absent = self._removed(world)
+        absent = self._find_removed(world)
         for agent in absent:
             observations[agent], terminated[agent], truncated[agent] = self._observed_rows[agent].copy(), True, False
         if is_over or out_of_time:
@@ -148,18 +148,18 @@ class ParallelSwarmEnv(ParallelEnv):
     def state(self) -> np.ndarray:
         """Return the state of the world for a central critic, float32, one row; see `StateEncoder`."""
         state = np.empty(self._states.width, np.float32)
-        self._states.write(self._begun("state"), state)
+        self._states.write(self._running_world("state"), state)
         return state
 
     def render(self) -> np.ndarray | None:
         """Return a picture of the world, uint8, shape (height, width, 3), or None if it is shown or not drawn."""
-        return None if self.render_mode is None else self._screen.render(self._begun("render"))
+        return None if self.render_mode is None else self._screen.render(self._running_world("render"))
 
     def close(self) -> None:
         """Close the window, if there is one."""
         self._screen.close()
 
-    def _begun(self, method: str) -> TaskWorld:
+    def _running_world(self, method: str) -> TaskWorld:
         if self.world is None:
             raise SwarmError(f"the environment has no episode yet; call reset() before {method}()")
         return self.world
@@ -169,9 +169,9 @@ class ParallelSwarmEnv(ParallelEnv):
             raise SwarmError("the episode is over or not begun; call reset() before step()")
         return self.world
 
-    def _ordered(self, world: TaskWorld, actions: dict) -> list:
+    def _order_actions(self, world: TaskWorld, actions: dict) -> list:
         """Return an action of each robot with which the episode began, 0 for those that were removed."""
-        absent = self._removed(world)
+        absent = self._find_removed(world)
         acting_agents = [agent for agent in self.agents if agent not in absent] if absent else self.agents
         if not isinstance(actions, dict) or (acting_agents and not actions):
             raise InvalidValueError(f"actions are {shortened(actions)}; expected a dict of one for each agent")
@@ -189,7 +189,7 @@ class ParallelSwarmEnv(ParallelEnv):
             in_order[self._numbers[agent]] = action
         return in_order
 
-    def _removed(self, world: TaskWorld) -> set[str]:
+    def _find_removed(self, world: TaskWorld) -> set[str]:
         """Return the agents whose robots have been removed since the last step."""
         roster = world.roster()
         if roster.complete:

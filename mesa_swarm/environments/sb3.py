@@ -132,7 +132,7 @@ class SharedPolicyVecEnv:
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
         """Return an attribute of environments, which all share: "render_mode", or one of `swarms`, such as "task"."""
         value = self._mode if attr_name == "render_mode" else getattr(self.swarms, attr_name)
-        return [value for _ in self._chosen(indices)]
+        return [value for _ in self._choose_environments(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
         """Refuse: the environments share their worlds."""
@@ -144,7 +144,7 @@ class SharedPolicyVecEnv:
 
     def env_is_wrapped(self, wrapper_class: type, indices: Indices = None) -> list[bool]:
         """Return False for each: no environment is wrapped."""
-        return [False for _ in self._chosen(indices)]
+        return [False for _ in self._choose_environments(indices)]
 
     def _close_episodes(self, infos: list[dict], raw: Infos, truncated: np.ndarray) -> None:
         k, final = self.swarms.commanded, self._flat(raw["final_obs"])
@@ -161,7 +161,7 @@ class SharedPolicyVecEnv:
     def _conditions(self) -> list[dict[str, Any]]:
         return [conditions.info for conditions in self.swarms.conditions for _ in range(self.swarms.commanded)]
 
-    def _chosen(self, indices: Indices) -> list[int]:
+    def _choose_environments(self, indices: Indices) -> list[int]:
         count = self.swarms.n_worlds * self.swarms.commanded
         every = range(count) if indices is None else [indices] if isinstance(indices, int) else indices
         return list(every)

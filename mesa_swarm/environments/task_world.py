@@ -46,7 +46,7 @@ class Roster:
         self.numbers = np.arange(self._first_count)
         self.complete = True
 
-    def gone(self, swarm: Swarm) -> NDArray[np.int64]:
+    def find_gone(self, swarm: Swarm) -> NDArray[np.int64]:
         """Return the rows of robots that were removed since the last `drop`, as they were numbered before.
 
         Raises
@@ -316,7 +316,7 @@ class TaskWorld(SwarmModel):
             If robots were added, or if some were removed and the task's score cannot do without them.
         """
         if self.swarm.unique_ids is not self._roster.ids:  # which is the same array until robots change
-            absent = self._roster.gone(self.swarm)
+            absent = self._roster.find_gone(self.swarm)
             if len(absent):
                 self._drop(absent)
         return self._roster

@@ -189,7 +189,7 @@ class VectorSwarmEnv:
         self._returns += reward
         terminated = np.array([world.finished for world in self.worlds]) & ~is_new
         truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated & ~is_new
-        infos: Infos = {"collided": collided, **self._removed(present & ~is_new[:, None])}
+        infos: Infos = {"collided": collided, **self._find_removed(present & ~is_new[:, None])}
         if terminated.any() or truncated.any():
             infos |= self._end(terminated | truncated, observations)
         infos["present"] = self.present
@@ -272,7 +272,7 @@ class VectorSwarmEnv:
         present.flags.writeable = False
         self.present = present
 
-    def _removed(self, before: np.ndarray) -> Infos:
+    def _find_removed(self, before: np.ndarray) -> Infos:
         """Return which robots of those before have been removed, if any."""
         if all(world.roster().complete for world in self.worlds):
             return {}

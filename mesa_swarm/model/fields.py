@@ -34,7 +34,7 @@ class FieldsPart(Part):
         """Let fields look at their values again, which may have been written."""
         for field in self.live.values():
             field.restore(field.checkpoint())
-        self._made_anew()
+        self._renew_kernel()
 
     def columns(self) -> Mapping[str, Column]:
         """Return the values of each field."""
@@ -76,7 +76,7 @@ class FieldsPart(Part):
             self.live = {**self.live, field.name: live_field}
         for earlier in before.values():
             earlier.removed = self.live.get(earlier.name) is not earlier
-        self._made_anew()
+        self._renew_kernel()
 
     def advance(self) -> None:
         """Advance all fields by a step."""
@@ -92,7 +92,7 @@ class FieldsPart(Part):
             self.cache.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
         return self.cache.kernel
 
-    def _made_anew(self) -> None:
+    def _renew_kernel(self) -> None:
         """Let the kernel be made anew."""
         self.cache.kernel = None
         self.model.parts.replan()
@@ -101,7 +101,7 @@ class FieldsPart(Part):
         """Let fields find anew what stops them."""
         for field in self.live.values():
             field.walls_changed()
-        self._made_anew()
+        self._renew_kernel()
 
     def named(self) -> NamedFields:
         """Return the fields by name, to be read only."""
@@ -130,7 +130,7 @@ class FieldsPart(Part):
             raise InvalidValueError(f"the model has a field {field.name} already; expected another name")
         live = ScalarField(field, self.model.map.bounds, self._walls)
         self.live = {**self.live, field.name: live}
-        self._made_anew()
+        self._renew_kernel()
         return live
 
     def remove_field(self, name: str) -> ScalarField:
@@ -157,7 +157,7 @@ class FieldsPart(Part):
         field = self.named()[name]
         self._check_unused(field.name)
         self.live, field.removed = {other: live for other, live in self.live.items() if live is not field}, True
-        self._made_anew()
+        self._renew_kernel()
         return field
 
     def _check_unused(self, name: str) -> None:

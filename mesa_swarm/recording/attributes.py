@@ -44,12 +44,12 @@ class ModelPacker(Packer):
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON."""
         if isinstance(value, Agent):
-            return {"agent": value.unique_id} if value in self.model.agents else self._packed_removed(value, what)
+            return {"agent": value.unique_id} if value in self.model.agents else self._pack_removed(value, what)
         if isinstance(value, AgentSet):
             return {"agents": [self.pack(agent, what) for agent in value]}
         return super().pack(value, what, depth)
 
-    def _packed_removed(self, agent: Agent, what: str) -> dict:
+    def _pack_removed(self, agent: Agent, what: str) -> dict:
         if self.removed_agents is None or agent.model is not self.model:
             raise RecordingError(f"{what} refers to an agent that is not in the model, which cannot be stored")
         self.removed_agents[agent.unique_id] = agent

@@ -139,7 +139,7 @@ class ChangeDetector:
             else OF_AGENTS
         ]
 
-    def moved(self, model: EngineModel) -> np.ndarray | None:
+    def find_moved(self, model: EngineModel) -> np.ndarray | None:
         """Return the rows of the driven bodies that were sent elsewhere, None if any has been put elsewhere already."""
         *poses, aim, aim_heading = self._marks[POSES]
         movers = model.movers

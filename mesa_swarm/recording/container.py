@@ -72,7 +72,7 @@ class Packer:
             return value if kind in ATOMS else float(value)
         if isinstance(value, (np.ndarray, np.generic)):
             plain: Any = value
-            return self._packed_array(plain, what) if kind is np.ndarray else {"number": self._added(value, what)}
+            return self._pack_array(plain, what) if kind is np.ndarray else {"number": self._add_array(value, what)}
         if kind is bytes:
             return {"bytes": base64.b64encode(value).decode()}
         if kind is complex:
@@ -80,9 +80,9 @@ class Packer:
         if isinstance(value, BaseGeometry):
             name = "ring" if isinstance(value, shapely.LinearRing) else "geometry"  # which WKB does not distinguish
             return {name: base64.b64encode(shapely.to_wkb(value)).decode()}
-        return self._packed(value, what, depth + 1)
+        return self._pack_value(value, what, depth + 1)
 
-    def _packed(self, value: Any, what: str, depth: int) -> object:
+    def _pack_value(self, value: Any, what: str, depth: int) -> object:
         kind = type(value)
         if kind is dict:
             return {"dict": [[self.pack(part, what, depth) for part in pair] for pair in value.items()]}
@@ -101,14 +101,14 @@ class Packer:
         if isinstance(content, list):
             return [self.unpack(item) for item in content]
         try:
-            return self._unpacked(content)
+            return self._unpack_value(content)
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError):
             raise RecordingError(f"{shortened(content)} cannot be decoded") from None
 
-    def _unpacked(self, content: dict) -> Any:
+    def _unpack_value(self, content: dict) -> Any:
         name, inner = list(content.items())[0]  # noqa: RUF015 - the caller expects an IndexError, not StopIteration
         if name in ("array", "number"):
-            return self._unpacked_array(inner, content.get("view")) if name == "array" else self._array(inner)[()]
+            return self._unpack_array(inner, content.get("view")) if name == "array" else self._array(inner)[()]
         if name == "dict":
             return {self.unpack(key): self.unpack(value) for key, value in inner}
         if name == "deque":
@@ -120,7 +120,7 @@ class Packer:
             return complex(*map(float, inner))
         return SEQUENCES[name](map(self.unpack, inner))
 
-    def _added(self, value: np.ndarray | np.generic, what: str) -> int:
+    def _add_array(self, value: np.ndarray | np.generic, what: str) -> int:
         array = np.asarray(value)
         if (
             array.dtype.kind not in KINDS
@@ -170,7 +170,7 @@ class Packer:
         if write:
             live.reshape(-1)[...] = array.reshape(-1)
 
-    def _packed_array(self, value: np.ndarray, what: str) -> dict:
+    def _pack_array(self, value: np.ndarray, what: str) -> dict:
         if id(value) not in self._contents:
             # The root stays in memory with the value, and so does its id.
             self._contents[id(value)] = (value, self._new_content(value, _root_of(value), what))
@@ -184,7 +184,7 @@ class Packer:
             if not (similar and _is_part(other, root)) and np.shares_memory(value, other):
                 raise RecordingError(f"{what} is a view of an array with another type or shape, which cannot be stored")
         views = [pair for pair in relatives if similar and _is_part(pair[0], root)]
-        content = self._view_content(value, root, *views[0], what) if views else {"array": self._added(value, what)}
+        content = self._view_content(value, root, *views[0], what) if views else {"array": self._add_array(value, what)}
         relatives.append((value, content))
         return content
 
@@ -197,7 +197,7 @@ class Packer:
             content["view"] = _layout_of(first, memory)
         return {"array": content["array"], "view": _layout_of(value, memory)}
 
-    def _unpacked_array(self, place: Any, view: Any) -> np.ndarray:
+    def _unpack_array(self, place: Any, view: Any) -> np.ndarray:
         key = place if view is None else _key_of(place, view)
         if key not in self._restored:
             array = self._array(place)

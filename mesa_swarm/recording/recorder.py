@@ -289,12 +289,12 @@ class Recorder(Observer):
             return
         self._first_step = model.completed
         what, self._replacements = self._replacements or self._detector.changes(model), []
-        moved_rows = self._detector.moved(model) if what == [POSES] else None
+        moved_rows = self._detector.find_moved(model) if what == [POSES] else None
         if moved_rows is not None:
-            self._guarded(self._buffer.note, move_of(model, moved_rows, len(self._checkpoints.steps)))
+            self._write_or_stop(self._buffer.note, move_of(model, moved_rows, len(self._checkpoints.steps)))
         elif what:
             model.parts.robots.forget_readings()  # as without a recorder: columns may have been written directly
-            self._guarded(self._checkpoints.put_intervention, model, what)
+            self._write_or_stop(self._checkpoints.put_intervention, model, what)
 
     def after_step(self, model: EngineModel, step: int) -> None:
         """Note that a row is due; called by the model before a derived class may do more in this step.
@@ -329,13 +329,13 @@ class Recorder(Observer):
             return
         self._put_row()
         if model.completed >= self._checkpoints.next_step:
-            self._guarded(self._checkpoints.put, model)
+            self._write_or_stop(self._checkpoints.put, model)
         self._detector = ChangeDetector(model)
 
     def after_run(self, model: EngineModel, steps: int) -> None:
         """Write the pending rows, so that they can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
-            self._guarded(self._buffer.flush)
+            self._write_or_stop(self._buffer.flush)
 
     def replaced(self, old: EngineModel, new: EngineModel, what: list[str]) -> None:
         """Continue with the model that has taken the place of another: a change by hand."""
@@ -343,14 +343,14 @@ class Recorder(Observer):
             return
         self._observers = new.observers
         self._replacements = [*self._replacements, *what]
-        self._guarded(self._buffer.end_chunk)
+        self._write_or_stop(self._buffer.end_chunk)
 
     def _put_row(self) -> None:
         model, self._unwritten = self._unwritten, None
         if model is not None:
-            self._guarded(self._buffer.put, model)
+            self._write_or_stop(self._buffer.put, model)
 
-    def _guarded(self, write: Callable, *arguments: object) -> None:
+    def _write_or_stop(self, write: Callable, *arguments: object) -> None:
         """Write, and stop recording if that fails."""
         try:
             write(*arguments)
@@ -377,8 +377,8 @@ class Recorder(Observer):
     def flush(self) -> None:
         """Write all pending rows to the file and synchronise it to disk."""
         if not self.closed:
-            self._guarded(self._buffer.flush)
-            self._guarded(self._buffer.writer.sync)
+            self._write_or_stop(self._buffer.flush)
+            self._write_or_stop(self._buffer.writer.sync)
 
     def close(self) -> None:
         """Write the pending rows and end the file; a second call does nothing.

@@ -233,7 +233,7 @@ class Recording:
     @cached_property
     def checkpoints(self) -> tuple[int, ...]:
         """The steps of which the complete state was stored, from which `resume` continues."""
-        return tuple(piece.step for piece in self._attached(CHECKPOINT))
+        return tuple(piece.step for piece in self._find_pieces(CHECKPOINT))
 
     def checkpoint(self, place: int) -> Checkpoint:
         """Return one of the stored states.
@@ -243,7 +243,7 @@ class Recording:
         RecordingError
             If it is damaged.
         """
-        piece = self._attached(CHECKPOINT)[place]
+        piece = self._find_pieces(CHECKPOINT)[place]
         checkpoint = from_bytes(self._reader.content(piece))
         if checkpoint.step != piece.step:
             raise RecordingError(f"{self.path} has a checkpoint of step {checkpoint.step} instead of step {piece.step}")
@@ -278,7 +278,7 @@ class Recording:
         RecordingError
             If they are damaged.
         """
-        moves = (move for piece in self._attached(MOVES) for move in moves_from_bytes(self._reader.content(piece)))
+        moves = (move for piece in self._find_pieces(MOVES) for move in moves_from_bytes(self._reader.content(piece)))
         by_moment = {(move.step, move.after): move for move in moves}  # Ctrl-C may have had some written twice
         return tuple(by_moment[key] for key in sorted(by_moment))
 
@@ -320,7 +320,7 @@ class Recording:
     def _changes(self) -> dict[int, Any]:
         try:
             return {
-                piece.step: checked_content(CHANGE, self._reader.content(piece)) for piece in self._attached(CHANGE)
+                piece.step: checked_content(CHANGE, self._reader.content(piece)) for piece in self._find_pieces(CHANGE)
             }
         except ValueError:
             raise RecordingError(f"{self.path} has a change of its population that cannot be decoded") from None
@@ -398,7 +398,7 @@ class Recording:
         place = bisect_left(totals, (step,))
         return totals[place - 1][1] if place else begin
 
-    def _attached(self, name: str) -> list[Piece]:
+    def _find_pieces(self, name: str) -> list[Piece]:
         return [piece for piece_name, piece in self._named if piece_name == name]
 
     @cached_property

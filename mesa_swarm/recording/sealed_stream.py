@@ -269,7 +269,7 @@ class SealedReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._bytes = pa.py_buffer(_map_file(path))
-        pieces = list(self._found())
+        pieces = list(self._scan_pieces())
         if not pieces or pieces[0].batch != 0 or not self.is_whole(pieces[0]):
             check_present_format(path, RecordingError)
             raise RecordingError(f"{path} is not a recording, or its beginning is damaged; choose another file")
@@ -346,7 +346,7 @@ class SealedReader:
             raise ValueError("a batch that is too large")
         return message
 
-    def _found(self) -> Iterator[Piece]:
+    def _scan_pieces(self) -> Iterator[Piece]:
         begin = 0
         batch: int | None = None
         for at, end, metadata in self._messages():

@@ -348,7 +348,7 @@ def _take_values(new: EngineModel, old: EngineModel, fresh: EngineModel, carrier
             mine.pop(name, None)
         for name, value in values.items():
             if name not in first or _differ(value, first[name]):
-                mine[name] = carrier.carried(name, value, mine.get(name))
+                mine[name] = carrier.carry(name, value, mine.get(name))
 
 
 def _take_processes(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
@@ -372,7 +372,7 @@ def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel, ca
             kind: Any = type(was)
             part = kind.__new__(kind)
             for name, value in made_of(was).items():
-                object.__setattr__(part, name, carrier.carried(name, value, None))
+                object.__setattr__(part, name, carrier.carry(name, value, None))
             carrier.memo[id(was)] = new.add_part(part)
         _take_part(new.parts[was.name], was, fresh.parts.get(was.name), carrier)
 
@@ -380,7 +380,7 @@ def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel, ca
 def _take_part(part: Part, was: Part, first: Part | None, carrier: "_Carrier") -> None:
     now, before = part.store(), {} if first is None else first.store()
     changes = {n: v for n, v in was.store().items() if n not in before or _differ(v, before[n])}
-    part.restore({name: carrier.carried(name, value, now.get(name)) for name, value in changes.items()})
+    part.restore({name: carrier.carry(name, value, now.get(name)) for name, value in changes.items()})
     _take_columns(part, was, all_of_them=True)
 
 
@@ -401,12 +401,12 @@ class _Carrier:
             if key in self.new[kind]
         }
 
-    def carried(self, name: str, value: Any, now: Any) -> Any:
+    def carry(self, name: str, value: Any, now: Any) -> Any:
         """Return a value of the old model as one of the new one; of what cannot be stored a copy."""
         try:
             content = attribute_to_json(value, name, self._there)
         except RecordingError:
-            return self._copied(name, value)
+            return self._copy(name, value)
         if "column" in content:  # type: ignore[operator]
             if id(value) not in self.memo:
                 column = shortened(content["column"])  # type: ignore[index]
@@ -419,7 +419,7 @@ class _Carrier:
         """Restore the attributes of agents that were removed."""
         restore_removed(self._here, removed_to_json(self._there))
 
-    def _copied(self, name: str, value: Any) -> Any:
+    def _copy(self, name: str, value: Any) -> Any:
         try:
             return deepcopy(value, self.memo)
         except Exception as error:  # an object of a user's may raise anything

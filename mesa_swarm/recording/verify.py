@@ -115,14 +115,14 @@ class Rerun:
             place, at = self.unseen.popleft()
             self.to(at)
             try:
-                name = differing_part(self._restored(place), self.model)
+                name = differing_part(self._restore_state(place), self.model)
             except RecordingError as error:
                 return f"its stored state cannot be read: {error}"
             if name:
                 return f"its stored state differs in {name}"
         return ""
 
-    def _restored(self, place: int) -> EngineModel:
+    def _restore_state(self, place: int) -> EngineModel:
         """Return a new model with a stored state, by its index; each is read once, in their order."""
         if len(self.states) <= place:
             self.states = states_to(self.recording, place, self.states)
@@ -133,7 +133,7 @@ class Rerun:
         if intervention.checkpoint is None:
             why = f"{intervention.why_not:.{2 * LONGEST_DESCRIPTION}}"
             raise RecordingError(f"{intervention!s:.{LONGEST_DESCRIPTION}}; the state then was not stored ({why})")
-        self.model = self._restored(intervention.checkpoint)
+        self.model = self._restore_state(intervention.checkpoint)
         self.interventions += (self._ahead.pop(0),)
         while self._moves and self._moves[0].after <= intervention.checkpoint:
             self._moves.popleft()  # the state includes them

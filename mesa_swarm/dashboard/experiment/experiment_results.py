@@ -210,8 +210,8 @@ class GridResults:
             steps=self.experiment.steps,
             seeds=len(self.experiment.seeds),
             measure=[] if columns == self.results else columns,
-            parameters={name: self._stored(value) for name, value in self.settings.items()},
-            grid={name: [self._stored(value) for value in values] for name, values in self.values.items()},
+            parameters={name: self._to_job_value(value) for name, value in self.settings.items()},
+            grid={name: [self._to_job_value(value) for value in values] for name, values in self.values.items()},
         )
 
     def job_file(self, measure: str) -> tuple[str, bytes]:
@@ -230,7 +230,7 @@ class GridResults:
         """Return a remark on the file of the model, which must be there too."""
         return ["The file of the model must be in the folder of this file."] if ".py" in self.model else []
 
-    def _stored(self, value: Any) -> Any:
+    def _to_job_value(self, value: Any) -> Any:
         """Return a value as a job file has it: of an uploaded map the name of its file."""
         return self._map_file(value) if isinstance(value, str) and value in self.maps else value
 

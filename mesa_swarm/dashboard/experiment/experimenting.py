@@ -160,7 +160,7 @@ class Experimenting:
         self.steps = min(getattr(self.model_class, "steps_to_compare", DEFAULT_STEPS), MOST_STEPS)
         self.faults, self.q = {}, ONLY_ONE
         self.q_values: list = []
-        self.measures = self._known_measures()
+        self.measures = self._list_measures()
         headline = getattr(self.model_class, "headline", ("",))[0]
         self.measure = headline if headline in self.measures else next(iter(self.measures), "")
         self.summary = SHARE if self.measure == headline else MEAN
@@ -344,7 +344,7 @@ class Experimenting:
             measures=tuple(self.measures),
         )
 
-    def _known_measures(self) -> list[str]:
+    def _list_measures(self) -> list[str]:
         """Return the results of the model, and all reductions of its reports."""
         try:
             session = self.session

@@ -74,7 +74,7 @@ class Designer:
         """Require a property, and set the constants that give it."""
         self.requirements[name] = float(value)
         try:
-            self._constants, self._warned = self._designed()
+            self._constants, self._warned = self._design()
             self._fault = ""
         except SwarmError as error:
             self._fault = str(error)
@@ -88,7 +88,7 @@ class Designer:
             return []
         if self._fault:
             return [("fault", in_labels(self._fault))]
-        constants, warned = (self._constants, self._warned) if self._constants else self._designed()
+        constants, warned = (self._constants, self._warned) if self._constants else self._design()
         if any(self.session.settings[key] != getattr(constants, key) for key in CONSTANTS):
             return [("remark", "k1 to k4, leave or join were set by hand; any of these sliders sets all of them again")]
         remarks = [("warning" if remark in warned else "remark", in_labels(remark)) for remark in constants.remarks]
@@ -122,7 +122,7 @@ class Designer:
             for name, value in self.requirements.items()
         }
 
-    def _designed(self) -> tuple[FireConstants, tuple[str, ...]]:
+    def _design(self) -> tuple[FireConstants, tuple[str, ...]]:
         model = self.session.model
         largest = float(model.fires.area.max()) if model is not None and len(model.fires) else 16.0
         start = float(self.session.settings.get("initial_temperature", 1.0))

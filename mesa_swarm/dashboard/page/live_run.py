@@ -108,11 +108,11 @@ class LiveRun:
             raise InvalidValueError(f"{' and '.join(values)} cannot be changed during a run; reset with it")
         return values
 
-    def stored(self) -> bytes:
-        """Return the present state, from which `restored` continues; an error names what cannot be stored."""
+    def store(self) -> bytes:
+        """Return the present state, from which `restore_model` continues; an error names what cannot be stored."""
         return to_bytes(checkpoint_of(self.model))
 
-    def restored(self, state: bytes, start: Mapping[str, Any]) -> SwarmModel:
+    def restore_model(self, state: bytes, start: Mapping[str, Any]) -> SwarmModel:
         """Return a model in the state that was stored when a model before its first step was made with `start`."""
         return restore(self._make(start), from_bytes(state))
 

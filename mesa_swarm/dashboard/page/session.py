@@ -197,7 +197,7 @@ class Session(Player):
     def rest(self) -> None:
         """Show the state at rest; pausing cancels the goal."""
         if self.goal and not self.playing and self.model is not None:
-            completed, goal, plays_on = self._completed(self.model), self.goal, self._plays_on
+            completed, goal, plays_on = self._count_steps(self.model), self.goal, self._plays_on
             self._forget_goal()
             if completed >= goal or self.error:
                 self.note = ""
@@ -211,7 +211,7 @@ class Session(Player):
             return
         super().rest()
 
-    def _completed(self, model: SwarmModel) -> int:
+    def _count_steps(self, model: SwarmModel) -> int:
         """Return how many steps a model has completed, also the one that is on its way, if it ends soon."""
         is_held = self.lock.acquire(timeout=LONGEST_STEP)
         try:
@@ -255,9 +255,9 @@ class Session(Player):
             if self.run is None or self.error:
                 raise InvalidValueError("there is no model to change; press Reset first")
             self.look_now()
-            before = None if in_place else self._stored(do)
+            before = None if in_place else self._store_state(do)
             self.run.edit(do, values, in_place=in_place)
-            self._changed_by_hand()
+            self._note_hand_change()
             if before is not None:
                 self._remember(before)
             elif not in_place:  # going back farther would take back this change too
@@ -276,7 +276,7 @@ class Session(Player):
             if not self._before or self.run is None:
                 return
             before = self._before.pop()
-            old, model = self.run.model, self.run.restored(before.state, before.at_start)
+            old, model = self.run.model, self.run.restore_model(before.state, before.at_start)
             self._rewind(old, model)
             self.run.model, self.run.at_start, self.run.edits = model, before.at_start, list(before.edits)
             self.settings, self.built = dict(before.settings), dict(before.built)
@@ -290,12 +290,12 @@ class Session(Player):
             old.observers = [self.series]
         hand_over(old, model, ["state before a change by hand"])
 
-    def _stored(self, do: str) -> Before | None:
+    def _store_state(self, do: str) -> Before | None:
         """Return the present state; None for a model that has something that cannot be stored."""
         if self.run is None:
             return None
         try:
-            state = self.run.stored()
+            state = self.run.store()
         except RecordingError:
             return None
         step = self.run.model.completed
@@ -306,7 +306,7 @@ class Session(Player):
         while len(self._before) > MOST_UNDONE or sum(len(moment.state) for moment in self._before) > MOST_UNDONE_BYTES:
             self._before.pop(0)
 
-    def _changed_by_hand(self) -> None:
+    def _note_hand_change(self) -> None:
         self.straight = self.straight and len(self.edits) <= MOST_EDITS
 
     def _place(self, model: SwarmModel) -> None:
@@ -411,7 +411,7 @@ class Session(Player):
                 self.uploads[choices["map"]] = chart
             self._enter(name, choices, seed)
             self.built, self.straight = {**self.settings, "seed": seed}, False
-            self.run = LiveRun.around(model, self._made, self.parameters, dict(self.built))
+            self.run = LiveRun.around(model, self._make_model, self.parameters, dict(self.built))
             self.model = model
             self.series.follow(model)
             self._limit_collected(model)
@@ -468,7 +468,7 @@ class Session(Player):
         """Go on with a new model as requested."""
         self.unbuilt = True
         settings = {**self.settings, "seed": self.seed}
-        run = LiveRun(self._made, self.parameters, settings)
+        run = LiveRun(self._make_model, self.parameters, settings)
         self.past.clear()
         self.series.follow(run.model)
         self.run, self.built, self.straight, self._before = run, settings, True, []
@@ -524,14 +524,14 @@ class Session(Player):
         is_at_goal = self.goal and self.model is not None and self.model.completed >= self.goal
         return goes_on and not is_at_goal
 
-    def _made(self, settings: Mapping[str, Any]) -> SwarmModel:
+    def _make_model(self, settings: Mapping[str, Any]) -> SwarmModel:
         """Return a model of these parameters and "seed"."""
         parameters = {name: value for name, value in settings.items() if name != "seed"}
         if parameters.get("map") in self.uploads:
             parameters["map"] = self.uploads[parameters["map"]]
         return self.model_class(**parameters, rng=settings["seed"])
 
-    def _checked(self, name: str, value: Any) -> Any:
+    def _check_setting(self, name: str, value: Any) -> Any:
         if name == "map" and value in self.map_names():
             return value
         return checked_setting(self.parameters[name], value)
@@ -539,7 +539,7 @@ class Session(Player):
     def _take(self, values: Mapping[str, Any]) -> None:
         """Request these values, all or none."""
         before = self.settings
-        self.settings = before | {name: self._checked(name, value) for name, value in values.items()}
+        self.settings = before | {name: self._check_setting(name, value) for name, value in values.items()}
         try:
             self._give(values)
         except Exception:
@@ -566,7 +566,7 @@ class Session(Player):
         if self.run.model is not self.model:
             self._place(self.run.model)
         if applied:
-            self._changed_by_hand()
+            self._note_hand_change()
             self.look_now()
 
 

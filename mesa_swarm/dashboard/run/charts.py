@@ -427,7 +427,7 @@ class Charting(Link):
         series, before = self.session.series, self.board.shown
         self._keys = tuple(chart.key for chart in series.charts())
         self.board.choices = choices_of(series, self._values(at_present=True))
-        self.board.shown = [self._described(choice) for choice in self._available()]
+        self.board.shown = [self._describe_chart(choice) for choice in self._available()]
         with self._lock:
             more = self._rows != len(series) and not self.session.playing
             self._waits = self._waits or more or self.board.shown != before
@@ -473,7 +473,7 @@ class Charting(Link):
             if choice.place in {available.place for available in self._available()}:
                 self._hand_over(choice, request)
             return
-        charts = self._chosen()
+        charts = self._list_chosen()
         if request == "add":
             self._check_new(choice)
             if choice.place not in {present.place for present in charts}:
@@ -491,7 +491,7 @@ class Charting(Link):
         if len(self._available()) >= MOST_SHOWN:
             raise InvalidValueError(f"{MOST_SHOWN} charts are shown, which is the most; remove one first")
 
-    def _chosen(self) -> list[ChosenChart]:
+    def _list_chosen(self) -> list[ChosenChart]:
         """Return the charts that the user chose, also those that there are not at present, or the usual ones."""
         texts = self.session.chosen_charts.get(self.session.name)
         if texts is not None:
@@ -504,9 +504,9 @@ class Charting(Link):
         return [ChosenChart(OVER_TIME, key) for key in keys[:SHOWN_FIRST]]
 
     def _available(self) -> list[ChosenChart]:
-        return [choice for choice in self._chosen() if is_available(choice, self.board.choices)]
+        return [choice for choice in self._list_chosen() if is_available(choice, self.board.choices)]
 
-    def _described(self, choice: ChosenChart) -> dict[str, str]:
+    def _describe_chart(self, choice: ChosenChart) -> dict[str, str]:
         title = chart_title(choice, self.session.series)
         return {"id": replace(choice, log="").text, "kind": choice.kind, "title": title, "log": choice.log}
 

@@ -296,7 +296,7 @@ class Exporting:
         for old in self.folder.glob("made*"):
             old.unlink()
         if request.kind in PICTURES:
-            step, scene = self._shown()
+            step, scene = self._choose_scene()
             figure = world_figure({f"{short_name(session.name)}, step {step:,}": scene}, request.sectors)
             name = f"{short_name(session.name)}_{step}.{request.kind}"
             self._hand_over(name, png(figure) if request.kind == "png" else svg(figure))
@@ -314,7 +314,7 @@ class Exporting:
         self._hand_over(name, result)
         return name
 
-    def _shown(self) -> tuple[int, Shown]:
+    def _choose_scene(self) -> tuple[int, Shown]:
         """Return the displayed step, and what to draw of it."""
         session = self.session
         with session.lock:
@@ -324,7 +324,7 @@ class Exporting:
             if session.past.is_present:
                 return session.model.completed, frame_and_scene(session.model)
             _check_straight(session, "draw an earlier step")
-        return step, self._taken(session.repetition(), step)
+        return step, self._take_steps(session.repetition(), step)
 
     def _from_recording(self, path: Path) -> int:
         """Copy the recording; return its number of steps."""
@@ -344,12 +344,12 @@ class Exporting:
             steps, mark = session.model.completed, session.model.state_hash()
             again = session.repetition()
         with record(again.model, path, overwrite=True):
-            model = self._taken(again, steps, path)
+            model = self._take_steps(again, steps, path)
         if model.state_hash() != mark:
             raise ExportError("repeating the run gave another result; press Record, then Play")
         return steps
 
-    def _taken(self, again: Repetition, steps: int, path: Path | None = None) -> SwarmModel:
+    def _take_steps(self, again: Repetition, steps: int, path: Path | None = None) -> SwarmModel:
         """Take steps, with pauses in which other threads can work."""
         pause = time.perf_counter() + TURN
         for step in range(1, steps + 1):

@@ -75,7 +75,7 @@ class Inspecting(Link):
         """Show the selected robot."""
         self._shown_at = time.monotonic()
         with self.session.lock:
-            inspected = self._known()
+            inspected = self._inspect_selected()
             editable = bool(inspected) and self._may_move()
         with self.inspector.hold_sync():
             self.inspector.inspected, self.inspector.editable = inspected, editable
@@ -94,7 +94,7 @@ class Inspecting(Link):
             case "move":
                 self._move(message["value"])
 
-    def _known(self) -> dict[str, Any]:
+    def _inspect_selected(self) -> dict[str, Any]:
         """Return the selected robot at the displayed step, empty if none is selected."""
         model, moment = self.session.model, self.session.past.shown
         if model is None or moment is None:
