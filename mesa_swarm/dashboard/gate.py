@@ -235,8 +235,11 @@ def _completely(send: Send, *, packs: bool) -> Send:
             if not message.get("more_body"):
                 page = complete_page(b"".join(parts))
                 page = gzip.compress(page, mtime=0) if packs else page
-                headers = [*_with_length(start[0]["headers"], len(page)), *(PACKED if packs else ())]
-                await send({**start[0], "headers": headers})
+                length = b"%d" % len(page)
+                headers = [
+                    (name, length if name == b"content-length" else value) for name, value in start[0]["headers"]
+                ]
+                await send({**start[0], "headers": [*headers, *(PACKED if packs else ())]})
                 await send({**message, "body": page})
         else:
             await send(message)
@@ -247,10 +250,6 @@ def _completely(send: Send, *, packs: bool) -> Send:
 def _is_page(message: Scope) -> bool:
     headers = dict(message.get("headers", []))
     return headers.get(b"content-type", b"").startswith(HTML) and b"content-encoding" not in headers
-
-
-def _with_length(headers: list[tuple[bytes, bytes]], length: int) -> list[tuple[bytes, bytes]]:
-    return [(name, b"%d" % length if name == b"content-length" else value) for name, value in headers]
 
 
 def complete_page(page: bytes) -> bytes:

@@ -62,23 +62,19 @@ def odd(info: ModelInfo, *, level: int = 2) -> str:
     model = info.built
     if model is None:
         raise InvalidValueError(f"{info.name} cannot be built without parameters; ODD describes a model with defaults")
+    patterns = f"\n\nPatterns used to evaluate the model: {info.patterns}" if info.patterns else ""
     elements = {
-        "Purpose and patterns": _purpose(info),
+        "Purpose and patterns": info.what + patterns,
         "Entities, state variables, and scales": _entities(model),
         "Process overview and scheduling": _schedule(model),
         "Design concepts": _concepts(info, model),
         "Initialization": _initialization(info, model),
-        "Input data": _input(model),
+        "Input data": f"None besides the map `{model.map.name}`: nothing is read while the model runs.",
         "Submodels": _submodels(info, "#" * (level + 1)),
     }
     head = "#" * level
     texts = (f"{head} {number}. {name}\n\n{text}" for number, (name, text) in enumerate(elements.items(), start=1))
     return "\n\n".join(texts) + "\n"
-
-
-def _purpose(info: ModelInfo) -> str:
-    patterns = f"\n\nPatterns used to evaluate the model: {info.patterns}" if info.patterns else ""
-    return info.what + patterns
 
 
 def _entities(model: Any) -> str:
@@ -179,10 +175,6 @@ def _initialization(info: ModelInfo, model: Any) -> str:
         f"The map `{model.map.name}` with its bodies. Robots are at random free places with random headings, unless "
         f"the model places them; the seed determines all of it.\n\n{table}"
     )
-
-
-def _input(model: Any) -> str:
-    return f"None besides the map `{model.map.name}`: nothing is read while the model runs."
 
 
 def _submodels(info: ModelInfo, head: str) -> str:

@@ -191,10 +191,6 @@ class Parts(Mapping[str, Part]):
                     new = np.full((count, *column.array.shape[1:]), column.initial, column.array.dtype)
                     part.replace(name, np.concatenate([column.array, new]))
 
-    def have_rows(self, rows: str) -> bool:
-        """Return whether an added part has columns with such rows."""
-        return any(column.rows == rows for part in self.added() for column in part.columns().values())
-
     def drop_rows(self, rows: str, indices: Sequence[int]) -> None:
         """Drop rows of the columns of added parts."""
         for part in self.added():

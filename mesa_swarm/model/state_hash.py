@@ -301,10 +301,6 @@ def _digest_of_read(read: Read) -> bytes:
     return digest_of_part(read)
 
 
-def _describe_geometry(geometry: BaseGeometry) -> list:
-    return [geometry.geom_type, shapely.get_coordinates(geometry)]
-
-
 # How objects are described that are not dataclasses, or not by their fields.
 DESCRIBED: tuple[tuple[type, Callable[[Any], Any]], ...] = (
     (Agent, lambda agent: agent.unique_id),
@@ -313,5 +309,5 @@ DESCRIBED: tuple[tuple[type, Callable[[Any], Any]], ...] = (
     (FunctionType, what_is_read),
     (SimpleNamespace, vars),
     (Shape, lambda shape: [shape.geometry, shape.radius, shape.contact]),
-    (BaseGeometry, _describe_geometry),
+    (BaseGeometry, lambda geometry: [geometry.geom_type, shapely.get_coordinates(geometry)]),
 )

@@ -119,10 +119,6 @@ def _live_contacts(model: EngineModel) -> np.ndarray:
     return table
 
 
-def _live_loads(model: EngineModel) -> np.ndarray:
-    return np.array([(load.unique_id, *load.pose) for load in model.displaced], TABLE_TYPES["loads"])
-
-
 def _live_fields(model: EngineModel) -> dict[str, np.ndarray]:
     """Return the table of fields and their pictures, nothing without fields."""
     fields = pictures_of(model)
@@ -184,7 +180,7 @@ def _live_events(model: EngineModel) -> np.ndarray:
 LIVE_TABLES: Mapping[str, Callable[[EngineModel], np.ndarray]] = {
     "fires": _live_fires,
     "contacts": _live_contacts,
-    "loads": _live_loads,
+    "loads": lambda model: np.array([(load.unique_id, *load.pose) for load in model.displaced], TABLE_TYPES["loads"]),
     "events": _live_events,
 }
 

@@ -97,7 +97,8 @@ class RowBuffer:
             if signs != self._signs:
                 self._attach_change(model)
                 self._signs = signs
-            chunk = self._chunk = self._new_chunk(model)
+            row_bytes = Chunk(self._layout, model, 1).row_bytes
+            chunk = self._chunk = Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
         state_hash = None
         if step // HASH_EVERY != self._hashed:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
@@ -192,10 +193,6 @@ class RowBuffer:
                 f"{show_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
                 f"expected at most {self._gap:,} steps from row to row; start another recording"
             )
-
-    def _new_chunk(self, model: EngineModel) -> Chunk:
-        row_bytes = Chunk(self._layout, model, 1).row_bytes
-        return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
 
 
 def _signs_of_scenery(model: EngineModel) -> tuple:

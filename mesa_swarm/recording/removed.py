@@ -45,7 +45,7 @@ def removed_to_json(packer: ModelPacker) -> list:
             agent = agents[unique_id]
             what = f"removed {type(agent).__name__} {unique_id}'s "
             attributes = {n: attribute_to_json(v, what + n, packer) for n, v in own_attributes_of_agent(agent).items()}
-            entries.append([unique_id, _remains_to_json(agent), attributes])
+            entries.append([unique_id, [*class_of_agent(agent), _remains(agent)], attributes])
     return entries
 
 
@@ -69,12 +69,8 @@ def restore_removed(packer: ModelPacker, entries: list) -> None:
             object.__setattr__(agent, name, attribute_from_json(None, name, content, packer))
 
 
-def _remains_to_json(agent: Agent) -> list:
-    """Return the class of a removed agent, and what its handle still has."""
-    return [*class_of_agent(agent), _remains(agent)]
-
-
 def _remains(agent: Agent) -> dict:
+    """Return what the handle of a removed agent still has."""
     if not isinstance(agent, Body):
         return {}
     return {**body_to_json(agent), "kind": agent.kind, **state_to_json(agent)}

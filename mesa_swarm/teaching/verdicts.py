@@ -102,13 +102,12 @@ class Verdict:
             return f"{PASSED}\n{self.text}"
         if self.status == CHECK_FAILED:
             return f"{FAILED_CHECK}\n{self.text}"
-        text = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
+        text = f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
+        if "\n" in self.text or self.text.startswith(" "):
+            text = f"{NOT_YET}\n{self.text}"
         return f"{text}\nHint: {self.hint}{'' if self.hint.endswith(('.', '?')) else '.'}" if self.hint else text
 
     __str__ = __repr__
-
-    def _sentence(self) -> str:
-        return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
 
 
 def verdict_on(

@@ -203,10 +203,12 @@ class GridResults:
 
     def job(self, measure: str) -> str:
         """Return the job file that repeats the experiment."""
-        columns = self.columns(measure)
+        columns, remarks = self.columns(measure), [f"An experiment of the dashboard; run it with: {self.command}"]
+        if ".py" in self.model:
+            remarks.append("The file of the model must be in the folder of this file.")
         return job_text(
             _in_the_same_folder(self.model),
-            [f"An experiment of the dashboard; run it with: {self.command}", *self._beside()],
+            remarks,
             steps=self.experiment.steps,
             seeds=len(self.experiment.seeds),
             measure=[] if columns == self.results else columns,
@@ -225,10 +227,6 @@ class GridResults:
             for name, chart in self.maps.items():
                 archive.writestr(self._map_file(name), chart.to_toml())
         return f"{self.job_name}.zip", content.getvalue()
-
-    def _beside(self) -> list[str]:
-        """Return a remark on the file of the model, which must be there too."""
-        return ["The file of the model must be in the folder of this file."] if ".py" in self.model else []
 
     def _to_job_value(self, value: Any) -> Any:
         """Return a value as a job file has it: of an uploaded map the name of its file."""

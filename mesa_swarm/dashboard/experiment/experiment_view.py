@@ -228,8 +228,9 @@ def picture_of(experimenting: Experimenting) -> dict[str, Any]:
     cells, seeds = results.cells(measure, summary), len(results.experiment.seeds)
     parameters = parameters_of(results.experiment.model_class)
     axes = [_axis(parameters[name], values) for name, values in results.values.items()]
+    what = f"{measure}: {summary}" if summary == SHARE else f"{measure}: {summary} over seeds"
     return {
-        "title": f"{experiment_title(measure, summary)}, by {' and '.join(axis['name'] for axis in axes)}",
+        "title": f"{what}, by {' and '.join(axis['name'] for axis in axes)}",
         "about": about_of(results),
         "stale": "" if experimenting.grid is None or experimenting.is_current else STALE,
         "axes": axes,
@@ -264,11 +265,6 @@ def _measure_axis(measure: str, summary: str) -> str:
     if summary == SHARE:
         return f"{measure}: share of runs, %"
     return f"{measure}, steps" if measure.endswith(TIME) else measure
-
-
-def experiment_title(measure: str, summary: str) -> str:
-    """Return what is shown."""
-    return f"{measure}: {summary}" if summary == SHARE else f"{measure}: {summary} over seeds"
 
 
 def about_of(results: GridResults) -> str:

@@ -87,7 +87,9 @@ class ManyRuns:
         """
         with self._lock:
             if self.running:
-                raise SwarmError(f"{_with_article(self._name)} is under way; cancel it first")
+                raise SwarmError(
+                    f"{'an' if self._name[0] in 'aeiou' else 'a'} {self._name} is under way; cancel it first"
+                )
             if not _under_way.acquire(blocking=False):
                 what = f"{MOST_AT_ONCE} comparisons or experiments are under way on this server"
                 raise SwarmError(f"{what}; try again when one is done")
@@ -159,10 +161,6 @@ class ManyRuns:
             self.report = value
         else:
             self.error = value
-
-
-def _with_article(name: str) -> str:
-    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
 
 
 def workers_for(task: BackgroundTask) -> int:

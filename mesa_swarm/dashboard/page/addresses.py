@@ -101,7 +101,9 @@ def address_from(query: str | None, first: str, tabs: tuple[str, ...] = (WATCH,)
     if reason := values.pop(CHANGED, ""):
         faults.append(LEFT_OUT.get(reason, LEFT_OUT[BY_HAND]))
     numbers = {"seed": values.pop("seed", 1), "steps": values.pop("step", 0), "edits": tuple(values.pop(EDITS, ()))}
-    return Address(model=name, settings=values, faults=_first_few(faults), **numbers, **facts)
+    if (more := len(faults) - MOST_FAULTS) > 0:
+        faults = [*faults[:MOST_FAULTS], f"and {more} more"]
+    return Address(model=name, settings=values, faults=tuple(faults), **numbers, **facts)
 
 
 def _value(parameters: dict[str, Parameter], word: str, text: str) -> Any:
@@ -114,11 +116,6 @@ def _value(parameters: dict[str, Parameter], word: str, text: str) -> Any:
         return text
     # A link never names a file: opening a link from others must not make this machine read one.
     return check_choice("map", text, builtin_maps()) if word == "map" else checked_setting(parameters[word], text)
-
-
-def _first_few(faults: list[str]) -> tuple[str, ...]:
-    more = len(faults) - MOST_FAULTS
-    return (*faults[:MOST_FAULTS], f"and {more} more") if more > 0 else tuple(faults)
 
 
 def query_of(session: Session, tab: str = WATCH, words: dict[str, str] | None = None) -> str:

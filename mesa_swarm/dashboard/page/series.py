@@ -300,15 +300,10 @@ def own_key(chart: Chart) -> str:
     return f"own {chart.name}"
 
 
-def reporter_title(name: str) -> str:
-    """Return the name of a reporter in words."""
-    return name.replace("_", " ").capitalize()
-
-
 def reporter_plot(name: str) -> Plot:
     """Return the chart of a reporter of the model."""
     titles = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
-    title, unit = titles.get(name, (reporter_title(name), ""))
+    title, unit = titles.get(name, (name.replace("_", " ").capitalize(), ""))
     return Plot(name, title, unit, (title,))
 
 

@@ -183,17 +183,13 @@ def Branch(replaying: Replaying) -> None:
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
     if replaying.model_name:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
-        label = f"Continue live with {_describe_changes(replaying)}" if replaying.changes else "Continue live"
+        changes = ", ".join(f"{name} {value_text(value)}" for name, value in replaying.changes.items())
+        label = f"Continue live with {changes.replace('_', ' ')}" if changes else "Continue live"
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
         Linked(ControlPanel, BranchPanel, replaying, bare=True)
     else:
         name = replaying.provenance["model"]["name"]
         rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is not a model of this page; replay only."])
-
-
-def _describe_changes(replaying: Replaying) -> str:
-    words = [f"{name} {value_text(value)}" for name, value in replaying.changes.items()]
-    return ", ".join(words).replace("_", " ")
 
 
 @solara.component
