@@ -303,11 +303,5 @@ def show(
     if not isinstance(value, SwarmModel):
         raise InvalidValueError(f"model is {shortened(value)}; expected a SwarmModel, or its class, name or address")
     return value.show(
-        controls=controls,
-        charts=charts,
-        inspector=inspector,
-        reset=reset,
-        width=width,
-        height=height,
-        speed=speed,
+        controls=controls, charts=charts, inspector=inspector, reset=reset, width=width, height=height, speed=speed
     )

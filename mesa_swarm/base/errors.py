@@ -245,12 +245,7 @@ def without_middle(line: str, longest: int = LONGEST) -> str:
 
 
 def check_number(
-    name: str,
-    value: object,
-    *,
-    minimum: float = -math.inf,
-    maximum: float = math.inf,
-    above: float = -math.inf,
+    name: str, value: object, *, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf
 ) -> float:
     """Return any real number, NumPy's included, as a float if it is finite and permitted; `above` is exclusive."""
     return _check_real(name, value, minimum, maximum, above, "a finite number")

@@ -90,13 +90,7 @@ MODELS = "models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"compare": Compare, "experiment": ExperimentTab, "replay": Replay}
 # The state of tabs that is written into links.
-COMPANIONS: dict = {
-    WATCH: None,
-    MODELS: None,
-    "compare": Comparing,
-    "experiment": Experimenting,
-    "replay": Replaying,
-}
+COMPANIONS: dict = {WATCH: None, MODELS: None, "compare": Comparing, "experiment": Experimenting, "replay": Replaying}
 
 PLACES = Places()
 

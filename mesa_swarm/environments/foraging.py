@@ -223,11 +223,7 @@ class Foraging(Task):
     def score(self, model: SwarmModel, count: int) -> Score:
         """Return what rewards the first `count` robots of a new world."""
         return ForagingScore(
-            model,
-            count,
-            delivery=float(self.delivery),
-            pick_up=float(self.pick_up),
-            step_cost=float(self.step_cost),
+            model, count, delivery=float(self.delivery), pick_up=float(self.pick_up), step_cost=float(self.step_cost)
         )
 
 
@@ -312,10 +308,7 @@ class ForagingScore:
     def measures(self) -> dict[str, float]:
         """Return the number of items delivered, and that per 1,000 robot-steps, NaN without steps."""
         items, steps = float(self._process.delivered[: self._count].sum()), self._robot_steps
-        return {
-            "items delivered": items,
-            "items per 1,000 robot-steps": 1000.0 * items / steps if steps else math.nan,
-        }
+        return {"items delivered": items, "items per 1,000 robot-steps": 1000.0 * items / steps if steps else math.nan}
 
 
 def equip_design(design: RobotDesign) -> RobotDesign:

@@ -366,9 +366,8 @@ class TaskWorld(SwarmModel):
             commanded.
         """
         if (policy is None) == bool(self.commanded):
-            expectation = "a policy for them" if self.commanded else "None: no robot is commanded"
-            commanded = f"{self.commanded} commanded"
-            raise InvalidValueError(f"policy is {shortened(policy)}, {commanded}; expected {expectation}")
+            cure = "a policy for them" if self.commanded else "None: no robot is commanded"
+            raise InvalidValueError(f"policy is {shortened(policy)}, {self.commanded} commanded; expected {cure}")
         observations = np.empty((self.commanded, self._observer.width), np.float32)
         reward, total = np.empty(self.rewarded), np.zeros(self.rewarded)
         while not (self.finished or self.out_of_time):

@@ -53,12 +53,7 @@ class Conditions:
     @property
     def info(self) -> dict[str, Any]:
         """The conditions as plain values, the map by its name."""
-        return {
-            "map": self.map.name,
-            "n_robots": self.n_robots,
-            "speed": self.speed,
-            "imperfection": self.imperfection,
-        }
+        return {"map": self.map.name, "n_robots": self.n_robots, "speed": self.speed, "imperfection": self.imperfection}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

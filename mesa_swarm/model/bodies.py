@@ -8,13 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from mesa_swarm.base.errors import (
-    InvalidValueError,
-    UnknownNameError,
-    check_choice,
-    shortened,
-    unknown_name,
-)
+from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
 from mesa_swarm.geometry.overlap import wrapped
 from mesa_swarm.kernels.part import Column, Part, Phase, Stage
 from mesa_swarm.model.state_hash import describe_bodies

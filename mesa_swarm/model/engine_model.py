@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import mesa
 import numpy as np
 
-from mesa_swarm.base.errors import (
-    InvalidValueError,
-    StepWarning,
-    check_choice,
-    check_count,
-    check_number,
-    shortened,
-)
+from mesa_swarm.base.errors import InvalidValueError, StepWarning, check_choice, check_count, check_number, shortened
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Seed, Streams
 from mesa_swarm.base.trigger import Trigger
@@ -31,15 +24,7 @@ from mesa_swarm.model.control import ControlPart
 from mesa_swarm.model.events import EventLog, EventsPart
 from mesa_swarm.model.fields import FieldsPart
 from mesa_swarm.model.imperfections import ImperfectionsPart, imperfections_of
-from mesa_swarm.model.mesa_model import (
-    GIVEN,
-    LATE,
-    Collector,
-    MesaModel,
-    add_reporters,
-    rows_in,
-    seed_sequence,
-)
+from mesa_swarm.model.mesa_model import GIVEN, LATE, Collector, MesaModel, add_reporters, rows_in, seed_sequence
 from mesa_swarm.model.observers import Observers
 from mesa_swarm.model.parameters import Dial, Noise, Slip
 from mesa_swarm.model.parts import AnyPart, Parts, delegate

@@ -263,7 +263,7 @@ class Recording:
             states += name == CHECKPOINT
             if name == INTERVENTION:
                 # A checkpoint of a later step is not the state after it.
-                following = [(name, piece.step) for name, piece in self._named[place + 1 : place + 2]]
+                following = [(next_name, after.step) for next_name, after in self._named[place + 1 : place + 2]]
                 has_state = following == [(CHECKPOINT, piece.step)]
                 content = self._reader.content(piece)
                 interventions.append(intervention_from_json(piece.step, content, states if has_state else None))

@@ -172,11 +172,7 @@ class PictureLink(Link):
     """Connects a picture and an experiment; it is drawn anew at most every `EVERY` seconds during the runs."""
 
     def __init__(
-        self,
-        widget: ExperimentPicture,
-        experimenting: Experimenting,
-        *,
-        clock: Callable[[], float] = time.monotonic,
+        self, widget: ExperimentPicture, experimenting: Experimenting, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.widget, self.experimenting, self._clock = widget, experimenting, clock
         self._downloads = Downloads(widget)

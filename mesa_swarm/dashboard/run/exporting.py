@@ -17,14 +17,7 @@ from typing import Any, cast
 import anywidget
 import traitlets
 
-from mesa_swarm.base.errors import (
-    ExportError,
-    InvalidValueError,
-    RecordingError,
-    SwarmError,
-    check_choice,
-    check_count,
-)
+from mesa_swarm.base.errors import ExportError, InvalidValueError, RecordingError, SwarmError, check_choice, check_count
 from mesa_swarm.dashboard.page.live_run import Repetition
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
