@@ -46,25 +46,32 @@ class Curves:
 
 
 class ChartTable(ABC):
-    """The numbers of charts, one row a step: of a run that is played, or of a recording."""
+    """The numbers of charts, one row a step: of a run that is played, or of a recording; `most_numbers` are stored."""
 
     # Steps from one stored row to the next.
     every = 1
     # In which row a chart last had no number, and why, by key.
     faults: Mapping[str, str] = MappingProxyType({})
 
-    @abstractmethod
+    def __init__(self, most_numbers: int) -> None:
+        self.most_numbers = most_numbers
+        self._lock = threading.Lock()
+        self._charts: dict[str, Plot] = {}
+        self._steps: np.ndarray = np.empty(0, np.int64)
+        self._count = 0
+
     def __len__(self) -> int:
         """Return the number of stored rows."""
+        return self._count
 
     @property
     @abstractmethod
     def seconds(self) -> float | None:
         """Seconds of a step, None without a scale."""
 
-    @abstractmethod
     def charts(self) -> list[Plot]:
         """Return the charts."""
+        return list(self._charts.values())
 
     @abstractmethod
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
@@ -110,19 +117,10 @@ class Series(ChartTable, Observer):
     """
 
     def __init__(self, most_numbers: int = MOST_NUMBERS) -> None:
-        self.most_numbers = most_numbers
-        self._lock = threading.Lock()
+        super().__init__(most_numbers)
         self.model: SwarmModel | None = None
-        self._charts: dict[str, Plot] = {}
         self._form: tuple = ()
-        self._count, self.since = 0, 0
-        self._steps: np.ndarray = np.empty(0, np.int64)
-        self._collided: np.ndarray = np.empty(0, np.int64)
         self._forget()
-
-    def __len__(self) -> int:
-        """Return the number of stored rows."""
-        return self._count
 
     def follow(self, model: SwarmModel | None) -> None:
         """Clear everything, and measure this model from now on."""
@@ -173,10 +171,6 @@ class Series(ChartTable, Observer):
         scale = None if self.model is None else self.model.scale
         return None if scale is None else scale.seconds_per_step
 
-    def charts(self) -> list[Plot]:
-        """Return the charts."""
-        return list(self._charts.values())
-
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
         """Return all stored steps (m,) and numbers (m, c) of one chart."""
         with self._lock:
@@ -212,7 +206,7 @@ class Series(ChartTable, Observer):
     def _forget(self) -> None:
         self.every, self._count, self.since, self.faults = 1, 0, 0, {}
         # Steps in which each robot collided, by `Swarm.number`, which stays when others are removed.
-        self._collided = np.empty(0, np.int64)
+        self._collided: np.ndarray = np.empty(0, np.int64)
         self._steps = np.empty(0, np.int64)
         self._table = np.empty((0, 0))
 

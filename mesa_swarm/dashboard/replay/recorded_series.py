@@ -1,6 +1,5 @@
 """The numbers of charts of a recording, under the names that they have on the Watch page."""
 
-import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -11,7 +10,6 @@ from mesa_swarm.dashboard.page.series import (
     MOST_NUMBERS,
     NO_LAYER,
     ChartTable,
-    Plot,
     event_plot,
     fire_plots,
     layer_plot,
@@ -38,7 +36,8 @@ class RecordedSeries(ChartTable):
     """
 
     def __init__(self, recording: Recording, scene: Scene, rows: int, most_numbers: int = MOST_NUMBERS) -> None:
-        self.scene, self.most_numbers = scene, most_numbers
+        super().__init__(most_numbers)
+        self.scene = scene
         facts = recording.provenance
         self._columns = recording.columns
         # Whether each step from the first is there, so that sums are those of the run.
@@ -46,27 +45,16 @@ class RecordedSeries(ChartTable):
         self.complete = False
         self.note = ""
         self._spacing, self._rows = facts["every"], rows
-        self._lock = threading.Lock()
-        self._charts: dict[str, Plot] = {}
         self._tables: dict[str, np.ndarray] = {}
-        self._steps = np.empty(0, np.int64)
-        self._count = 0
         # Ids of the robots that collided, row after row, and where each row ends; None if there are too many.
         self._colliding: list[np.ndarray] | None = [] if self.is_whole and "contacts" in recording.columns else None
         self._totals: list[int] = []
-
-    def __len__(self) -> int:
-        return self._count
 
     @property
     def seconds(self) -> float | None:
         """Seconds of a step, None without a scale."""
         scale = self.scene.scale
         return None if scale is None else scale.seconds_per_step
-
-    def charts(self) -> list[Plot]:
-        """Return the charts."""
-        return list(self._charts.values())
 
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
         """Return all stored steps (m,) and numbers (m, c) of one chart."""
