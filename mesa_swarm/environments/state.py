@@ -1,5 +1,7 @@
 """The state of a whole world as numbers, for central critics: what no robot could know."""
 
+from typing import Any
+
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError
@@ -39,7 +41,7 @@ class StateEncoder:
 
     def __init__(self, task: Task) -> None:
         self.robots = task.most_robots
-        varied = () if task.variation is None or callable(task.variation.maps) else task.variation.maps
+        varied: Any = () if task.variation is None or callable(task.variation.maps) else task.variation.maps
         self.fires = max(len(chart.fires) for chart in (task.chart, *varied))
         self.things = task.most_things
         self.width = 1 + OF_ROBOT * self.robots + OF_FIRE * self.fires + OF_THING * self.things

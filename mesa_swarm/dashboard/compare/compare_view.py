@@ -148,7 +148,7 @@ class CurveThread:
     def _run(self) -> None:
         pictured: tuple = ()
         while not self._stop.is_set():
-            labels, names = tuple(self._labels()), tuple(self._chosen())
+            labels, names = tuple(self._labels()), tuple(self._choose())
             now = labels, names, *((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
             if now != pictured:
                 pictured = now
