@@ -82,7 +82,7 @@ class Observer(Protocol):
 HOOKS = tuple(name for name in vars(Observer) if not name.startswith("_"))
 
 
-class _Adapted(Observer):
+class _Adapter(Observer):
     """An observer of a class of the user's, with every method: where it has none, that of `Observer`."""
 
     def __init__(self, observer: object) -> None:
@@ -120,7 +120,7 @@ class Observers(list):
 
 
 def _complete_observers(observers: list) -> tuple[Observer, ...]:
-    return tuple(observer if isinstance(observer, Observer) else _Adapted(observer) for observer in observers)
+    return tuple(observer if isinstance(observer, Observer) else _Adapter(observer) for observer in observers)
 
 
 def _completing(name: str) -> Callable:

@@ -98,7 +98,7 @@ class ChangeDetector:
 
     def __init__(self, model: EngineModel) -> None:
         self._marks = _marks_of(model)
-        self._agents = [_Seen.of(agent) for agent in _other_agents(model)]
+        self._agents = [_AgentRecord.of(agent) for agent in _other_agents(model)]
         self._attributes = model.own_attributes
 
     def changes(self, model: EngineModel) -> list[str]:
@@ -171,7 +171,7 @@ def _mark_of(name: str, part: Part) -> dict[str, Any]:
     return {**marks, f"state of {name}": quick_fingerprint(part.store())}
 
 
-class _Seen(NamedTuple):
+class _AgentRecord(NamedTuple):
     """An agent as it was: its attributes, what those hold that can be changed in place, and its place in the space."""
 
     agent: Agent
@@ -180,7 +180,7 @@ class _Seen(NamedTuple):
     place: list[float] | None
 
     @classmethod
-    def of(cls, agent: Agent) -> "_Seen":
+    def of(cls, agent: Agent) -> "_AgentRecord":
         return cls(agent, vars(agent).copy(), _contents_of(agent), _place_of(agent))
 
     def is_same(self, agent: Agent) -> bool:

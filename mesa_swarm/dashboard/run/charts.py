@@ -355,7 +355,7 @@ FIRST = ("at_fires",)
 LATER = ("layers", "collisions", "fire_temperature", "total_collisions")
 
 
-class Charted(Protocol):
+class ChartSource(Protocol):
     """What has charts: a session that plays a model, or a player of a recording."""
 
     name: str
@@ -403,7 +403,7 @@ class Charting(Link):
     def __init__(
         self,
         board: ChartBoard,
-        session: Charted,
+        session: ChartSource,
         robots: Callable[[], RobotValues] | None = None,
         *,
         clock: Callable[[], float] = time.monotonic,

@@ -158,7 +158,7 @@ class CancelledError(SwarmError):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Wanted:
+class ExportRequest:
     """A requested file; every value is checked."""
 
     kind: str
@@ -271,7 +271,7 @@ class Exporting:
 
     def _work(self, options: dict[str, Any]) -> None:
         try:
-            name = self._make(Wanted(**options))
+            name = self._make(ExportRequest(**options))
         except CancelledError:
             self.message = "Cancelled."
         except Exception as problem:  # shown beside the button
@@ -282,7 +282,7 @@ class Exporting:
         self.doing, self.progress = "", None
         self._notify()
 
-    def _make(self, request: Wanted) -> str:
+    def _make(self, request: ExportRequest) -> str:
         """Make a file, deliver it and return its name."""
         session = self.session
         self._undelivered = None
@@ -358,7 +358,7 @@ class Exporting:
         again.finish()
         return again.model
 
-    def _check_table(self, request: Wanted, steps: int) -> None:
+    def _check_table(self, request: ExportRequest, steps: int) -> None:
         """Refuse tables too large to open."""
         if not request.table:
             return
