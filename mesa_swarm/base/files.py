@@ -264,10 +264,10 @@ def discard(draft: FileIO) -> None:
     """Close a draft and delete it, unless it was put in its place."""
     name = Path(draft.name)
     with suppress(OSError):  # else it would hide why writing failed
-        ours = draft.closed or is_named(draft, name)
+        is_ours = draft.closed or is_named(draft, name)
         if os.name == "nt":
             draft.close()
-        if ours:
+        if is_ours:
             name.unlink(missing_ok=True)
     unlock(draft)
     draft.close()

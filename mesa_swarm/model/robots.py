@@ -102,11 +102,11 @@ class RobotsPart(Part):
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of the swarm that no other part has."""
         others = [part.columns() for name, part in self.model.parts.items() if name != self.name]
-        theirs = {id(column.array) for columns in others for column in columns.values() if column.rows == "robots"}
+        of_parts = {id(column.array) for columns in others for column in columns.values() if column.rows == "robots"}
         return {
             name: Column(column, "robots", role_of(name))
             for name, column in self.swarm.columns.items()
-            if id(column) not in theirs
+            if id(column) not in of_parts
         }
 
     def stages(self) -> Iterator[Stage]:

@@ -96,8 +96,12 @@ def of_handles(kind: type) -> frozenset[str]:
     >>> sorted(of_handles(Robot))
     ['row', 'swarm']
     """
-    ours = [base for base in kind.__mro__ if issubclass(base, ArenaAgent) and base.__module__.startswith(HANDLES)]
-    return frozenset(name for base in ours for name in vars(base).get("__annotations__", ()) if name != "_made_by")
+    handle_bases = [
+        base for base in kind.__mro__ if issubclass(base, ArenaAgent) and base.__module__.startswith(HANDLES)
+    ]
+    return frozenset(
+        name for base in handle_bases for name in vars(base).get("__annotations__", ()) if name != "_made_by"
+    )
 
 
 def attribute_to_json(value: object, name: str, packer: ModelPacker) -> object:

@@ -74,8 +74,8 @@ def part_from_json(value: object, near: Sequence[type] = ()) -> Any:
 
 
 def _is_built_in(kind: type) -> bool:
-    ours = issubclass(kind, BASES) and kind.__module__.startswith(ROOMS)
-    return ours and is_dataclass(kind) and not kind.__name__.startswith("_")
+    is_of_package = issubclass(kind, BASES) and kind.__module__.startswith(ROOMS)
+    return is_of_package and is_dataclass(kind) and not kind.__name__.startswith("_")
 
 
 def _class_called(name: object) -> type | None:

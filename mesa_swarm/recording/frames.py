@@ -332,9 +332,9 @@ def _list_noted(frames: Iterable) -> Iterator[Event]:
         together: dict[tuple[int, str], list[tuple[int, float]]] = {}
         for step, name, unique_id, value in frame["events"].tolist():
             together.setdefault((step, name), []).append((unique_id, value))
-        for (step, name), ones in together.items():
-            ids = tuple(dict.fromkeys(unique_id for unique_id, _ in ones if unique_id >= 0))
-            yield Event(step=step, kind=name, ids=ids, text=_describe_noted(name, ids, [value for _, value in ones]))
+        for (step, name), pairs in together.items():
+            ids = tuple(dict.fromkeys(unique_id for unique_id, _ in pairs if unique_id >= 0))
+            yield Event(step=step, kind=name, ids=ids, text=_describe_noted(name, ids, [value for _, value in pairs]))
 
 
 def _describe_noted(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
@@ -391,7 +391,7 @@ def _merges(frames: Iterable) -> Iterator[Event]:
         label = clusters(frame["position"].astype(float), MERGE_LINK, fewest=MERGE_ROBOTS).label
         now = dict(zip(frame.robots.tolist(), label.tolist(), strict=True))
         for group in range(int(label.max(initial=-1)) + 1):
-            members = sorted(robot for robot, its in now.items() if its == group)
+            members = sorted(robot for robot, label in now.items() if label == group)
             parts = {before[robot] for robot in members if before.get(robot, -1) >= 0}
             if len(parts) > 1:
                 text = f"{len(parts)} groups have become one of {len(members)} robots"

@@ -328,9 +328,9 @@ def _check_same(model: EngineModel, things: dict, obstacles: dict) -> None:
     if present != {"robots": things["robots"], "obstacles": list(obstacles), "fires": things["fires"]}:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
-        now, then = body_to_json(obstacle), obstacles[obstacle.unique_id]
+        now, stored = body_to_json(obstacle), obstacles[obstacle.unique_id]
         form, _ = _form_of(now)
-        if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
+        if now[form] != stored.get(form) or now.get("kind") != stored.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
 
 

@@ -116,7 +116,7 @@ def _objects_of(model: EngineModel) -> dict[str, list[int]]:
 
 def _changed_objects(new: dict, old: dict, fresh: dict) -> dict:
     """Return the stored objects of `old`, but with those designs and shapes of `new` that the run did not change."""
-    designs = [_unless_changed(*three) for three in zip_longest(new["designs"], old["designs"], fresh["designs"])]
+    designs = [_unless_changed(*designs) for designs in zip_longest(new["designs"], old["designs"], fresh["designs"])]
     mine, first = ({body["id"]: body for body in model["obstacles"]} for model in (new, fresh))
     bodies = [_merge_bodies(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
     kinds = [*dict.fromkeys(kind for model in (old, new) for kind in model.get("kinds", KINDS))]

@@ -122,7 +122,7 @@ class RecordedSeries(ChartTable):
     def _layers(self) -> tuple[str, ...]:
         """Return the names of all layers that there ever were."""
         names = (number_names(tuple(scenery["layers"])) for _, scenery in self.scene.changes)
-        return tuple(dict.fromkeys(name for ones in names for name in ones))
+        return tuple(dict.fromkeys(name for layers in names for name in layers))
 
     def _note_collisions(self, frame: Frame) -> None:
         robots = find_collided(frame)
