@@ -96,12 +96,8 @@ def of_handles(kind: type) -> frozenset[str]:
     >>> sorted(of_handles(Robot))
     ['row', 'swarm']
     """
-    handle_bases = [
-        base for base in kind.__mro__ if issubclass(base, ArenaAgent) and base.__module__.startswith(HANDLES)
-    ]
-    return frozenset(
-        name for base in handle_bases for name in vars(base).get("__annotations__", ()) if name != "_made_by"
-    )
+    bases = [base for base in kind.__mro__ if issubclass(base, ArenaAgent) and base.__module__.startswith(HANDLES)]
+    return frozenset(name for base in bases for name in vars(base).get("__annotations__", ()) if name != "_made_by")
 
 
 def attribute_to_json(value: object, name: str, packer: ModelPacker) -> object:
