@@ -278,13 +278,13 @@ def recorded_moment(design: RobotDesign, columns: dict[str, Any], kinds: tuple[s
     table, count = DesignTable.of((design,)), len(design.proximity)
     if "distance" not in columns or "kind" not in columns or len(columns["distance"]) < count:
         count = 0
-    front, left_wheel, right = (int(index) if index < count else -1 for index in table.forward[0])
+    front, left, right = (int(index) if index < count else -1 for index in table.forward[0])
     return Moment(
         distance=np.asarray(columns.get("distance", ()), float)[:count],
         kind=np.asarray(columns.get("kind", ()), int)[:count],
         sensors=table.proximity[0, :count],
         bearing=table.bearing[0, :count],
-        forward=(front, left_wheel, right),
+        forward=(front, left, right),
         command=np.asarray(columns.get("command", ()), float),
         turns=bool(design.turns),
         columns=columns,
@@ -340,14 +340,12 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     if len(model.fires):
         state = " (too hot to fight)" if columns["hot"] else ""
         facts.append(("Heat", f"{columns['temperature']:.1f}, {columns['heat']:+.2f} a step{state}"))
-        fire = int(columns["fire"])
-        facts.append(("Fights", fire_name(fire)))
-    radiation, line = columns["radiation"], columns["line"]
+        facts.append(("Fights", fire_name(int(columns["fire"]))))
     if len(robot.design.radiation):
-        readings = radiation[: len(robot.design.radiation)]
+        readings = columns["radiation"][: len(robot.design.radiation)]
         facts.append(("Radiation", " ".join(f"{reading:.2f}" for reading in readings)))
     if len(robot.design.line):
-        over = ["mark" if on else "ground" for on in line[: len(robot.design.line)]]
+        over = ["mark" if on else "ground" for on in columns["line"][: len(robot.design.line)]]
         facts.append(("Line sensors", ", ".join(over)))
     facts += custom_of(model, columns)
     if model.communication is not None:
