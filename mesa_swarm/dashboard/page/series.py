@@ -116,6 +116,9 @@ class Series(ChartTable, Observer):
     the remaining rows are exact, of the steps that are multiples of `every`.
     """
 
+    # Steps in which each robot collided, by `Swarm.number`, which stays when others are removed.
+    _collided: np.ndarray
+
     def __init__(self, most_numbers: int = MOST_NUMBERS) -> None:
         super().__init__(most_numbers)
         self.model: SwarmModel | None = None
@@ -205,8 +208,7 @@ class Series(ChartTable, Observer):
 
     def _forget(self) -> None:
         self.every, self._count, self.since, self.faults = 1, 0, 0, {}
-        # Steps in which each robot collided, by `Swarm.number`, which stays when others are removed.
-        self._collided: np.ndarray = np.empty(0, np.int64)
+        self._collided = np.empty(0, np.int64)
         self._steps = np.empty(0, np.int64)
         self._table = np.empty((0, 0))
 
