@@ -295,19 +295,13 @@ def show(
     >>> len(view.model.robots)
     4
     """
-    found = find_model(model) if isinstance(model, str) else model
-    if isinstance(found, type) and issubclass(found, SwarmModel):
-        found = found(**parameters)
+    value = find_model(model) if isinstance(model, str) else model
+    if isinstance(value, type) and issubclass(value, SwarmModel):
+        value = value(**parameters)
     elif parameters:
         raise InvalidValueError(f"{', '.join(parameters)}: given beside a model that is made already; give its class")
-    if not isinstance(found, SwarmModel):
-        raise InvalidValueError(f"model is {shortened(found)}; expected a SwarmModel, or its class, name or address")
-    return found.show(
-        controls=controls,
-        charts=charts,
-        inspector=inspector,
-        reset=reset,
-        width=width,
-        height=height,
-        speed=speed,
+    if not isinstance(value, SwarmModel):
+        raise InvalidValueError(f"model is {shortened(value)}; expected a SwarmModel, or its class, name or address")
+    return value.show(
+        controls=controls, charts=charts, inspector=inspector, reset=reset, width=width, height=height, speed=speed
     )

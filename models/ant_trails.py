@@ -127,7 +127,7 @@ class AntTrails(SwarmModel):
     ) -> None:
         ways = way(1.0, 1.0), way(-1.0, check_number("ratio", ratio, minimum=1, maximum=2))
         super().__init__(map=around(ways), rng=rng)
-        self.lanes = [line.offset_curve(-ASIDE, join_style="mitre") for one in ways for line in (one, one.reverse())]
+        self.lanes = [line.offset_curve(-ASIDE, join_style="mitre") for path in ways for line in (path, path.reverse())]
         self.add_field(Field("trail", cell=5.0, diffusion=0.3, evaporation=evaporation))
         n, p = check_count("n_robots", n_robots, maximum=36), check_number("leaving", leaving, above=0, maximum=1)
         self.add_robots(ANT, poses=[(24.0 + 13.0 * (i // 3), LEVEL + 12.0 * (i % 3 - 1), 0.0) for i in range(n)])
@@ -138,9 +138,9 @@ class AntTrails(SwarmModel):
         """Advance by one step, and count who passes the middle of a branch."""
         before = self.swarm.position[:, 0] < MIDDLE
         super().step()
-        passed, is_upper = before != (self.swarm.position[:, 0] < MIDDLE), self.swarm.position[:, 1] > LEVEL
-        self.state["upper"] += int(np.count_nonzero(passed & is_upper))
-        self.state["lower"] += int(np.count_nonzero(passed & ~is_upper))
+        crossed, is_upper = before != (self.swarm.position[:, 0] < MIDDLE), self.swarm.position[:, 1] > LEVEL
+        self.state["upper"] += int(np.count_nonzero(crossed & is_upper))
+        self.state["lower"] += int(np.count_nonzero(crossed & ~is_upper))
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: passages of both branches, and the upper one's share of them."""

@@ -122,8 +122,8 @@ class BestOfN(SwarmModel):
         arena = Map(name="two sites", bounds=(0, 0, WIDTH, HEIGHT), obstacles=tuple(marks))
         super().__init__(map=arena, rng=rng, model_reporters={"for_left": "for_left"})
         count = check_count("n_robots", n_robots)
-        left = round(count * check_number("first_share", first_share, minimum=0, maximum=1))
-        for first, size in ((-1, left), (1, count - left)):
+        first_count = round(count * check_number("first_share", first_share, minimum=0, maximum=1))
+        for first, size in ((-1, first_count), (1, count - first_count)):
             ground = Ground(quality=check_number("quality", quality, minimum=0, maximum=1), first=first)
             self.add_robots(replace(BODY, sensors=(*AGENT9.sensors, ground)), size)
         self.communication = Radio(range=range, state=False, goal=False, message=("opinion",))

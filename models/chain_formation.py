@@ -96,8 +96,8 @@ class ChainFormation(SwarmModel):
     @property
     def mean_chain(self) -> float:
         """Mean number of robots in a chain, 0 without chains."""
-        found = self.find_chains()
-        return found.mean_length if found.count else 0.0
+        chains = self.find_chains()
+        return chains.mean_length if chains.count else 0.0
 
     @property
     def chained(self) -> float:
@@ -106,10 +106,10 @@ class ChainFormation(SwarmModel):
 
     def results(self) -> dict[str, float]:
         """Return the measures used by a comparison."""
-        found = self.find_chains()
+        chains = self.find_chains()
         return {
-            "chains": found.count,
+            "chains": chains.count,
             "mean chain": self.mean_chain,
-            "longest chain": found.longest,
+            "longest chain": chains.longest,
             "chained": self.chained,
         }

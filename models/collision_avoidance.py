@@ -86,12 +86,12 @@ class CollisionAvoidance(SwarmModel):
     ) -> None:
         real = REAL_ROBOTS.get(check_choice("design", design, DESIGNS))
         super().__init__(map=map, rng=rng, scale=None if real is None else real.scale)
-        built = replace(DESIGNS[design], max_speed=max_speed)
-        built = built.with_proximity(error_probability=error_probability, error_magnitude=0.2)
-        built = built.with_slip(probability=slip_probability, magnitude=0.5)
+        robot_design = replace(DESIGNS[design], max_speed=max_speed)
+        robot_design = robot_design.with_proximity(error_probability=error_probability, error_magnitude=0.2)
+        robot_design = robot_design.with_slip(probability=slip_probability, magnitude=0.5)
         scatter(self, check_count("obstacles", obstacles))
         scatter(self, check_count("moving_obstacles", moving_obstacles), speed=obstacle_speed)
-        self.add_robots(built, check_count("n_robots", n_robots))
+        self.add_robots(robot_design, check_count("n_robots", n_robots))
         self.robot_steps = 0
         spot = (Avoid(distance=spot_distance, turn="stationary", name="AvoidOnTheSpot"),) if spot_distance else ()
         avoid = Avoid(distance=distance, turn=turn, front=front, sides=sides)

@@ -113,5 +113,6 @@ class FireFighting(SwarmModel):
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: fires out, and the step at which each and all were out, or None."""
         last = int(self.fires.out_step.max()) if len(self.fires) and self.fires.out.all() else None
-        own = len(self.map.fires) if any(isinstance(one, Spreading) for one in self.processes) else None
-        return {"fires out": int(self.fires.out.sum()), **self.fires.times_out(own), "all fires out at": last}
+        spreads = any(isinstance(process, Spreading) for process in self.processes)
+        times = self.fires.times_out(len(self.map.fires) if spreads else None)
+        return {"fires out": int(self.fires.out.sum()), **times, "all fires out at": last}

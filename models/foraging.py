@@ -127,8 +127,8 @@ class Foraging(SwarmModel):
         """Add an item of food where there is room, not in the nest."""
         while True:
             place = self.streams["food"].uniform(ROOM, FIELD.width - ROOM, 2)
-            others = np.vstack([self.movers.position, self.swarm.position])
-            if np.hypot(*(place - NEST)) > NEST_RADIUS + ROOM and (np.hypot(*(others - place).T) > ROOM).all():
+            neighbours = np.vstack([self.movers.position, self.swarm.position])
+            if np.hypot(*(place - NEST)) > NEST_RADIUS + ROOM and (np.hypot(*(neighbours - place).T) > ROOM).all():
                 break
         self.add_body(disc(tuple(place.tolist()), FOOD_RADIUS), kind="food")
 
@@ -145,7 +145,7 @@ class Foraging(SwarmModel):
     def step(self) -> None:
         """Advance by one step, use energy, and turn food that was brought to the nest into energy."""
         super().step()
-        used = OUTSIDE * self.outside + INSIDE * (len(self.swarm) - self.outside)
+        energy = OUTSIDE * self.outside + INSIDE * (len(self.swarm) - self.outside)
         for body in [body for body in self.movers.agents if body.carrier is not None]:
             if np.hypot(*(body.carrier.position - NEST)) < NEST_RADIUS - FOOD_RADIUS:
                 self.event("delivered", robot=body.carrier, value=GAIN)
@@ -153,10 +153,10 @@ class Foraging(SwarmModel):
                 self.add_food()
                 self.state["items"] += 1
                 self.state["energy"] += GAIN
-        self.state["spent"] += used
-        self.state["energy"] = min(max(self.state["energy"] - used, 0.0), FULL)
+        self.state["spent"] += energy
+        self.state["energy"] = min(max(self.state["energy"] - energy, 0.0), FULL)
 
     def results(self) -> dict[str, float | None]:
         """Return the measures used by a comparison: items that were brought, energy at the end, energy used an item."""
-        items, spent = self.state["items"], self.state["spent"]
-        return {"items": float(items), "energy": self.energy, "energy used per item": spent / items if items else None}
+        items, energy = self.state["items"], self.state["spent"]
+        return {"items": float(items), "energy": self.energy, "energy used per item": energy / items if items else None}

@@ -127,8 +127,8 @@ class PuckClustering(SwarmModel):
     @property
     def clusters(self) -> int:
         """Number of clusters, single pucks included."""
-        found = clusters(self.lying, LINK)
-        return found.count + int((found.label < 0).sum())
+        groups = clusters(self.lying, LINK)
+        return groups.count + int((groups.label < 0).sum())
 
     @property
     def largest(self) -> float:

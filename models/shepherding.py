@@ -45,8 +45,8 @@ class Camera(Sensor):
         """Write the places as each robot sees them."""
         for i in range(len(out)):
             for k in range(len(places)):
-                seen = (places[k] - complex(position[i, 0], position[i, 1])) * np.exp(-1j * heading[i])
-                out[i, 2 * k], out[i, 2 * k + 1] = seen.real, seen.imag
+                offset = (places[k] - complex(position[i, 0], position[i, 1])) * np.exp(-1j * heading[i])
+                out[i, 2 * k], out[i, 2 * k + 1] = offset.real, offset.imag
 
 
 @behaviour

@@ -40,9 +40,10 @@ class Boards(Part):
 
     def columns(self) -> dict[str, Column]:
         """Return source and boards, and of each robot what it reads, its visits, when and where the last one was."""
-        own = {"places": Column(self.places, role="parameter"), "since": Column(self.since, "robots", initial=NEVER)}
-        own |= {name: Column(getattr(self, name)) for name in ("source", "strength", "azimuth")}
-        return own | {name: Column(getattr(self, name), "robots") for name in ("read", "seen", "visits", "written")}
+        places, since = Column(self.places, role="parameter"), Column(self.since, "robots", initial=NEVER)
+        columns = {"places": places, "since": since}
+        columns |= {name: Column(getattr(self, name)) for name in ("source", "strength", "azimuth")}
+        return columns | {name: Column(getattr(self, name), "robots") for name in ("read", "seen", "visits", "written")}
 
     def stages(self) -> Iterator[Stage]:
         """Let robots read before they decide and write after they have moved; move and fade every few steps."""

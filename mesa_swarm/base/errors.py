@@ -153,12 +153,12 @@ def error_line(error: BaseException) -> str:
     return without_middle("".join(letter if letter.isprintable() else "\ufffd" for letter in text))
 
 
-def located(error: BaseException) -> str:
+def locate_error(error: BaseException) -> str:
     """Return the line of `error_line`, and before it the place in a user's code where the error arose, if it did there.
 
     Examples
     --------
-    >>> located(ValueError("n is 0"))  # which was not raised
+    >>> locate_error(ValueError("n is 0"))  # which was not raised
     'ValueError: n is 0'
     """
     words, place = error_line(error), place_of_error(error)
@@ -182,12 +182,12 @@ def place_of_error(error: BaseException) -> str:
 
 def _causes(error: BaseException) -> list[BaseException]:
     """Return an error, what it was raised from, and so on."""
-    found: list[BaseException] = []
+    causes: list[BaseException] = []
     cause: BaseException | None = error
-    while cause is not None and cause not in found:
-        found.append(cause)
+    while cause is not None and cause not in causes:
+        causes.append(cause)
         cause = cause.__cause__
-    return found
+    return causes
 
 
 def _calls(error: BaseException) -> Iterator[tuple[str, int] | None]:
@@ -222,7 +222,8 @@ def _is_ours(file: str) -> bool:
 
 def _uses_us(names: dict[str, Any]) -> bool:
     """Return whether a module has anything of mesa_swarm's among its names."""
-    origins = (asked(value, "__module__", "") or asked(value, "__name__", "") for value in list(names.values()))
+    values, read = list(names.values()), read_attribute
+    origins = (read(value, "__module__", "") or read(value, "__name__", "") for value in values)
     return any(isinstance(origin, str) and origin.partition(".")[0] == "mesa_swarm" for origin in origins)
 
 
@@ -244,30 +245,25 @@ def without_middle(line: str, longest: int = LONGEST) -> str:
 
 
 def check_number(
-    name: str,
-    value: object,
-    *,
-    minimum: float = -math.inf,
-    maximum: float = math.inf,
-    above: float = -math.inf,
+    name: str, value: object, *, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf
 ) -> float:
     """Return any real number, NumPy's included, as a float if it is finite and permitted; `above` is exclusive."""
-    return _checked(name, value, minimum, maximum, above, "a finite number")
+    return _check_real(name, value, minimum, maximum, above, "a finite number")
 
 
-def _checked(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
+def _check_real(name: str, value: object, minimum: float, maximum: float, above: float, what: str) -> float:
     if type(value) is float and minimum <= value <= maximum and value > above and math.isfinite(value):
         return value  # as a rule: composing the text below takes longer than all else
-    wanted = _range_in_words(what, minimum, maximum, above)
+    expectation = _range_in_words(what, minimum, maximum, above)
     try:
         # Arrays of one number would be taken for it, with a warning.
         if isinstance(value, (bool, str, bytes, bytearray)) or getattr(value, "ndim", 0) != 0:
             raise TypeError
         number = float(value)  # type: ignore[arg-type]
     except Exception:  # a class of the user's may raise anything
-        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}") from None
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {expectation}") from None
     if not (math.isfinite(number) and minimum <= number <= maximum and number > above):
-        raise InvalidValueError(f"{name} is {number:g}; expected {wanted}")
+        raise InvalidValueError(f"{name} is {number:g}; expected {expectation}")
     return number
 
 
@@ -277,20 +273,20 @@ def check_count(name: str, value: object, *, minimum: int = 0, maximum: int = 2*
         number: float = int(value)
         permitted = minimum <= number <= maximum
     else:
-        number = _checked(name, value, minimum, maximum, -math.inf, "a whole number")
+        number = _check_real(name, value, minimum, maximum, -math.inf, "a whole number")
         permitted = number == int(number)
     if not permitted:
-        wanted = _range_in_words("a whole number", minimum, maximum, -math.inf)
-        raise InvalidValueError(f"{name} is {shortened(value)}; expected {wanted}")
+        expectation = _range_in_words("a whole number", minimum, maximum, -math.inf)
+        raise InvalidValueError(f"{name} is {shortened(value)}; expected {expectation}")
     return int(number)
 
 
 def check_choice(name: str, value: object, choices: Iterable[str]) -> str:
     """Return `value` if it is one of `choices`, else suggest the nearest."""
-    known = list(choices)
-    if isinstance(value, str) and value in known:
+    names = list(choices)
+    if isinstance(value, str) and value in names:
         return value
-    raise UnknownNameError(unknown_name(name, value, known))
+    raise UnknownNameError(unknown_name(name, value, names))
 
 
 def check_name(name: str, value: object) -> str:
@@ -310,25 +306,25 @@ def check_flag(name: str, value: object) -> bool:
     raise InvalidValueError(f"{name} is {shortened(value)}; expected True or False")
 
 
-def unknown_name(what: str, got: object, known: Iterable[str], *, beside: int = 0) -> str:
+def unknown_name(what: str, value: object, known_names: Iterable[str], *, beside: int = 0) -> str:
     """Return one sentence about an unknown name, with the nearest known one.
 
     Known names are listed as far as a message of 300 characters has room, with `beside` characters of other text.
     """
-    names = list(known)
-    hint = f"did you mean {near!r}? " if (near := _nearest(got, names)) else ""
-    begin = f"unknown {what} {shortened(got)}; {hint}known: "
+    names = list(known_names)
+    hint = f"did you mean {near!r}? " if (near := _nearest(value, names)) else ""
+    begin = f"unknown {what} {shortened(value)}; {hint}known: "
     room = LONGEST - beside - len(begin)
-    listed = ", ".join(names)
-    while len(listed) > room and names:
+    listing = ", ".join(names)
+    while len(listing) > room and names:
         names.pop()
-        listed = ", ".join([*names, "..."])
-    return begin + listed
+        listing = ", ".join([*names, "..."])
+    return begin + listing
 
 
-def _nearest(got: object, names: list[str]) -> str:
+def _nearest(value: object, names: list[str]) -> str:
     """Return the known name that is most like another one, in any case, or an empty text."""
-    text = got[:80] if isinstance(got, str) else shortened(got)
+    text = value[:80] if isinstance(value, str) else shortened(value)
     if near := get_close_matches(text, names, n=1, cutoff=0.5):
         return near[0]
     by_folded = {name.casefold(): name for name in reversed(names)}
@@ -336,7 +332,7 @@ def _nearest(got: object, names: list[str]) -> str:
     return by_folded[near[0]] if near else ""
 
 
-def asked(value: object, name: str, default: Any = None) -> Any:
+def read_attribute(value: object, name: str, default: Any = None) -> Any:
     """Return an attribute of a user's object, or the default where it is missing or raises an error."""
     try:
         return getattr(value, name, default)
@@ -346,17 +342,17 @@ def asked(value: object, name: str, default: Any = None) -> Any:
 
 def _range_in_words(what: str, minimum: float, maximum: float, above: float) -> str:
     if above > -math.inf:
-        lower = f"above {_shown(above)}"
+        lower = f"above {_format_limit(above)}"
     elif minimum > -math.inf:
-        lower = f"at least {_shown(minimum)}"
+        lower = f"at least {_format_limit(minimum)}"
     else:
         lower = ""
-    upper = f"at most {_shown(maximum)}" if maximum < math.inf else ""
+    upper = f"at most {_format_limit(maximum)}" if maximum < math.inf else ""
     limits = " and ".join(part for part in (lower, upper) if part)
     return f"{what} {limits}".rstrip()
 
 
-def _shown(limit: float) -> str:
+def _format_limit(limit: float) -> str:
     return str(limit) if isinstance(limit, int) else f"{limit:g}"
 
 

@@ -27,7 +27,7 @@ def missing_package_line(purpose: str, package: str, extra: str) -> str:
     return f"{purpose} {package}; install it with: {install_command(extra)}"
 
 
-def need(package: str, extra: str, purpose: str, name: str | None = None) -> None:
+def require_extra(package: str, extra: str, purpose: str, name: str | None = None) -> None:
     """Check that the package of an extra is installed.
 
     Parameters
@@ -48,7 +48,7 @@ def need(package: str, extra: str, purpose: str, name: str | None = None) -> Non
 
     Examples
     --------
-    >>> need("numpy", "test", "this page needs")
+    >>> require_extra("numpy", "test", "this page needs")
     """
     if find_spec(package) is None:
         raise SwarmError(missing_package_line(purpose, name or package, extra))

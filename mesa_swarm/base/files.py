@@ -43,19 +43,19 @@ FORMER = {
 def check_writable(folder: str | os.PathLike[str]) -> Path:
     """Return a folder in which files can be written, or raise why they cannot; nothing stays behind."""
     path = Path(folder)
-    missing: list[Path] = []
+    new_folders: list[Path] = []
     try:
-        missing = [part for part in (path, *path.parents) if not part.exists()]
+        new_folders = [part for part in (path, *path.parents) if not part.exists()]
         path.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=path):
             return path
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
         reason = getattr(error, "strerror", None) or error
         raise InvalidValueError(
-            f"results cannot be written to '{shown_path(path)}': {reason}; choose another folder"
+            f"results cannot be written to '{show_path(path)}': {reason}; choose another folder"
         ) from None
     finally:
-        _remove_empty(missing)
+        _remove_empty(new_folders)
 
 
 def checked_file(path: Path, ending: str, name: str = "out") -> Path:
@@ -104,14 +104,14 @@ def check_apart(
         if _are_one_file(target, source):
             raise error(
                 without_middle(
-                    f"{shown_path(target)} is the file that is read, {shown_path(source)}; choose another name"
+                    f"{show_path(target)} is the file that is read, {show_path(source)}; choose another name"
                 )
             )
 
 
-def _are_one_file(one: Path, other: str | os.PathLike[str]) -> bool:
+def _are_one_file(target: Path, source: str | os.PathLike[str]) -> bool:
     try:
-        return os.path.samefile(one, other)
+        return os.path.samefile(target, source)
     except (OSError, ValueError):  # one is not there, or no file can have that name
         return False
 
@@ -121,10 +121,10 @@ def unwritable(path: Path, error: OSError, kind: type[SwarmError] = InvalidValue
     reason = error.strerror or error
     if error.errno == errno.ENOSPC:  # Arrow adds the long message of its own layers
         reason = os.strerror(errno.ENOSPC)
-    return kind(f"{shown_path(path)} cannot be written: {' '.join(str(reason).split())[:100]}; {cure}")
+    return kind(f"{show_path(path)} cannot be written: {' '.join(str(reason).split())[:100]}; {cure}")
 
 
-def shown_path(path: str | os.PathLike[str]) -> str:
+def show_path(path: str | os.PathLike[str]) -> str:
     """Return a path as errors show it: on one line, a long one by its end, where the name of the file is."""
     text = repr(os.fspath(path))[1:-1].replace("\\\\", "\\")
     return text if len(text) <= LONGEST_SHOWN else f"...{text[-LONGEST_SHOWN:]}"
@@ -134,7 +134,7 @@ def check_present_format(path: str | os.PathLike[str], error: type[SwarmError] =
     """Raise an error that names what replaces a file of RAS2D or Scilab, if the ending is one of theirs."""
     ending = os.path.splitext(os.fspath(path))[1].lower()
     if isinstance(ending, str) and ending in FORMER:
-        raise error(without_middle(f"{shown_path(path)}: {FORMER[ending]}"))
+        raise error(without_middle(f"{show_path(path)}: {FORMER[ending]}"))
 
 
 def write_whole(
@@ -171,9 +171,9 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
     If the file cannot be written, an `error` is raised that has its name, never that of the draft; with `folders` its
     folder is created if it is missing.
     """
-    made = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
+    new_folders = [folder for folder in path.parents if not os.path.lexists(folder)] if folders else []
     try:
-        place, hold = _begun(path, error, folders)
+        place, hold = _begin_draft(path, error, folders)
         with hold:
             try:
                 yield Path(hold.name)
@@ -188,16 +188,16 @@ def draft_of(path: Path, error: type[SwarmError] = InvalidValueError, *, folders
                 discard(hold)
                 raise
     finally:
-        _remove_empty(made)
+        _remove_empty(new_folders)
 
 
-def _begun(path: Path, error: type[SwarmError], folders: bool) -> tuple[Path, FileIO]:
+def _begin_draft(path: Path, error: type[SwarmError], folders: bool) -> tuple[Path, FileIO]:
     """Return where a file is to stand, symbolic links followed, and its draft, open."""
     try:
         place = checked_place(path)
         if folders:
             place.parent.mkdir(parents=True, exist_ok=True)
-        return place, opened_draft(place)
+        return place, open_draft(place)
     except OSError as problem:
         raise unwritable(path, problem, error) from None
 
@@ -209,7 +209,7 @@ def _is_of_another(problem: OSError, place: Path, draft: Path) -> bool:
     return Path(os.path.realpath(problem.filename)) not in (draft, place, *place.parents)
 
 
-def opened_draft(path: Path) -> FileIO:
+def open_draft(path: Path) -> FileIO:
     """Open a new file beside another, under a name of its own; drafts that killed writers left there are deleted.
 
     It is locked as long as it is open, so that other writers of the same file know that it is not left over.
@@ -264,10 +264,10 @@ def discard(draft: FileIO) -> None:
     """Close a draft and delete it, unless it was put in its place."""
     name = Path(draft.name)
     with suppress(OSError):  # else it would hide why writing failed
-        ours = draft.closed or is_named(draft, name)
+        is_ours = draft.closed or is_named(draft, name)
         if os.name == "nt":
             draft.close()
-        if ours:
+        if is_ours:
             name.unlink(missing_ok=True)
     unlock(draft)
     draft.close()
@@ -302,7 +302,7 @@ def unlock(file: FileIO | BinaryIO) -> None:
 def is_locked(path: Path) -> bool:
     """Return whether the file of a name is locked by a writer."""
     try:
-        with open(path, "rb", buffering=0, opener=_opened_as_it_is) as file:
+        with open(path, "rb", buffering=0, opener=_open_as_it_is) as file:
             return lock(file, shared=True) is False
     except OSError:
         return False
@@ -329,7 +329,7 @@ def sync(path: Path) -> None:
 
 def _remove_left_over(draft: Path) -> None:
     """Delete a draft that is not locked."""
-    with suppress(OSError), open(draft, "rb", buffering=0, opener=_opened_as_it_is) as file:
+    with suppress(OSError), open(draft, "rb", buffering=0, opener=_open_as_it_is) as file:
         if os.name == "nt":  # where files that are open elsewhere cannot be deleted
             file.close()
             draft.unlink()
@@ -337,7 +337,7 @@ def _remove_left_over(draft: Path) -> None:
             draft.unlink()
 
 
-def _opened_as_it_is(path: str, flags: int) -> int:
+def _open_as_it_is(path: str, flags: int) -> int:
     """Open a file, no link to another one, and no pipe that would make us wait."""
     return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
 

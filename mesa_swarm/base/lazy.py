@@ -29,7 +29,7 @@ def lazy_names(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str]
     """
     homes = {name: module for module, names in modules.items() for name in names.split()}
 
-    def imported(name: str) -> object:
+    def import_name(name: str) -> object:
         """Import a public name from where it lives."""
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
@@ -43,7 +43,7 @@ def lazy_names(package: str, modules: Mapping[str, str]) -> tuple[Callable[[str]
         """List the public names."""
         return sorted({*vars(sys.modules[package]), *homes})
 
-    return imported, names
+    return import_name, names
 
 
 class ImportedMethod:

@@ -189,7 +189,7 @@ class MovedFinder:
         for address, new in NAMES.items():
             home, _, name = address.rpartition(".")
             if home == old:
-                names[name] = _imported(new)
+                names[name] = _import_name(new)
         module.__dict__.update(names)
 
     def get_code(self, name: str) -> CodeType:
@@ -204,10 +204,10 @@ def moved_name(module: str, name: str) -> object:
     if old not in NAMES:
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
     _warn(old, NAMES[old], stacklevel=4)
-    return _imported(NAMES[old])
+    return _import_name(NAMES[old])
 
 
-def _imported(address: str) -> object:
+def _import_name(address: str) -> object:
     module, _, name = address.rpartition(".")
     return getattr(import_module(module), name)
 

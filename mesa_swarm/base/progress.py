@@ -28,12 +28,12 @@ class Progress(tqdm):
 
     # When the work began, if one line is printed at the end instead of a bar.
     unseen_since: float | None = None
-    noted = ""
+    remark = ""
     _noted_at = 0.0
 
     def note(self, text: str) -> None:
         """Show a text in place of the bar until the next unit of work is done; with "" the bar again."""
-        self.noted, self._noted_at = text, self.n
+        self.remark, self._noted_at = text, self.n
         self.refresh()
 
     def close(self) -> None:
@@ -48,12 +48,12 @@ class Progress(tqdm):
     @property
     def format_dict(self) -> dict:
         """What the layout may show."""
-        shown = super().format_dict
-        if self.noted and self.n == self._noted_at:
-            return shown | {"bar_format": "{noted}", "noted": self.noted}
-        rate = shown["rate"] or (self.n - self.initial) / max(shown["elapsed"], 1e-9)
-        shown["finishing"] = finishing_time(self.total - self.n, rate, datetime.now())
-        return shown
+        values = super().format_dict
+        if self.remark and self.n == self._noted_at:
+            return values | {"bar_format": "{remark}", "remark": self.remark}
+        rate = values["rate"] or (self.n - self.initial) / max(values["elapsed"], 1e-9)
+        values["finishing"] = finishing_time(self.total - self.n, rate, datetime.now())
+        return values
 
 
 # tqdm's own lock is one between processes as well, for which Python starts another process.
@@ -83,19 +83,19 @@ def notice(text: str) -> None:
     Progress.write(f"mesa-swarm: {text}", file=sys.stderr)
 
 
-def finishing_time(left: int, rate: float, now: datetime) -> str:
+def finishing_time(remaining: int, rate: float, now: datetime) -> str:
     """Return when the work left is done at this rate a second."""
-    if rate <= 0 or left / rate > 1e9:
+    if rate <= 0 or remaining / rate > 1e9:
         return "measuring"
-    done = now + timedelta(seconds=left / rate)
-    return f"done at {done:%H:%M:%S}" if done.date() == now.date() else f"done on {done:%d %b} at {done:%H:%M}"
+    end = now + timedelta(seconds=remaining / rate)
+    return f"done at {end:%H:%M:%S}" if end.date() == now.date() else f"done on {end:%d %b} at {end:%H:%M}"
 
 
-def progress_bar(total: int, unit: str, shown: bool, layout: str = LAYOUT) -> Progress:
+def progress_bar(total: int, unit: str, is_shown: bool, layout: str = LAYOUT) -> Progress:
     """Return a bar for `total` units of work; call its ``update``, and ``close`` at the end."""
     file = None if is_drawn() else _Nowhere()
-    bar = Progress(total=total, unit=unit, disable=not shown, bar_format=layout, mininterval=0.2, file=file)
-    if shown:
+    bar = Progress(total=total, unit=unit, disable=not is_shown, bar_format=layout, mininterval=0.2, file=file)
+    if is_shown:
         _SHOWN.append(bar)
         bar.unseen_since = perf_counter() if file else None
     return bar

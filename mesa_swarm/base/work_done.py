@@ -51,8 +51,8 @@ class WorkSummary:
     def add(self, work: WorkDone, begin: float) -> None:
         """Add work to that of the same unit."""
         self.begin = begin if self.begin is None else min(self.begin, begin)
-        known = self.works.get(work.unit, WorkDone(work.unit, 0, 0))
-        counts = known.done + work.done, known.total + work.total, known.before + work.before
+        earlier = self.works.get(work.unit, WorkDone(work.unit, 0, 0))
+        counts = earlier.done + work.done, earlier.total + work.total, earlier.before + work.before
         self.works[work.unit] = WorkDone(work.unit, *counts)
 
     def print(self) -> None:
@@ -67,7 +67,7 @@ _of_command: list[WorkSummary] = []
 
 
 @contextmanager
-def one_line() -> Iterator[None]:
+def summarise_work() -> Iterator[None]:
     """Collect all work that is done within into one line, which is printed at the end."""
     summary = WorkSummary()
     _of_command.append(summary)
@@ -83,7 +83,7 @@ def report_work(work: WorkDone, begin: float) -> None:
 
     Examples
     --------
-    >>> with one_line():  # to standard error
+    >>> with summarise_work():  # to standard error
     ...     report_work(WorkDone("steps", 40, 40), perf_counter())
     """
     if _of_command:

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from mesa_swarm.base.errors import SwarmError, error_line, located
-from mesa_swarm.base.work_done import one_line
+from mesa_swarm.base.errors import SwarmError, error_line, locate_error
+from mesa_swarm.base.work_done import summarise_work
 from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, parameter_searches, policies, run
 from mesa_swarm.cli.installed import command_of, installed_commands
 from mesa_swarm.cli.lines import any_letters
@@ -82,7 +82,7 @@ def _run_command(words: list[str]) -> int:
     """Let Typer find the command and return its exit status; --debug may stand anywhere."""
     command = typer.main.get_command(app)
     arguments = [word for word in words if word != "--debug"]
-    with one_line():
+    with summarise_work():
         status = command.main(arguments, prog_name="mesa-swarm", standalone_mode=False)
     if status == INTERRUPTED:  # newer versions of Typer return this after Ctrl-C, older ones raise Abort
         raise KeyboardInterrupt
@@ -119,7 +119,7 @@ def _in_words(error: Exception) -> str:
     if isinstance(error, OSError):
         unnamed = "standard output or a temporary file" if error.errno in DISK_FULL else None
         return ": ".join(str(part) for part in (error.filename or unnamed, error.strerror or error) if part)
-    return f"{located(error)} (--debug shows where)"
+    return f"{locate_error(error)} (--debug shows where)"
 
 
 def _range_of(error: Exception) -> str:

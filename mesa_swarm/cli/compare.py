@@ -150,7 +150,7 @@ def compare(
     from mesa_swarm.experiments.run_tables import FILES, checked_forms
     from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.tables import WIDEST
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
 
     model_class, forms, parts = find_model(model), checked_forms(table or ()), checked_series(series)
     folder = check_writable(out or Path("results", f"compare_{short_name(model)}"))
@@ -161,7 +161,7 @@ def compare(
         values=None if values is None else parsed_values(model_class, parameter, values),
         seeds=seeds,
         steps=steps,
-        settings=parsed_settings(model_class, setting or ()),
+        settings=parse_settings(model_class, setting or ()),
         measures=measure or (),
         until=until,
     )
@@ -178,12 +178,12 @@ def compare(
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
     """Return values separated by commas, as the parameter's type."""
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
 
     name = parameter or getattr(model_class, "compares", (None,))[0]
     if name is None:
         raise InvalidValueError("--values is given without --parameter; give both")
-    return [parsed_settings(model_class, [f"{name}={text.strip()}"])[name] for text in values.split(",")]
+    return [parse_settings(model_class, [f"{name}={text.strip()}"])[name] for text in values.split(",")]
 
 
 @commands.command("reality-gap")
@@ -214,7 +214,7 @@ def reality_gap(
     """Turn a dial from ideal to imperfect robots and draw the model's score; continue an interrupted call."""
     prepare()
     from mesa_swarm.experiments import reality_gap as gaps
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
     from mesa_swarm.viewing.pictures import png
 
     of_one = {"--set": setting, "--measure": measure, "--until": until}
@@ -231,7 +231,7 @@ def reality_gap(
             measure=measure,
             seeds=seeds,
             steps=steps,
-            settings=parsed_settings(find_model(name), setting or ()),
+            settings=parse_settings(find_model(name), setting or ()),
             jobs=jobs,
             progress=not quiet,
             out=home,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from mesa_swarm.base.errors import InvalidValueError, SwarmError, located, shortened, without_middle
+from mesa_swarm.base.errors import InvalidValueError, SwarmError, locate_error, shortened, without_middle
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -32,7 +32,7 @@ def command_of(name: str, points: "list[EntryPoint]") -> Any:
         _add(application, name, _loaded(points))
         return typer.main.get_group(application).commands[name]
     except (Exception, SystemExit) as error:
-        reason = str(error) if isinstance(error, SwarmError) else f"cannot be loaded: {located(error)}"
+        reason = str(error) if isinstance(error, SwarmError) else f"cannot be loaded: {locate_error(error)}"
         refusing = typer.Typer(add_completion=False, rich_markup_mode=None)
         refusing.command(name, help=reason, context_settings=ANY_WORDS)(_refusal(name, points[0], reason))
         return typer.main.get_group(refusing).commands[name]

@@ -86,10 +86,10 @@ def prepare() -> None:
 def built_model(name: str, settings: Sequence[str] | None, rng: int) -> "SwarmModel":
     """Build a model with settings such as "n_robots=5"."""
     prepare()
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
 
     model_class = find_model(name)
-    return model_class(**parsed_settings(model_class, settings or ()), rng=rng)
+    return model_class(**parse_settings(model_class, settings or ()), rng=rng)
 
 
 def files_of(model: str, settings: Sequence[str] | None = None) -> list[str]:

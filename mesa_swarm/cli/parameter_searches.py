@@ -69,7 +69,7 @@ def sensitivity(
 ) -> None:
     """Measure how much a measure depends on each parameter (SALib); continue an interrupted call."""
     prepare()
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
     from mesa_swarm.searches import sensitivity as studies
 
     studies.need_salib()
@@ -86,7 +86,7 @@ def sensitivity(
             difference=None if difference is None else _parsed_difference(model_class, difference),
             missing=missing,
             steps=steps,
-            settings=parsed_settings(model_class, setting or ()),
+            settings=parse_settings(model_class, setting or ()),
             rng=rng,
             out=folder,
             jobs=jobs,
@@ -120,7 +120,7 @@ def calibrate(
     """Search parameters at which measures are near their targets (Optuna); continue an interrupted call."""
     prepare()
     from mesa_swarm.experiments.sweep import TABLE
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
     from mesa_swarm.searches import calibration as studies
 
     studies.need_optuna()
@@ -139,7 +139,7 @@ def calibrate(
             fresh=fresh,
             missing={name: number for name, (number,) in _numbers("missing", missing or [], 1)},
             steps=steps,
-            settings=parsed_settings(model_class, setting or ()),
+            settings=parse_settings(model_class, setting or ()),
             rng=rng,
             out=folder,
             jobs=jobs,
@@ -153,7 +153,7 @@ def calibrate(
 def parsed_ranges(model_class: type, texts: Sequence[str] | None) -> "dict[str, Range]":
     """Return the ranges that texts such as "k1=0.001:0.01" describe, as the parameters' types."""
     from mesa_swarm.experiments.sampling import Range
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
 
     if not texts:
         raise InvalidValueError("no range is given; give one for each parameter, such as --range n_robots=5:20")
@@ -168,7 +168,7 @@ def parsed_ranges(model_class: type, texts: Sequence[str] | None) -> "dict[str, 
             raise InvalidValueError(
                 f"range {shortened(text)} is unclear; expected NAME=LOW:HIGH, NAME=LOW:HIGH:log or NAME=A,B,..."
             )
-        values = [parsed_settings(model_class, [f"{name}={part.strip()}"])[name] for part in ends.split(separator)]
+        values = [parse_settings(model_class, [f"{name}={part.strip()}"])[name] for part in ends.split(separator)]
         found[name] = (
             Range(low=values[0], high=values[1], log=is_log) if separator == ":" else Range(values=tuple(values))
         )
@@ -177,13 +177,13 @@ def parsed_ranges(model_class: type, texts: Sequence[str] | None) -> "dict[str, 
 
 def _parsed_difference(model_class: type, text: str) -> tuple[str, Any, Any]:
     """Return the parameter and the two values of a text such as "strategy=A,B"."""
-    from mesa_swarm.model.parameters import parsed_settings
+    from mesa_swarm.model.parameters import parse_settings
 
     name, _, listed = text.partition("=")
     parts = [part.strip() for part in listed.split(",")]
     if len(parts) != 2:
         raise InvalidValueError(f"difference {shortened(text)} is unclear; expected NAME=A,B")
-    first, second = (parsed_settings(model_class, [f"{name}={part}"])[name] for part in parts)
+    first, second = (parse_settings(model_class, [f"{name}={part}"])[name] for part in parts)
     return name, first, second
 
 

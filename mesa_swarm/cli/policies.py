@@ -14,7 +14,7 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.base.files import check_apart, check_writable, shown_path
+from mesa_swarm.base.files import check_apart, check_writable, show_path
 from mesa_swarm.cli.options import Force
 
 if TYPE_CHECKING:
@@ -98,12 +98,12 @@ def machine_in(file: Path) -> "StateMachine":
         if file.exists() and not file.is_file():  # a pipe would be waited for
             raise OSError
         if file.stat().st_size > LARGEST_TEXT:
-            raise LearningError(f"{shown_path(file)} has more than {LARGEST_TEXT:,} bytes; expected a state machine")
+            raise LearningError(f"{show_path(file)} has more than {LARGEST_TEXT:,} bytes; expected a state machine")
         return StateMachine.read(file.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise LearningError(f"there is no file {shown_path(file)}; write machine.text() to one") from None
+        raise LearningError(f"there is no file {show_path(file)}; write machine.text() to one") from None
     except (OSError, UnicodeDecodeError):
-        raise LearningError(f"{shown_path(file)} cannot be read; expected the text of a state machine") from None
+        raise LearningError(f"{show_path(file)} cannot be read; expected the text of a state machine") from None
 
 
 def design_named(name: str) -> "RobotDesign":

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, asked, check_name, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, read_attribute, shortened
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
@@ -48,7 +48,7 @@ class Arbiter:
         if not 1 <= len(layers) <= MOST_LAYERS:
             raise InvalidValueError(f"{kind} has {len(layers)} layers; expected 1 to {MOST_LAYERS}")
         for layer in layers:
-            methods = [asked(layer, name) for name in ("decide", "bind")]
+            methods = [read_attribute(layer, name) for name in ("decide", "bind")]
             if isinstance(layer, type) or not all(map(callable, methods)):
                 raise InvalidValueError(
                     f"{kind} got {shortened(layer)}; expected layers such as Avoid(), or rules made with @behaviour"

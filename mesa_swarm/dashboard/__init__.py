@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mesa_swarm.base.errors import SwarmError, UnknownNameError, check_choice, check_count, shortened
-from mesa_swarm.base.extras import need
+from mesa_swarm.base.extras import require_extra
 from mesa_swarm.model.gallery import find_model, gallery_names, is_address, model_names
 
 if TYPE_CHECKING:
@@ -47,14 +47,14 @@ def launch(
     """
     find_model(model_name)  # now, since no link makes the page import anything
     _check_port(host, check_count("port", port, minimum=1, maximum=65535))
-    need("solara", "dashboard", "the dashboard needs", "Solara")
+    require_extra("solara", "dashboard", "the dashboard needs", "Solara")
     os.environ[MODEL_VARIABLE] = model_name
     if recordings is not None:
         os.environ[RECORDINGS_VARIABLE] = str(_checked_place(recordings))
     # This warning concerns every plain http page that is not called localhost.
     warnings.filterwarnings("ignore", message="Cookies with samesite=none", category=UserWarning)
     token = "" if host in HERE else os.environ.get(TOKEN_VARIABLE) or secrets.token_urlsafe(24)
-    application = guarded(token)
+    application = guard_server(token)
     name = socket.gethostname() if token else f"[{host}]" if ":" in host else host
     address = f"http://{name}:{port}/" + (f"?token={token}" if token else "")
     print(f"mesa-swarm: the dashboard is at {address} (Ctrl-C ends it)", flush=True)
@@ -63,8 +63,8 @@ def launch(
 
 def page_models() -> list[str]:
     """Return the names of the page's models: all that can be loaded, and the address that the server was given."""
-    started = os.environ.get(MODEL_VARIABLE, FIRST)
-    return sorted([*gallery_names(), *_usable(tuple(model_names()))]) + [started] * is_address(started)
+    first = os.environ.get(MODEL_VARIABLE, FIRST)
+    return sorted([*gallery_names(), *_usable(tuple(model_names()))]) + [first] * is_address(first)
 
 
 def check_page_model(name: str) -> str:
@@ -94,8 +94,8 @@ def _serve(application: "Gate", host: str, port: int, address: str) -> None:
     import uvicorn  # noqa: PLC0415 - comes with Solara
 
     # Packing frames smaller costs more time than sending them as they are.
-    unpacked: dict = {"ws_per_message_deflate": False, "ws_max_size": LARGEST_MESSAGE}
-    server = uvicorn.Server(uvicorn.Config(application, host=host, port=port, log_level="warning", **unpacked))
+    options: dict = {"ws_per_message_deflate": False, "ws_max_size": LARGEST_MESSAGE}
+    server = uvicorn.Server(uvicorn.Config(application, host=host, port=port, log_level="warning", **options))
     if address:
         threading.Thread(target=_open_when_served, args=(server, address), daemon=True).start()
     with suppress(KeyboardInterrupt):
@@ -108,7 +108,7 @@ def _open_when_served(server: "uvicorn.Server", address: str) -> None:
     webbrowser.open(address)
 
 
-def guarded(token: str) -> "Gate":
+def guard_server(token: str) -> "Gate":
     """Return Solara's server behind the gate, which requires this token of requests unless it is empty."""
     os.environ["SOLARA_APP"] = "mesa_swarm.dashboard.app"  # which the server reads when it is imported
     from solara.server import settings  # noqa: PLC0415 - heavy, and optional

@@ -59,16 +59,16 @@ class Places:
         self._holders: set[threading.Event] = set()
         self._lock = threading.Lock()
 
-    def take(self, closed: threading.Event) -> bool:
+    def take(self, connection: threading.Event) -> bool:
         """Take a place until this event is set; return False if all are taken.
 
         The place does not depend on what the page does at its end: a panel that fails there keeps none.
         """
         with self._lock:
             self._holders = {holder for holder in self._holders if not holder.is_set()}
-            if closed not in self._holders and len(self._holders) >= self.most:
+            if connection not in self._holders and len(self._holders) >= self.most:
                 return False
-            self._holders.add(closed)
+            self._holders.add(connection)
             return True
 
 
@@ -90,13 +90,7 @@ MODELS = "models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"compare": Compare, "experiment": ExperimentTab, "replay": Replay}
 # The state of tabs that is written into links.
-COMPANIONS: dict = {
-    WATCH: None,
-    MODELS: None,
-    "compare": Comparing,
-    "experiment": Experimenting,
-    "replay": Replaying,
-}
+COMPANIONS: dict = {WATCH: None, MODELS: None, "compare": Comparing, "experiment": Experimenting, "replay": Replaying}
 
 PLACES = Places()
 
@@ -165,9 +159,9 @@ def Header(navigation: Navigation) -> None:
                 current = "page" if name == navigation.tab else ""
                 Button(name.capitalize(), partial(navigation.go, name), current=current).key(name)
         model = navigation.model_shown
-        shown = rv.Html(tag="b", children=[title(model) if model else ""])
+        heading = rv.Html(tag="b", children=[title(model) if model else ""])
         # Always there: what follows it would be made anew if it came and went.
-        rv.Html(tag="p", children=[shown, f" {description(find_model(model))}" if model else ""])
+        rv.Html(tag="p", children=[heading, f" {description(find_model(model))}" if model else ""])
         traits = {"shown": navigation.shown, "tours": navigation.tours}
         solara.Title(page_title(title(model or session.name), navigation.tab.capitalize(), WATCH.capitalize()))
         ScreenButtons.element()
@@ -249,14 +243,14 @@ def OwnPanel(panel: Callable[[SwarmModel], object], session: Session, beat: Beat
 def SessionFault(session: Session, faults: tuple[str, ...]) -> None:
     """Show an error of the model or of the link on a card."""
     use_changes(session.changed)
-    left, leave = solara.use_state(False)
+    is_left, leave = solara.use_state(False)
     problems = (*faults, *filter(None, [session.note]))
     if session.error and session.unbuilt:
         way_out = "Back to the last settings" if session.built else "Back to the defaults", session.go_back
         TroubleCard("These settings cannot be built", session.error, way_out=way_out).key("unbuilt")
     elif session.error:
         TroubleCard("The model stopped", session.error, way_out=("Reset", session.reset)).key("error")
-    elif problems and not left:
+    elif problems and not is_left:
         way_out = "Continue", lambda: leave(True)
         head = "Still running" if session.goal and not faults else "Parts of the link were ignored"
         TroubleCard(head, *problems, way_out=way_out).key("fault")

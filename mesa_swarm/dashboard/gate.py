@@ -162,17 +162,17 @@ def is_well_formed(scope: Scope) -> bool:
 def lacks_page(scope: Scope) -> bool:
     """Return whether a request lacks the page that Solara reads from it without a check."""
     words = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1"), keep_blank_values=True))
-    wanted = scope["type"] == "websocket" or scope["path"].startswith(CLOSE)
-    return wanted and "session_id" not in words
+    needs_page = scope["type"] == "websocket" or scope["path"].startswith(CLOSE)
+    return needs_page and "session_id" not in words
 
 
 def host_of(header: str) -> str:
     """Return the name in a Host header, without its port; empty if it is malformed."""
-    found = HOST.fullmatch(header)
-    if found is None or int(found[2] or 0) > LAST_PORT:
+    match = HOST.fullmatch(header)
+    if match is None or int(match[2] or 0) > LAST_PORT:
         return ""
-    name = found[1].strip("[]").lower()
-    if found[1].startswith("["):
+    name = match[1].strip("[]").lower()
+    if match[1].startswith("["):
         try:
             IPv6Address(name)
         except ValueError:
@@ -193,24 +193,24 @@ def digest_token(token: str) -> str:
 def cookie_of(header: str) -> str:
     """Return the content of the dashboard's own cookie, empty without one."""
     try:
-        found = SimpleCookie(header).get(COOKIE)
+        cookie = SimpleCookie(header).get(COOKIE)
     except CookieError:
         return ""
-    return found.value if found else ""
+    return cookie.value if cookie else ""
 
 
-def _same(word: str, wanted: str) -> bool:
-    return hmac.compare_digest(word.encode(), wanted.encode())
+def _same(word: str, token: str) -> bool:
+    return hmac.compare_digest(word.encode(), token.encode())
 
 
 def _safely(send: Send) -> Send:
     """Return `send` with the headers of every answer; they replace those of the application."""
-    known = {name for name, _ in SAFE}
+    names = {name for name, _ in SAFE}
 
     async def send_safely(message: Scope) -> None:
         if message["type"] in ANSWERS:
-            own = [(name, value) for name, value in message.get("headers", []) if name.lower() not in known]
-            message = {**message, "headers": [*own, *SAFE]}
+            headers = [(name, value) for name, value in message.get("headers", []) if name.lower() not in names]
+            message = {**message, "headers": [*headers, *SAFE]}
         await send(message)
 
     return send_safely
@@ -224,19 +224,22 @@ def _asks_for_page(scope: Scope) -> bool:
 
 def _completely(send: Send, *, packs: bool) -> Send:
     """Return `send` that completes pages, and compresses them if the browser takes that."""
-    begun: list[Scope] = []
+    start: list[Scope] = []
     parts: list[bytes] = []
 
     async def send_completely(message: Scope) -> None:
         if message["type"] == ANSWERS[0] and _is_page(message):
-            begun.append(message)
-        elif begun and message["type"] == "http.response.body":
+            start.append(message)
+        elif start and message["type"] == "http.response.body":
             parts.append(message.get("body", b""))
             if not message.get("more_body"):
                 page = complete_page(b"".join(parts))
                 page = gzip.compress(page, mtime=0) if packs else page
-                headers = [*_with_length(begun[0]["headers"], len(page)), *(PACKED if packs else ())]
-                await send({**begun[0], "headers": headers})
+                length = b"%d" % len(page)
+                headers = [
+                    (name, length if name == b"content-length" else value) for name, value in start[0]["headers"]
+                ]
+                await send({**start[0], "headers": [*headers, *(PACKED if packs else ())]})
                 await send({**message, "body": page})
         else:
             await send(message)
@@ -247,10 +250,6 @@ def _completely(send: Send, *, packs: bool) -> Send:
 def _is_page(message: Scope) -> bool:
     headers = dict(message.get("headers", []))
     return headers.get(b"content-type", b"").startswith(HTML) and b"content-encoding" not in headers
-
-
-def _with_length(headers: list[tuple[bytes, bytes]], length: int) -> list[tuple[bytes, bytes]]:
-    return [(name, b"%d" % length if name == b"content-length" else value) for name, value in headers]
 
 
 def complete_page(page: bytes) -> bytes:
@@ -268,8 +267,8 @@ def _sound(receive: Receive) -> Receive:
 
     async def receive_sound() -> Scope:
         message = await receive()
-        packed = message.get("bytes") or b""
-        if packed and not 1 <= int.from_bytes(packed[:4], "big") < len(packed) // 4:
+        content = message.get("bytes") or b""
+        if content and not 1 <= int.from_bytes(content[:4], "big") < len(content) // 4:
             return {"type": "websocket.disconnect", "code": 1003}
         return message
 

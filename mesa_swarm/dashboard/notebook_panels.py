@@ -49,22 +49,22 @@ class NotebookSession(Session):
     """
 
     def __init__(self, model: SwarmModel) -> None:
-        given = parameters_of_run(model)
+        settings = parameters_of_run(model)
         self._first: SwarmModel | None = model
-        self._copied = deepcopy(model) if is_made_by_hand(model) else None
-        seed, chart = seed_of(model, given.pop("rng", None)), given.get("map")
+        self._copy = deepcopy(model) if is_made_by_hand(model) else None
+        seed, chart = seed_of(model, settings.pop("rng", None)), settings.get("map")
         if isinstance(chart, Map):
-            given["map"] = f"{chart.name} (yours)"
-        super().__init__(type(model).__name__, given, seed, find=lambda _: type(model))
+            settings["map"] = f"{chart.name} (yours)"
+        super().__init__(type(model).__name__, settings, seed, find=lambda _: type(model))
         if isinstance(chart, Map):
-            self.uploads[given["map"]] = chart
+            self.uploads[settings["map"]] = chart
 
-    def _made(self, given: Mapping[str, Any]) -> SwarmModel:
+    def _make_model(self, settings: Mapping[str, Any]) -> SwarmModel:
         """Return first the model that was shown, then new ones."""
         first, self._first = self._first, None
         if first is not None:
             return first
-        return super()._made(given) if self._copied is None else deepcopy(self._copied)
+        return super()._make_model(settings) if self._copy is None else deepcopy(self._copy)
 
     def _limit_collected(self, model: Any) -> None:
         """Drop nothing: the rows are the user's."""
@@ -112,9 +112,9 @@ class NotebookView(ipywidgets.Box):
         """The model that is shown."""
         return self.session.model
 
-    def _repr_mimebundle_(self, **wanted: Any) -> dict[str, Any] | None:
+    def _repr_mimebundle_(self, **options: Any) -> dict[str, Any] | None:
         """Return the widget, and a PNG for places that show no widgets."""
-        bundle = super()._repr_mimebundle_(**wanted)
+        bundle = super()._repr_mimebundle_(**options)
         return bundle | {"image/png": self.canvas.still()} if bundle and self.canvas.still else bundle
 
 
@@ -150,31 +150,31 @@ def _panels(session: Session, beside: Beside) -> Sequence[anywidget.AnyWidget]:
         panels.append(widget)
 
     if beside.controls:
-        names = None if beside.controls is True else known_names("parameter", beside.controls, session.parameters)
+        names = None if beside.controls is True else check_known("parameter", beside.controls, session.parameters)
         connect(ControlPanel(bare=names is not None), ChosenControls, names)
     if beside.inspector:
         connect(Inspector(), Inspecting)
     if beside.charts:
         if beside.charts is not True:
             charts = {chart.key.removeprefix("own "): chart.key for chart in session.series.charts()}
-            keys = [charts[name] for name in known_names("chart", beside.charts, charts)]
+            keys = [charts[name] for name in check_known("chart", beside.charts, charts)]
             session.chosen_charts[session.name] = keys
         connect(ChartBoard(), Charting)
     return panels
 
 
-def known_names(what: str, names: Any, known: Any) -> list[str]:
+def check_known(what: str, names: Any, choices: Any) -> list[str]:
     """Return names of parameters or charts, all of which must be known."""
     for name in names:
-        if name not in known:
-            raise UnknownNameError(unknown_name(what, name, known))
+        if name not in choices:
+            raise UnknownNameError(unknown_name(what, name, choices))
     return list(names)
 
 
 def select_controls(groups: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
     """Return groups of controls with only those of these names."""
-    found = [{**group, "fields": [one for one in group["fields"] if one["name"] in names]} for group in groups]
-    return [group for group in found if group["fields"]]
+    chosen = [{**group, "fields": [f for f in group["fields"] if f["name"] in names]} for group in groups]
+    return [group for group in chosen if group["fields"]]
 
 
 def is_made_by_hand(model: SwarmModel) -> bool:
@@ -184,7 +184,7 @@ def is_made_by_hand(model: SwarmModel) -> bool:
 
 def seed_of(model: SwarmModel, rng: object) -> int:
     """Return the whole number from which a model grew; 1 for one that grew from a generator of another kind."""
-    grown = model.streams.seed
+    seed = model.streams.seed
     if isinstance(rng, int):
         return rng
-    return grown.entropy if isinstance(grown.entropy, int) and not grown.spawn_key else 1
+    return seed.entropy if isinstance(seed.entropy, int) and not seed.spawn_key else 1

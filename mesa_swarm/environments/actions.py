@@ -35,18 +35,18 @@ def shares(
     is out of range; with `clip` numbers beyond -1 and 1 become these, and only NaN is out of range.
     """
     if isinstance(actions, str):  # CONTINUOUS, the only word
-        expected = "two wheel speeds" if numbers == 2 else f"{numbers} numbers, two of them wheel speeds,"
-        wheels = _array(commands, (*shape, numbers), expected.rstrip(","))
+        expectation = "two wheel speeds" if numbers == 2 else f"{numbers} numbers, two of them wheel speeds,"
+        wheels = _array(commands, (*shape, numbers), expectation.rstrip(","))
         if clip:
             wheels = np.clip(wheels, -1.0, 1.0)
         if not (np.abs(wheels) <= 1.0).all():  # also refuses NaN
-            raise _refused(wheels, ~(np.abs(wheels) <= 1.0).all(axis=-1), f"{expected} from -1 to 1")
+            raise _refused(wheels, ~(np.abs(wheels) <= 1.0).all(axis=-1), f"{expectation} from -1 to 1")
         return wheels
-    chosen = _array(commands, shape, "the number of an action")
-    known = np.isin(chosen, np.arange(actions))
-    if not known.all():
-        raise _refused(chosen, ~known, f"the number of an action, a whole number from 0 to {actions - 1}")
-    return ACTIONS[chosen.astype(np.intp)]
+    indices = _array(commands, shape, "the number of an action")
+    is_action = np.isin(indices, np.arange(actions))
+    if not is_action.all():
+        raise _refused(indices, ~is_action, f"the number of an action, a whole number from 0 to {actions - 1}")
+    return ACTIONS[indices.astype(np.intp)]
 
 
 def _array(commands: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray:
@@ -59,7 +59,7 @@ def _array(commands: ArrayLike, shape: tuple[int, ...], what: str) -> np.ndarray
     return array
 
 
-def _refused(array: np.ndarray, wrong: np.ndarray, expected: str) -> InvalidValueError:
+def _refused(array: np.ndarray, wrong: np.ndarray, expectation: str) -> InvalidValueError:
     where = tuple(map(int, np.argwhere(wrong)[0]))
     robot = f"robot {where[-1]}" + (f" in world {where[0]}" if len(where) > 1 else "")
-    return InvalidValueError(f"the action of {robot} is {shortened(array[where])}; expected {expected}")
+    return InvalidValueError(f"the action of {robot} is {shortened(array[where])}; expected {expectation}")

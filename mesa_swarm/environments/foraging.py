@@ -150,7 +150,7 @@ class Foraging(Task):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        designs = tuple(map(equipped, self.designs))
+        designs = tuple(map(equip_design, self.designs))
         object.__setattr__(self, "design", designs[0] if len(designs) == 1 else designs)
         check_count("items", self.items, minimum=1, maximum=MOST_ITEMS)
         check_number("nest_radius", self.nest_radius, minimum=10, maximum=1000)
@@ -194,7 +194,8 @@ class Foraging(Task):
         """Return the encoder, which includes what the robot carries and where the nest is."""
         beacon = next((float(s.range) for s in design.sensors if isinstance(s, NestSensor)), BEACON_RANGE)
         kinds = (OBSTACLE, ROBOT, FOOD_CODE)
-        return ObservationEncoder(equipped(design), encoding=self.encoding, kinds=kinds, home=beacon, **self._heard())
+        design = equip_design(design)
+        return ObservationEncoder(design, encoding=self.encoding, kinds=kinds, home=beacon, **self._heard())
 
     def furnish(self, model: SwarmModel) -> None:
         """Add the nest and the food."""
@@ -222,11 +223,7 @@ class Foraging(Task):
     def score(self, model: SwarmModel, count: int) -> Score:
         """Return what rewards the first `count` robots of a new world."""
         return ForagingScore(
-            model,
-            count,
-            delivery=float(self.delivery),
-            pick_up=float(self.pick_up),
-            step_cost=float(self.step_cost),
+            model, count, delivery=float(self.delivery), pick_up=float(self.pick_up), step_cost=float(self.step_cost)
         )
 
 
@@ -255,7 +252,7 @@ class Delivering:
         if not movers.carried.any():
             return
         carried = [movers.agents[row] for row in np.flatnonzero(movers.carried)]
-        for body in [one for one in carried if one.kind == FOOD]:
+        for body in [item for item in carried if item.kind == FOOD]:
             robot = body.carrier
             if np.hypot(*(robot.position - nest)) < self._radius - FOOD_RADIUS:
                 model.event("delivered", robot=robot)
@@ -266,10 +263,10 @@ class Delivering:
     def add_food(self, model: SwarmModel) -> None:
         """Add an item of food that robots can reach from the nest, not in it, and away from robots and other food."""
         x_min, y_min, x_max, y_max = self._space.bounds
-        others = np.vstack([model.movers.position, model.swarm.position])
+        neighbours = np.vstack([model.movers.position, model.swarm.position])
         for _ in range(TRIES):
             place = model.streams[FOOD].uniform((x_min, y_min), (x_max, y_max))
-            apart = (np.hypot(*(others - place).T) > ROOM).all()
+            apart = (np.hypot(*(neighbours - place).T) > ROOM).all()
             if apart and shapely.contains_xy(self._space, *place):
                 model.add_body(disc(tuple(place.tolist()), FOOD_RADIUS), kind=FOOD)
                 return
@@ -286,7 +283,7 @@ class ForagingScore:
     def __init__(self, model: SwarmModel, count: int, *, delivery: float, pick_up: float, step_cost: float) -> None:
         self._model = model
         self._worth = delivery, pick_up, step_cost
-        self._process = next(one for one in model.processes if isinstance(one, Delivering))
+        self._process = next(process for process in model.processes if isinstance(process, Delivering))
         self._carried, self._delivered = np.zeros(count), np.zeros(count)
         self._count, self._numbers = count, np.arange(count)  # of robots with rewards, those that are left
         self._robot_steps = 0
@@ -311,39 +308,36 @@ class ForagingScore:
     def measures(self) -> dict[str, float]:
         """Return the number of items delivered, and that per 1,000 robot-steps, NaN without steps."""
         items, steps = float(self._process.delivered[: self._count].sum()), self._robot_steps
-        return {
-            "items delivered": items,
-            "items per 1,000 robot-steps": 1000.0 * items / steps if steps else math.nan,
-        }
+        return {"items delivered": items, "items per 1,000 robot-steps": 1000.0 * items / steps if steps else math.nan}
 
 
-def equipped(design: RobotDesign) -> RobotDesign:
+def equip_design(design: RobotDesign) -> RobotDesign:
     """Return a design with what foraging takes, unless it has it: gripper, line sensor, sensors of nest and load.
 
     Examples
     --------
     >>> from mesa_swarm import AGENT9
-    >>> equipped(AGENT9).actuators[0].kinds, equipped(equipped(AGENT9)) == equipped(AGENT9)
+    >>> equip_design(AGENT9).actuators[0].kinds, equip_design(equip_design(AGENT9)) == equip_design(AGENT9)
     (('food',), True)
     """
     kinds = LineSensor, Carried, NestSensor
-    missing = [kind() for kind in kinds if not any(isinstance(sensor, kind) for sensor in design.sensors)]
-    grips = any(isinstance(one, Gripper) and one.name == GRIP for one in design.actuators)
+    sensors = [kind() for kind in kinds if not any(isinstance(sensor, kind) for sensor in design.sensors)]
+    grips = any(isinstance(actuator, Gripper) and actuator.name == GRIP for actuator in design.actuators)
     gripper = () if grips else (Gripper(kinds=(FOOD,), reach=REACH),)
-    if not missing and grips:
+    if not sensors and grips:
         return design
-    return replace(design, sensors=(*design.sensors, *missing), actuators=(*design.actuators, *gripper))
+    return replace(design, sensors=(*design.sensors, *sensors), actuators=(*design.actuators, *gripper))
 
 
 @lru_cache(maxsize=256)
-def nest_in(chart: Map, radius: float, wanted: tuple[float, float] | None) -> tuple[float, float]:
+def nest_in(chart: Map, radius: float, centre: tuple[float, float] | None) -> tuple[float, float]:
     """Return the centre of a nest: as wanted, or nearest to the middle of the map where it touches no obstacle."""
     room = room_for_disc(chart.bounds, _solids(chart), radius, SEGMENTS)
     x_min, y_min, x_max, y_max = chart.bounds
-    place = shapely.Point(((x_min + x_max) / 2, (y_min + y_max) / 2) if wanted is None else wanted)
+    place = shapely.Point(((x_min + x_max) / 2, (y_min + y_max) / 2) if centre is None else centre)
     if room.is_empty:
         raise InvalidValueError(f"map {chart.name} has no room for a nest of radius {radius:g}; give a smaller one")
-    if wanted is not None and not shapely.intersects(room, place):
+    if centre is not None and not shapely.intersects(room, place):
         raise InvalidValueError(
             f"nest is ({place.x:g}, {place.y:g}), where one of radius {radius:g} touches an obstacle or the border of "
             f"map {chart.name}; move it, or make it smaller"

@@ -67,7 +67,7 @@ class ParallelSwarmEnv(ParallelEnv):
         self.observation_spaces = {agent: observation_space(task, i) for i, agent in enumerate(self.possible_agents)}
         self.action_spaces = {agent: action_space(task) for agent in self.possible_agents}
         self.state_space = state_space(task)
-        self._seen: dict[str, np.ndarray] = {}
+        self._observed_rows: dict[str, np.ndarray] = {}
         self.world: TaskWorld | None = None
         self.conditions: Conditions | None = None
         self._width = task.observer().width
@@ -76,7 +76,7 @@ class ParallelSwarmEnv(ParallelEnv):
         self._states = StateEncoder(task)
         self._generator = np.random.default_rng()
         self._screen = Display(self.render_mode)
-        self._unknown: dict[str, float] = {}
+        self._no_measures: dict[str, float] = {}
 
     def observation_space(self, agent: str) -> Space:
         """Return the space of an agent's observations, always the same object."""
@@ -99,13 +99,13 @@ class ParallelSwarmEnv(ParallelEnv):
         """
         if seed is not None:
             self._generator = stream(check_seed(seed))
-        given = None if isinstance(options, dict) and options == PROBE else options
-        self.world, self.conditions = new_world(self.task, self.task.most_robots, self._generator, given)
+        settings = None if isinstance(options, dict) and options == PROBE else options
+        self.world, self.conditions = new_world(self.task, self.task.most_robots, self._generator, settings)
         self.agents = self.possible_agents[: self.world.commanded]
-        self._unknown = dict.fromkeys(self.world.measures(), 0.0)
+        self._no_measures = dict.fromkeys(self.world.measures(), 0.0)
         self._screen.show(self.world)
-        self._seen = self._observations(self.world)
-        return dict(self._seen), self._infos(self.world, self._unknown)
+        self._observed_rows = self._observations(self.world)
+        return dict(self._observed_rows), self._infos(self.world, self._no_measures)
 
     def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
         """Take a step, given an action of each agent.
@@ -126,40 +126,40 @@ class ParallelSwarmEnv(ParallelEnv):
         world = self._running()
         reward = np.empty(world.commanded)
         world.advance(
-            shares(self.task.actions, self._ordered(world, actions), reward.shape, self._clip, self.task.numbers),
+            shares(self.task.actions, self._order_actions(world, actions), reward.shape, self._clip, self.task.numbers),
             reward,
         )
-        finished, out_of_time = world.finished, world.out_of_time
-        infos = self._infos(world, measures(world) if finished or out_of_time else self._unknown)
+        is_over, out_of_time = world.finished, world.out_of_time
+        infos = self._infos(world, measures(world) if is_over or out_of_time else self._no_measures)
         observations, rewards = self._observations(world), self._by_agent(reward.tolist())
-        terminated = dict.fromkeys(self.agents, finished)
-        truncated = dict.fromkeys(self.agents, out_of_time and not finished)
-        removed = self._removed(world)
-        for agent in removed:
-            observations[agent], terminated[agent], truncated[agent] = self._seen[agent].copy(), True, False
-        if finished or out_of_time:
+        terminated = dict.fromkeys(self.agents, is_over)
+        truncated = dict.fromkeys(self.agents, out_of_time and not is_over)
+        absent = self._find_removed(world)
+        for agent in absent:
+            observations[agent], terminated[agent], truncated[agent] = self._observed_rows[agent].copy(), True, False
+        if is_over or out_of_time:
             self.agents = []
-        elif removed:
-            self.agents = [agent for agent in self.agents if agent not in removed]
-        self._seen = observations
+        elif absent:
+            self.agents = [agent for agent in self.agents if agent not in absent]
+        self._observed_rows = observations
         self._screen.show(world)
         return dict(observations), rewards, terminated, truncated, infos
 
     def state(self) -> np.ndarray:
         """Return the state of the world for a central critic, float32, one row; see `StateEncoder`."""
         state = np.empty(self._states.width, np.float32)
-        self._states.write(self._begun("state"), state)
+        self._states.write(self._running_world("state"), state)
         return state
 
     def render(self) -> np.ndarray | None:
         """Return a picture of the world, uint8, shape (height, width, 3), or None if it is shown or not drawn."""
-        return None if self.render_mode is None else self._screen.render(self._begun("render"))
+        return None if self.render_mode is None else self._screen.render(self._running_world("render"))
 
     def close(self) -> None:
         """Close the window, if there is one."""
         self._screen.close()
 
-    def _begun(self, method: str) -> TaskWorld:
+    def _running_world(self, method: str) -> TaskWorld:
         if self.world is None:
             raise SwarmError(f"the environment has no episode yet; call reset() before {method}()")
         return self.world
@@ -169,27 +169,27 @@ class ParallelSwarmEnv(ParallelEnv):
             raise SwarmError("the episode is over or not begun; call reset() before step()")
         return self.world
 
-    def _ordered(self, world: TaskWorld, actions: dict) -> list:
+    def _order_actions(self, world: TaskWorld, actions: dict) -> list:
         """Return an action of each robot with which the episode began, 0 for those that were removed."""
-        removed = self._removed(world)
-        needed = [agent for agent in self.agents if agent not in removed] if removed else self.agents
-        if not isinstance(actions, dict) or (needed and not actions):
+        absent = self._find_removed(world)
+        acting_agents = [agent for agent in self.agents if agent not in absent] if absent else self.agents
+        if not isinstance(actions, dict) or (acting_agents and not actions):
             raise InvalidValueError(f"actions are {shortened(actions)}; expected a dict of one for each agent")
         try:
-            acting = list(map(actions.__getitem__, needed))
-        except KeyError as missing:
-            raise InvalidValueError(f"actions lack {missing.args[0]}; expected one for each agent") from None
-        if len(actions) > len(needed) and not actions.keys() <= set(self.agents):
+            acting = list(map(actions.__getitem__, acting_agents))
+        except KeyError as error:
+            raise InvalidValueError(f"actions lack {error.args[0]}; expected one for each agent") from None
+        if len(actions) > len(acting_agents) and not actions.keys() <= set(self.agents):
             raise InvalidValueError(f"actions are {shortened(actions)}; expected a dict of one for each agent")
         if len(acting) == world.commanded:
             return acting
         idle = (0.0,) * self.task.numbers if isinstance(self.task.actions, str) else 0
-        ordered: list = [idle] * world.commanded
-        for agent, action in zip(needed, acting, strict=True):
-            ordered[self._numbers[agent]] = action
-        return ordered
+        in_order: list = [idle] * world.commanded
+        for agent, action in zip(acting_agents, acting, strict=True):
+            in_order[self._numbers[agent]] = action
+        return in_order
 
-    def _removed(self, world: TaskWorld) -> set[str]:
+    def _find_removed(self, world: TaskWorld) -> set[str]:
         """Return the agents whose robots have been removed since the last step."""
         roster = world.roster()
         if roster.complete:
@@ -207,7 +207,7 @@ class ParallelSwarmEnv(ParallelEnv):
         """Return an info of each agent, always with the same names: TorchRL has room for these only."""
         collided = np.empty(world.commanded, np.bool_)
         world.roster().spread(world.swarm.columns["collided"], collided)
-        return {agent: {"collided": hit, **whole} for agent, hit in self._by_agent(collided.tolist()).items()}
+        return {agent: {"collided": collided, **whole} for agent, collided in self._by_agent(collided.tolist()).items()}
 
     def _observations(self, world: TaskWorld) -> dict[str, np.ndarray]:
         observations = np.empty((world.commanded, self._width), np.float32)

@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from mesa_swarm.base.extras import need as need_package
+from mesa_swarm.base.extras import require_extra as need_package
 
 NAMESPACE = "MesaSwarm"
 # The task by Gymnasium's name of the environment.

@@ -55,7 +55,7 @@ class RobotEnv(Env):
         self.observation_space = observation_space(task)
         self.action_space = action_space(task)
         self.world: TaskWorld | None = None
-        self._seen = np.empty(0, np.float32)
+        self._last_row = np.empty(0, np.float32)
         self._width = task.observer().width
         self._clip = checked_clip(task.actions, clip)
         self._screen = Display(self.render_mode)
@@ -92,12 +92,12 @@ class RobotEnv(Env):
         world.advance(
             shares(self.task.actions, fill_masked(action)[None], reward.shape, self._clip, self.task.numbers), reward
         )
-        finished, out_of_time = world.finished, world.out_of_time
+        is_over, out_of_time = world.finished, world.out_of_time
         info: dict = {"collided": bool(world.roster().remaining(1) and world.swarm.columns["collided"][0])}
-        if finished or out_of_time:
+        if is_over or out_of_time:
             info["measures"] = measures(world)
         self._screen.show(world)
-        return self._observation(), float(reward[0]), finished, out_of_time and not finished, info
+        return self._observation(), float(reward[0]), is_over, out_of_time and not is_over, info
 
     def render(self) -> np.ndarray | None:
         """Return a picture of the world, uint8, shape (height, width, 3), or None if it is shown or not drawn."""
@@ -118,16 +118,16 @@ class RobotEnv(Env):
         if world.roster().remaining(1):
             rows = np.empty((1, self._width), np.float32)
             world.observe(rows)
-            self._seen = rows[0]
-        return self._seen.copy()
+            self._last_row = rows[0]
+        return self._last_row.copy()
 
 
 def robot_env(
     *, task: str, render_mode: str | None = None, clip: bool = False, n_robots: int = 1, **parameters: object
 ) -> RobotEnv:
     """Return the environment that Gymnasium makes, of `n_robots` in all; `parameters` are others of the task."""
-    chosen = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
-    return RobotEnv(chosen, render_mode=render_mode, clip=clip)
+    settings = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
+    return RobotEnv(settings, render_mode=render_mode, clip=clip)
 
 
 class RobotVectorEnv(VectorEnv):
@@ -218,17 +218,17 @@ class RobotVectorEnv(VectorEnv):
         """
         shape = self.swarms.n_worlds, self.swarms.commanded
         observations, reward, *ends, raw = self.swarms.step(by_worlds(actions, *shape))
-        terminated, truncated, begun = (np.repeat(worlds, shape[1]) for worlds in (*ends, self.swarms.begun))
-        ended, collided = terminated | truncated, raw["collided"].ravel()
-        infos = _masked({"collided": collided & ~begun}, ~begun) if not begun.all() else {}
-        if begun.any():
+        terminated, truncated, is_new = (np.repeat(worlds, shape[1]) for worlds in (*ends, self.swarms.begun))
+        is_over, collided = terminated | truncated, raw["collided"].ravel()
+        infos = _mask_infos({"collided": collided & ~is_new}, ~is_new) if not is_new.all() else {}
+        if is_new.any():
             infos |= self._conditions()
-        if ended.any():
-            infos |= self._final(raw, collided, ended)
+        if is_over.any():
+            infos |= self._final(raw, collided, is_over)
         if "removed" in raw:
-            removed = raw["removed"].ravel()
-            terminated, truncated = terminated | removed, truncated & ~removed
-            infos |= self._final_of_removed(observations, infos, removed)
+            absent = raw["removed"].ravel()
+            terminated, truncated = terminated | absent, truncated & ~absent
+            infos |= self._final_of_removed(observations, infos, absent)
         infos |= self._present()
         return self._flat(observations), reward.ravel(), terminated, truncated, infos
 
@@ -241,26 +241,26 @@ class RobotVectorEnv(VectorEnv):
         pictures = [self._screen.render(world) for world in self.swarms.worlds]
         return tuple(picture for picture in pictures if picture is not None)
 
-    def _final(self, raw: Infos, collided: np.ndarray, ended: np.ndarray) -> Infos:
+    def _final(self, raw: Infos, collided: np.ndarray, is_over: np.ndarray) -> Infos:
         """Return the infos of episodes that have ended."""
         whole = {name: np.repeat(values, self.swarms.commanded) for name, values in raw["measures"].items()}
-        measured = {"measures": _masked(whole, ended)}
+        of_episodes = {"measures": _mask_infos(whole, is_over)}
         if "final_obs" not in raw:
-            return _masked(measured, ended)
-        last = {"collided": collided & ended, **measured}
+            return _mask_infos(of_episodes, is_over)
+        last = {"collided": collided & is_over, **of_episodes}
         return {
             "final_obs": self._flat(raw["final_obs"]),
-            "_final_obs": ended,
-            **_masked({"final_info": _masked(last, ended)}, ended),
+            "_final_obs": is_over,
+            **_mask_infos({"final_info": _mask_infos(last, is_over)}, is_over),
         }
 
-    def _final_of_removed(self, observations: np.ndarray, infos: Infos, removed: np.ndarray) -> Infos:
+    def _final_of_removed(self, observations: np.ndarray, infos: Infos, absent: np.ndarray) -> Infos:
         """Return the final observations, 0, of removed robots beside those of episodes that have ended."""
         if self.metadata["autoreset_mode"] != AutoresetMode.SAME_STEP:
             return {}
         zeros = np.zeros_like(self._flat(observations))
-        ended = infos.get("_final_obs", np.zeros(self.num_envs, bool))
-        return {"final_obs": infos.get("final_obs", zeros), "_final_obs": ended | removed}
+        is_over = infos.get("_final_obs", np.zeros(self.num_envs, bool))
+        return {"final_obs": infos.get("final_obs", zeros), "_final_obs": is_over | absent}
 
     def _mask_of_worlds(self, mask: object) -> np.ndarray:
         """Return which worlds a mask of environments resets: all environments of a world or none."""
@@ -269,32 +269,34 @@ class RobotVectorEnv(VectorEnv):
                 f"option {MASK} is {shortened(mask)}; expected a bool array of {self.num_envs}, one an environment"
             )
         rows = mask.reshape(self.swarms.n_worlds, -1)
-        split = rows.any(axis=1) & ~rows.all(axis=1)
-        if split.any():
+        is_split = rows.any(axis=1) & ~rows.all(axis=1)
+        if is_split.any():
             raise InvalidValueError(
-                f"option {MASK} has some environments of world {split.argmax()} only; expected all of its "
+                f"option {MASK} has some environments of world {is_split.argmax()} only; expected all of its "
                 f"{rows.shape[1]} or none: they share the world"
             )
         return np.asarray(rows.all(axis=1))
 
     def _conditions(self) -> Infos:
         """Return the conditions of the episodes that have just begun, as Gymnasium merges infos."""
-        begun, infos = self.swarms.begun, self._present()
-        rows = [one.info if new else {} for one, new in zip(self.swarms.conditions, begun.tolist(), strict=True)]
+        is_new, infos = self.swarms.begun, self._present()
+        worlds = zip(self.swarms.conditions, is_new.tolist(), strict=True)
+        rows = [conditions.info if new else {} for conditions, new in worlds]
         for name, kind in (("map", object), ("n_robots", int), ("speed", float), ("imperfection", float)):
             blank = None if kind is object else 0
             values = np.array([row.get(name, blank) for row in rows], kind)
-            infos |= _masked({name: np.repeat(values, self.swarms.commanded)}, np.repeat(begun, self.swarms.commanded))
+            k = self.swarms.commanded
+            infos |= _mask_infos({name: np.repeat(values, k)}, np.repeat(is_new, k))
         return infos
 
     def _present(self) -> Infos:
-        return _masked({"present": self.swarms.present.ravel()}, np.ones(self.num_envs, bool))
+        return _mask_infos({"present": self.swarms.present.ravel()}, np.ones(self.num_envs, bool))
 
     def _flat(self, array: np.ndarray) -> np.ndarray:
         return array.reshape(self.num_envs, -1)
 
 
-def _masked(values: Infos, where: np.ndarray) -> Infos:
+def _mask_infos(values: Infos, where: np.ndarray) -> Infos:
     """Return infos, each with the mask of the environments that have it."""
     return {**values, **{f"_{name}": where.copy() for name in values}}
 
@@ -315,9 +317,9 @@ def robot_vector_env(
     The first `commanded` robots of each world are commanded: with several of them the environments are as many times
     more. ``autoreset_mode=AutoresetMode.NEXT_STEP``, or "NextStep", begins the next episode a step later.
     """
-    chosen = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
+    settings = TASKS[check_choice("task", task, TASKS)].of({**parameters, "n_robots": n_robots})
     return RobotVectorEnv(
-        chosen,
+        settings,
         n_worlds=num_envs,
         commanded=commanded,
         render_mode=render_mode,

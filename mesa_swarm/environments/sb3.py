@@ -56,8 +56,8 @@ class SharedPolicyVecEnv:
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Return an instance that is a VecEnv as well, which is imported only now."""
         need_learning_package("stable_baselines3", "sb3")
-        own: Any = cls
-        return object.__new__(_with_base(own))
+        kind: Any = cls
+        return object.__new__(_with_base(kind))
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class SharedPolicyVecEnv:
         """Give the next `reset` a seed, or one for each world; return that of each environment."""
         self._next["seed"] = seed
         seeds: list[Any] = list(seed) if isinstance(seed, (list, tuple, np.ndarray)) else [seed] * self.swarms.n_worlds
-        return [each for each in seeds for _ in range(self.swarms.commanded)]
+        return [number for number in seeds for _ in range(self.swarms.commanded)]
 
     def set_options(self, options: Options | Sequence[Options] | None = None) -> None:
         """Give the next `reset` options, one dict for all worlds or one for each; see `VectorSwarmEnv.reset`.
@@ -96,8 +96,8 @@ class SharedPolicyVecEnv:
 
     def reset(self) -> np.ndarray:
         """Start an episode in every world and return the observations (environments, width)."""
-        given, self._next = self._next, {"seed": None, "options": None}
-        observations = self.swarms.reset(**given)
+        arguments, self._next = self._next, {"seed": None, "options": None}
+        observations = self.swarms.reset(**arguments)
         if not self.swarms.present.all():
             raise InvalidValueError(
                 f"option n_robots is {self.swarms.present.sum(axis=1).min()}; expected at least "
@@ -112,13 +112,13 @@ class SharedPolicyVecEnv:
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
         """Take the step; return observations, rewards (float32), which environments have ended, and their infos."""
-        observations, reward, terminated, truncated, found = self.swarms.step(self._actions)
-        _check_none_missing(found, terminated | truncated)
-        infos = [{"collided": hit} for hit in found["collided"].ravel().tolist()]
-        if "measures" in found:
-            self._close_episodes(infos, found, truncated)
-        ended = np.repeat(terminated | truncated, self.swarms.commanded)
-        return self._flat(observations), reward.ravel().astype(np.float32), ended, infos
+        observations, reward, terminated, truncated, raw = self.swarms.step(self._actions)
+        _check_none_missing(raw, terminated | truncated)
+        infos = [{"collided": collided} for collided in raw["collided"].ravel().tolist()]
+        if "measures" in raw:
+            self._close_episodes(infos, raw, truncated)
+        is_over = np.repeat(terminated | truncated, self.swarms.commanded)
+        return self._flat(observations), reward.ravel().astype(np.float32), is_over, infos
 
     def close(self) -> None:
         """Do nothing: no process and no window is open."""
@@ -132,36 +132,36 @@ class SharedPolicyVecEnv:
     def get_attr(self, attr_name: str, indices: Indices = None) -> list[Any]:
         """Return an attribute of environments, which all share: "render_mode", or one of `swarms`, such as "task"."""
         value = self._mode if attr_name == "render_mode" else getattr(self.swarms, attr_name)
-        return [value for _ in self._chosen(indices)]
+        return [value for _ in self._choose_environments(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Indices = None) -> None:
         """Refuse: the environments share their worlds."""
         raise InvalidValueError(f"{attr_name} cannot be set; make a new SharedPolicyVecEnv, or change `swarms`")
 
-    def env_method(self, method_name: str, *given: Any, indices: Indices = None, **named: Any) -> list[Any]:
+    def env_method(self, method_name: str, *arguments: Any, indices: Indices = None, **keywords: Any) -> list[Any]:
         """Refuse: the environments share their worlds."""
         raise InvalidValueError(f"{method_name} cannot be called on single environments; call a method of `swarms`")
 
     def env_is_wrapped(self, wrapper_class: type, indices: Indices = None) -> list[bool]:
         """Return False for each: no environment is wrapped."""
-        return [False for _ in self._chosen(indices)]
+        return [False for _ in self._choose_environments(indices)]
 
-    def _close_episodes(self, infos: list[dict], found: Infos, truncated: np.ndarray) -> None:
-        k, final = self.swarms.commanded, self._flat(found["final_obs"])
+    def _close_episodes(self, infos: list[dict], raw: Infos, truncated: np.ndarray) -> None:
+        k, final = self.swarms.commanded, self._flat(raw["final_obs"])
         conditions = self._conditions()
-        for w in np.flatnonzero(found["_final_obs"]).tolist():
-            measures = {name: float(values[w]) for name, values in found["measures"].items()}
+        for w in np.flatnonzero(raw["_final_obs"]).tolist():
+            measures = {name: float(values[w]) for name, values in raw["measures"].items()}
             for e in range(w * k, (w + 1) * k):
-                total = float(found["returns"].flat[e])
+                total = float(raw["returns"].flat[e])
                 infos[e]["terminal_observation"] = final[e]
                 infos[e]["TimeLimit.truncated"] = bool(truncated[w])
                 infos[e]["episode"] = {"r": total, "l": int(measures["steps"]), **measures}
                 self.reset_infos[e] = conditions[e]
 
     def _conditions(self) -> list[dict[str, Any]]:
-        return [one.info for one in self.swarms.conditions for _ in range(self.swarms.commanded)]
+        return [conditions.info for conditions in self.swarms.conditions for _ in range(self.swarms.commanded)]
 
-    def _chosen(self, indices: Indices) -> list[int]:
+    def _choose_environments(self, indices: Indices) -> list[int]:
         count = self.swarms.n_worlds * self.swarms.commanded
         every = range(count) if indices is None else [indices] if isinstance(indices, int) else indices
         return list(every)
@@ -180,9 +180,9 @@ def _with_base(cls: Any) -> Any:
     return type(cls.__name__, (cls, VecEnv), {"__module__": cls.__module__, "__doc__": cls.__doc__})
 
 
-def _check_none_missing(infos: Infos, ended: np.ndarray) -> None:
+def _check_none_missing(infos: Infos, is_over: np.ndarray) -> None:
     """Refuse that robots are removed from a world whose episode goes on."""
-    if "removed" in infos and (absent := infos["removed"] & ~ended[:, None]).any():
+    if "removed" in infos and (absent := infos["removed"] & ~is_over[:, None]).any():
         w, i = np.argwhere(absent)[0].tolist()
         raise SwarmError(
             f"robot {i} of world {w} was removed during an episode; Stable-Baselines3 has no mask for absent robots: "

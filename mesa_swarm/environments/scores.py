@@ -102,45 +102,46 @@ class ObservationEncoder:
             raise InvalidValueError(
                 f"design {design.name} has no proximity sensors, or one of range 0; choose one such as AGENT9"
             )
-        self._typed = check_choice("encoding", encoding, ENCODINGS) == "typed"
+        self._has_types = check_choice("encoding", encoding, ENCODINGS) == "typed"
         self._reach = np.array(ranges)
         self._body = body
         self._leave = leave
         self._kinds = kinds
         self._parts = len(design.radiation), len(design.line)
         self._home, self._messages, self._message_range = home, messages, message_range
-        blocks = 1 + len(KINDS) * self._typed
-        self._seen = blocks * len(ranges) + sum(self._parts) + BODY * body
-        self.width = self._seen + HOME * (home > 0) + (HEARD + messages) * (messages > 0)
+        blocks = 1 + len(KINDS) * self._has_types
+        self._width_of_senses = blocks * len(ranges) + sum(self._parts) + BODY * body
+        self.width = self._width_of_senses + HOME * (home > 0) + (HEARD + messages) * (messages > 0)
 
     def observe(self, columns: dict[str, np.ndarray], out: np.ndarray, first: int = 0) -> None:
         """Write the observations of the robots from row `first` on, as many as `out` (k, width) has rows."""
         rows = slice(first, first + len(out))
-        seen = OBSERVED(columns)
+        readings = OBSERVED(columns)
         if first:
-            seen = tuple(column[rows] for column in seen)
-        observe(*seen, self._reach, self._typed, self._kinds, self._parts, self._body, self._leave, out)
+            readings = tuple(column[rows] for column in readings)
+        about = self._reach, self._has_types, self._kinds, self._parts, self._body, self._leave
+        write_observations(*readings, *about, out)
         if self._home:
             place = columns[NEST][rows]
-            out[:, self._seen] = columns[CARRIED][rows, 0] >= 0
-            _write_place(place[:, 0] / self._home, place[:, 1], out[:, self._seen + 1 :])
+            out[:, self._width_of_senses] = columns[CARRIED][rows, 0] >= 0
+            _write_place(place[:, 0] / self._home, place[:, 1], out[:, self._width_of_senses + 1 :])
         if self._messages:
             self._write_heard(columns, rows, out[:, self.width - HEARD - self._messages :])
 
     def _write_heard(self, columns: dict[str, np.ndarray], rows: slice, out: np.ndarray) -> None:
         away = columns["heard.range"][rows, 0] / self._message_range
         _write_place(away, columns["heard.bearing"][rows, 0], out)
-        heard = 0.5 + 0.5 * columns[f"heard.{MESSAGE}"][rows].reshape(len(out), -1)
-        np.nan_to_num(heard, copy=False, nan=0.5)
-        out[:, HEARD : HEARD + self._messages] = heard
+        messages = 0.5 + 0.5 * columns[f"heard.{MESSAGE}"][rows].reshape(len(out), -1)
+        np.nan_to_num(messages, copy=False, nan=0.5)
+        out[:, HEARD : HEARD + self._messages] = messages
 
 
 def _write_place(away: np.ndarray, bearing: np.ndarray, out: np.ndarray) -> None:
     """Write a distance, at most 1, and the two shares of a bearing; 1, 0.5 and 0.5 for NaN."""
-    missing = np.isnan(away)
-    out[:, 0] = np.where(missing, 1.0, np.minimum(away, 1.0))
-    out[:, 1] = np.where(missing, 0.5, 0.5 + 0.5 * np.cos(bearing))
-    out[:, 2] = np.where(missing, 0.5, 0.5 + 0.5 * np.sin(bearing))
+    unknown = np.isnan(away)
+    out[:, 0] = np.where(unknown, 1.0, np.minimum(away, 1.0))
+    out[:, 1] = np.where(unknown, 0.5, 0.5 + 0.5 * np.cos(bearing))
+    out[:, 2] = np.where(unknown, 0.5, 0.5 + 0.5 * np.sin(bearing))
 
 
 class TeamEncoder:
@@ -182,15 +183,15 @@ class TeamEncoder:
         for encoder, count in self._encoders:
             rows = out[first : first + count]
             if len(rows):
-                own = np.empty((len(rows), encoder.width), out.dtype)
-                encoder.observe(columns, own, first)
-                rows[:, : encoder.width] = own
+                inputs = np.empty((len(rows), encoder.width), out.dtype)
+                encoder.observe(columns, inputs, first)
+                rows[:, : encoder.width] = inputs
             first += count
 
 
 # This calls no compiled function of another file, so that Numba's own cache cannot go stale.
 @compiled
-def observe(
+def write_observations(
     distance, kind, radiation, line, temperature, hot, heat, fire, reach, typed, kinds, parts, body, leave, out
 ):
     """Write the first blocks of the rows that `ObservationEncoder` describes; a robot may lack the last columns."""
@@ -246,7 +247,7 @@ class EpisodeTally:
         self.fresh = np.zeros(count)
         self.visited = np.zeros(CELLS, np.bool_)
         self._bounds = bounds
-        self._removed = np.zeros((0, 3))  # their two sums, and their steps
+        self._removed_sums = np.zeros((0, 3))  # their two sums, and their steps
 
     def add(self, columns: dict[str, np.ndarray]) -> None:
         """Add the last step from the swarm's columns."""
@@ -255,8 +256,8 @@ class EpisodeTally:
 
     def remove_robots(self, rows: np.ndarray) -> None:
         """Keep the sums of robots, by their rows, that were removed apart: those behind them move up."""
-        removed = np.column_stack([self.sums[rows], np.full(len(rows), float(self.steps))])
-        self._removed = np.vstack([self._removed, removed])
+        totals = np.column_stack([self.sums[rows], np.full(len(rows), float(self.steps))])
+        self._removed_sums = np.vstack([self._removed_sums, totals])
         self.sums, self.fresh = np.delete(self.sums, rows, axis=0), np.delete(self.fresh, rows)
 
     @property
@@ -266,24 +267,24 @@ class EpisodeTally:
 
     def _by_robot(self) -> np.ndarray:
         """Return the sums and the steps of all robots, shape (count, 3)."""
-        return np.vstack([np.column_stack([self.sums, np.full(len(self.sums), float(self.steps))]), self._removed])
+        return np.vstack([np.column_stack([self.sums, np.full(len(self.sums), float(self.steps))]), self._removed_sums])
 
     def measures(self, reachable: np.ndarray) -> dict[str, float]:
         """Return collisions per 1,000 steps of the mean and the worst robot, the mean speed ahead, and the coverage.
 
         The coverage is of the `reachable` cells (40, 40). Without steps all others are NaN.
         """
-        visited = int((self.visited & reachable).sum())
+        cells = int((self.visited & reachable).sum())
         ahead, collided, steps = self._by_robot().T
         mean_steps = steps.mean() or math.nan
-        moved = steps > 0  # a robot that was removed before its first step has no rate
-        rates = 1000.0 * collided[moved] / steps[moved]
+        has_steps = steps > 0  # a robot that was removed before its first step has no rate
+        rates = 1000.0 * collided[has_steps] / steps[has_steps]
         return {
             "steps": float(self.steps),
             "collisions": float(1000.0 * collided.mean() / mean_steps),
             "worst robot": float(rates.max()) if len(rates) else math.nan,
             "speed ahead": float(ahead.mean() / mean_steps),
-            "coverage": visited / max(int(reachable.sum()), 1),
+            "coverage": cells / max(int(reachable.sum()), 1),
         }
 
 
@@ -302,7 +303,7 @@ class DrivingScore:
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         columns = self._model.swarm.columns
-        driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
+        reward_driving(columns["command"], columns["max_speed"], columns["collided"], self._cost, out)
 
 
 class ThesisScore:
@@ -321,8 +322,8 @@ class ThesisScore:
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         columns = self._model.swarm.columns
-        seen = columns["distance"], columns["design"], self._ranges
-        near(*seen, columns["command"], columns["max_speed"], *self._rule, out)
+        readings = columns["distance"], columns["design"], self._ranges
+        reward_nearness(*readings, columns["command"], columns["max_speed"], *self._rule, out)
 
 
 class FindingScore:
@@ -353,7 +354,7 @@ class FindingScore:
     def reward(self, out: np.ndarray) -> None:
         """Write the rewards of the last step."""
         check_fires(self._model, self._fires)
-        finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
+        reward_finding(self._model.swarm.columns["fire"], *self._worth, self.found, out)
         if math.isnan(self._steps_to_end) and self.finished:
             self._steps_to_end = float(self._model.steps)
 
@@ -385,7 +386,7 @@ class ExtinguishingScore:
         """Write the rewards of the last step."""
         check_fires(self._model, self._fires)
         out_now, fire = self._model.fires.columns["out"], self._model.swarm.columns["fire"]
-        extinguishing(fire, out_now, *self._worth, self._fought, out)
+        reward_extinguishing(fire, out_now, *self._worth, self._fought, out)
         if math.isnan(self._steps_to_end) and self.finished:
             self._steps_to_end = float(self._model.steps)
 
@@ -430,7 +431,7 @@ def tally_step(command, max_speed, collided, position, bounds, visited, fresh, s
 
 
 @compiled
-def driving(command, max_speed, collided, collision_cost, reward):
+def reward_driving(command, max_speed, collided, collision_cost, reward):
     """Write (left + right) / (2 max_speed) - collision_cost if the robot collided."""
     for i in range(reward.shape[0]):
         forward = 0.5 * (command[i, 0] + command[i, 1])
@@ -440,7 +441,7 @@ def driving(command, max_speed, collided, collision_cost, reward):
 
 
 @compiled
-def near(distance, design, ranges, command, max_speed, kind, critical, reward):
+def reward_nearness(distance, design, ranges, command, max_speed, kind, critical, reward):
     """Write the thesis's reward for the least reading and the wheel commands."""
     for i in range(reward.shape[0]):
         nearest = 1.0
@@ -452,7 +453,7 @@ def near(distance, design, ranges, command, max_speed, kind, critical, reward):
 
 
 @compiled
-def finding(fire, arrival, step_cost, found, reward):
+def reward_finding(fire, arrival, step_cost, found, reward):
     """Write -step_cost, and `arrival` more at a fire that is new to the robot; note that it is found."""
     for i in range(reward.shape[0]):
         reward[i] = -step_cost
@@ -462,7 +463,7 @@ def finding(fire, arrival, step_cost, found, reward):
 
 
 @compiled
-def extinguishing(fire, out, put_out, work, step_cost, fought, reward):
+def reward_extinguishing(fire, out, put_out, work, step_cost, fought, reward):
     """Write -step_cost, `work` more while fighting, `put_out` more if what it fought is out; note what it fights."""
     for i in range(reward.shape[0]):
         before = fought[i]

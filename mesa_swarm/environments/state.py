@@ -1,5 +1,7 @@
 """The state of a whole world as numbers, for central critics: what no robot could know."""
 
+from typing import Any
+
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError
@@ -39,7 +41,8 @@ class StateEncoder:
 
     def __init__(self, task: Task) -> None:
         self.robots = task.most_robots
-        self.fires = max(len(chart.fires) for chart in _maps(task))
+        varied: Any = () if task.variation is None or callable(task.variation.maps) else task.variation.maps
+        self.fires = max(len(chart.fires) for chart in (task.chart, *varied))
         self.things = task.most_things
         self.width = 1 + OF_ROBOT * self.robots + OF_FIRE * self.fires + OF_THING * self.things
         self._task = task
@@ -88,11 +91,6 @@ class StateEncoder:
         table[:, 7] = columns["collided"]
         table[:, 8] = np.minimum(columns["temperature"] / self._leave, 1.0)
         out[numbers] = table
-
-
-def _maps(task: Task) -> list:
-    varied = () if task.variation is None or callable(task.variation.maps) else task.variation.maps
-    return [task.chart, *varied]
 
 
 def _shares(world: SwarmModel, position: np.ndarray) -> np.ndarray:

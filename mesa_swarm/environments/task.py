@@ -101,7 +101,7 @@ class Task:
     def _checked_design(self) -> RobotDesign | tuple[RobotDesign, ...]:
         """Return one design, or as many as there are robots at most."""
         designs = [self.design] if isinstance(self.design, (RobotDesign, str)) else self.design
-        if not isinstance(designs, Sequence) or not designs or not all(isinstance(one, RobotDesign) for one in designs):
+        if not isinstance(designs, Sequence) or not designs or not all(isinstance(d, RobotDesign) for d in designs):
             raise InvalidValueError(
                 f"design is {shortened(self.design)}; expected a RobotDesign such as AGENT9, or several in a tuple"
             )
@@ -114,10 +114,10 @@ class Task:
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> "Task":
         """Return the task with these parameters."""
-        known = [field.name for field in fields(cls)]
+        names = [field.name for field in fields(cls)]
         for name in parameters:
-            if name not in known:
-                raise UnknownNameError(unknown_name(f"parameter of {cls.__name__}", name, known))
+            if name not in names:
+                raise UnknownNameError(unknown_name(f"parameter of {cls.__name__}", name, names))
         return cls(**parameters)
 
     @property
@@ -163,9 +163,9 @@ class Task:
 
     def blocks(self) -> Iterator[tuple[RobotDesign, int]]:
         """Yield each design with the number of robots that have it, in the order of the robots."""
-        each, more = divmod(self.n_robots, len(self.designs))
+        count, more = divmod(self.n_robots, len(self.designs))
         for k, design in enumerate(self.designs):
-            yield design, each + (k < more)
+            yield design, count + (k < more)
 
     @property
     def numbers(self) -> int:

@@ -42,11 +42,11 @@ class Roster:
 
     def __init__(self, swarm: Swarm) -> None:
         self.ids = swarm.unique_ids
-        self._begun = len(self.ids)
-        self.numbers = np.arange(self._begun)
+        self._first_count = len(self.ids)
+        self.numbers = np.arange(self._first_count)
         self.complete = True
 
-    def gone(self, swarm: Swarm) -> NDArray[np.int64]:
+    def find_gone(self, swarm: Swarm) -> NDArray[np.int64]:
         """Return the rows of robots that were removed since the last `drop`, as they were numbered before.
 
         Raises
@@ -58,10 +58,10 @@ class Roster:
         if np.array_equal(ids, self.ids):
             self.ids = ids
             return NONE_GONE
-        added = np.setdiff1d(ids, self.ids)
-        if len(added):
+        new_ids = np.setdiff1d(ids, self.ids)
+        if len(new_ids):
             raise SwarmError(
-                f"robot {added[0]} was added to the world of an episode, which keeps the robots with which it began; "
+                f"robot {new_ids[0]} was added to the world of an episode, which keeps the robots with which it began; "
                 "give the task more by n_robots, or add none"
             )
         return np.flatnonzero(~np.isin(self.ids, ids))
@@ -70,7 +70,7 @@ class Roster:
         """Note that the robots of these rows were removed."""
         self.ids = np.delete(self.ids, rows)
         self.numbers = np.delete(self.numbers, rows)
-        self.complete = len(self.numbers) == self._begun
+        self.complete = len(self.numbers) == self._first_count
 
     def remaining(self, first: int) -> int:
         """Return how many of the first robots are still there; they have the first rows."""
@@ -154,8 +154,8 @@ class Commanded:
             senses.act[name][: self.count] = self.acts[:, k]
         first = 0
         for name, width in self._messages.items():
-            sent = senses.send[name]
-            sent[: self.count] = self.sends[:, first : first + width].reshape(self.count, *sent.shape[1:])
+            outbox = senses.send[name]
+            outbox[: self.count] = self.sends[:, first : first + width].reshape(self.count, *outbox.shape[1:])
             first += width
 
     def reason(self, moment: Moment) -> Reason:
@@ -219,9 +219,9 @@ class TaskWorld(SwarmModel):
             self.add_robots(design, count)
         task.furnish(self)
         self.control = self._driver() if control is None else control
-        bound: Any = self.control
+        arbiter: Any = self.control
         # The copy of Commanded that belongs to this swarm.
-        self._commands: Commanded | None = bound.layers[0] if self.commanded else None
+        self._commands: Commanded | None = arbiter.layers[0] if self.commanded else None
         self._observer = task.observer()
         self._score = task.score(self, self.rewarded)
         self._tally = EpisodeTally(self.rewarded, self.map.bounds)
@@ -263,11 +263,11 @@ class TaskWorld(SwarmModel):
         self.step()
         roster = self.roster()  # without those that were removed in the step
         self._tally.add(self.swarm.columns)
-        own = reward if roster.complete else np.zeros(roster.remaining(self.rewarded))
-        if len(own):
-            self._reward(own)
-        if own is not reward:
-            roster.spread(own, reward)
+        rewards = reward if roster.complete else np.zeros(roster.remaining(self.rewarded))
+        if len(rewards):
+            self._reward(rewards)
+        if rewards is not reward:
+            roster.spread(rewards, reward)
 
     def _reward(self, reward: np.ndarray) -> None:
         """Read the sensors, and write the rewards of the rewarded robots that are there."""
@@ -316,28 +316,28 @@ class TaskWorld(SwarmModel):
             If robots were added, or if some were removed and the task's score cannot do without them.
         """
         if self.swarm.unique_ids is not self._roster.ids:  # which is the same array until robots change
-            gone = self._roster.gone(self.swarm)
-            if len(gone):
-                self._drop(gone)
+            absent = self._roster.find_gone(self.swarm)
+            if len(absent):
+                self._drop(absent)
         return self._roster
 
-    def _drop(self, gone: np.ndarray) -> None:
+    def _drop(self, absent: np.ndarray) -> None:
         """Drop robots, by their rows before they were removed, from the commands, the score and the measures."""
-        rewarded = gone[gone < self._roster.remaining(self.rewarded)]
+        rewarded = absent[absent < self._roster.remaining(self.rewarded)]
         score: Any = self._score
         if len(rewarded) and not hasattr(score, "remove_robots"):
             raise SwarmError(
-                f"robot {self._roster.numbers[gone[0]]} was removed from the world, and {type(score).__name__} has no "
-                "remove_robots(rows); define it, or let the robots stay"
+                f"robot {self._roster.numbers[absent[0]]} was removed from the world, and {type(score).__name__} has "
+                "no remove_robots(rows); define it, or let the robots stay"
             )
         if self._commands is not None:
-            self._commands.remove_robots(gone[gone < self._commands.count])
+            self._commands.remove_robots(absent[absent < self._commands.count])
         if len(rewarded):
             score.remove_robots(rewarded)
         self._tally.remove_robots(rewarded)
         if isinstance(self._observer, TeamEncoder):
-            self._observer = self._observer.without(gone)
-        self._roster.drop(gone)
+            self._observer = self._observer.without(absent)
+        self._roster.drop(absent)
 
     def measures(self) -> dict[str, float]:
         """Return measures of the episode so far, of the robots that are rewarded.
@@ -352,8 +352,8 @@ class TaskWorld(SwarmModel):
         rewarded = self.roster().remaining(self.rewarded)
         begun_at = self._begun_at if self._tally.steps else self.swarm.position[:rewarded]
         reachable = within_reach(self, begun_at, self._radius)
-        own = getattr(self._score, "measures", dict)
-        return {**self._tally.measures(reachable), **own()}
+        measures_of_score = getattr(self._score, "measures", dict)
+        return {**self._tally.measures(reachable), **measures_of_score()}
 
     def play(self, policy: Callable[[np.ndarray], ArrayLike] | None = None) -> dict[str, float]:
         """Take all steps of the episode and return its measures, with the "reward" of a robot and step.
@@ -366,15 +366,15 @@ class TaskWorld(SwarmModel):
             commanded.
         """
         if (policy is None) == bool(self.commanded):
-            expected = "a policy for them" if self.commanded else "None: no robot is commanded"
-            raise InvalidValueError(f"policy is {shortened(policy)}, {self.commanded} commanded; expected {expected}")
-        seen = np.empty((self.commanded, self._observer.width), np.float32)
+            cure = "a policy for them" if self.commanded else "None: no robot is commanded"
+            raise InvalidValueError(f"policy is {shortened(policy)}, {self.commanded} commanded; expected {cure}")
+        observations = np.empty((self.commanded, self._observer.width), np.float32)
         reward, total = np.empty(self.rewarded), np.zeros(self.rewarded)
         while not (self.finished or self.out_of_time):
             command = None
             if policy is not None:
-                self.observe(seen)
-                command = shares(self.task.actions, policy(seen), (self.commanded,), numbers=self.task.numbers)
+                self.observe(observations)
+                command = shares(self.task.actions, policy(observations), (self.commanded,), numbers=self.task.numbers)
             self.advance(command, reward)
             total += reward
         return {"reward": float(total.mean()) / max(self._tally.mean_steps, 1.0), **self.measures()}

@@ -53,12 +53,7 @@ class Conditions:
     @property
     def info(self) -> dict[str, Any]:
         """The conditions as plain values, the map by its name."""
-        return {
-            "map": self.map.name,
-            "n_robots": self.n_robots,
-            "speed": self.speed,
-            "imperfection": self.imperfection,
-        }
+        return {"map": self.map.name, "n_robots": self.n_robots, "speed": self.speed, "imperfection": self.imperfection}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -131,14 +126,14 @@ class Variation:
             imperfection=_between(self.imperfection, imperfection),
         )
 
-    def _map(self, share: float, rng: np.random.Generator, own: Map) -> Map:
+    def _map(self, share: float, rng: np.random.Generator, usual: Map) -> Map:
         if callable(self.maps):
-            made = self.maps(rng)
-            if not isinstance(made, Map):
-                raise InvalidValueError(f"maps returned {shortened(made)}; expected a Map")
-            return made
+            chart = self.maps(rng)
+            if not isinstance(chart, Map):
+                raise InvalidValueError(f"maps returned {shortened(chart)}; expected a Map")
+            return chart
         charts: Any = self.maps
-        return charts[int(share * len(charts))] if charts else own
+        return charts[int(share * len(charts))] if charts else usual
 
 
 def checked_options(options: Options | None, most: int) -> dict[str, Any]:

@@ -131,14 +131,14 @@ class VectorSwarmEnv:
         mask : bool array_like, shape (worlds,), optional
             Which worlds start an episode: all by default. Seeds and options of the others change nothing.
         """
-        given, begun = self._options(options), self._mask(mask)
+        conditions, is_new = self._options(options), self._mask(mask)
         if seed is not None:
-            seeded = generators(seed, self.n_worlds)
-            self._generators = [seeded[w] if begun[w] else old for w, old in enumerate(self._generators)]
-        made = {w: self._new_world(w, given[w]) for w in np.flatnonzero(begun).tolist()}
-        self.worlds = [made[w][0] if w in made else self.worlds[w] for w in range(self.n_worlds)]
-        self.conditions = [made[w][1] if w in made else self.conditions[w] for w in range(self.n_worlds)]
-        self._note_begun(begun)
+            new_generators = generators(seed, self.n_worlds)
+            self._generators = [new_generators[w] if is_new[w] else old for w, old in enumerate(self._generators)]
+        new_worlds = {w: self._new_world(w, conditions[w]) for w in np.flatnonzero(is_new).tolist()}
+        self.worlds = [new_worlds[w][0] if w in new_worlds else self.worlds[w] for w in range(self.n_worlds)]
+        self.conditions = [new_worlds[w][1] if w in new_worlds else self.conditions[w] for w in range(self.n_worlds)]
+        self._note_begun(is_new)
         return self._observations()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Infos]:
@@ -175,21 +175,21 @@ class VectorSwarmEnv:
         reward = np.zeros((self.n_worlds, self.commanded))
         collided = np.zeros((self.n_worlds, self.commanded), bool)
         observations = np.zeros((self.n_worlds, self.commanded, self.width), np.float32)
-        begun, present = self._over.copy(), self.present
-        for w in np.flatnonzero(begun).tolist():
+        is_new, present = self._over.copy(), self.present
+        for w in np.flatnonzero(is_new).tolist():
             self._renew(w, observations[w])
         # All that is of one world at once, while its arrays are in the processor's cache.
         for w, world in enumerate(self.worlds):
-            if not begun[w]:
+            if not is_new[w]:
                 k = world.commanded
                 world.advance(commands[w, :k], reward[w, :k])
                 world.observe(observations[w, :k])
                 world.roster().spread(world.swarm.columns["collided"], collided[w, :k])
-        self._note_begun(begun)
+        self._note_begun(is_new)
         self._returns += reward
-        terminated = np.array([world.finished for world in self.worlds]) & ~begun
-        truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated & ~begun
-        infos: Infos = {"collided": collided, **self._removed(present & ~begun[:, None])}
+        terminated = np.array([world.finished for world in self.worlds]) & ~is_new
+        truncated = np.array([world.out_of_time for world in self.worlds]) & ~terminated & ~is_new
+        infos: Infos = {"collided": collided, **self._find_removed(present & ~is_new[:, None])}
         if terminated.any() or truncated.any():
             infos |= self._end(terminated | truncated, observations)
         infos["present"] = self.present
@@ -230,21 +230,21 @@ class VectorSwarmEnv:
             self._space = state_space(self.task)
         return self._space
 
-    def _end(self, ended: np.ndarray, observations: np.ndarray) -> Infos:
+    def _end(self, is_over: np.ndarray, observations: np.ndarray) -> Infos:
         """Return what the episodes were that have ended, and start the next ones if that is due in this step."""
-        of_worlds = {w: measures(self.worlds[w]) for w in np.flatnonzero(ended).tolist()}
+        of_worlds = {w: measures(self.worlds[w]) for w in np.flatnonzero(is_over).tolist()}
         table = {name: np.zeros(self.n_worlds) for name in next(iter(of_worlds.values()))}
         for w, values in of_worlds.items():
             for name, value in values.items():
                 table[name][w] = value
-        infos: Infos = {"returns": np.where(ended[:, None], self._returns, 0.0), "measures": table}
+        infos: Infos = {"returns": np.where(is_over[:, None], self._returns, 0.0), "measures": table}
         if self.autoreset_mode != SAME_STEP:
-            self._over = ended
+            self._over = is_over
             return infos
-        infos = {"final_obs": observations.copy(), "_final_obs": ended, **infos}
+        infos = {"final_obs": observations.copy(), "_final_obs": is_over, **infos}
         for w in of_worlds:
             self._renew(w, observations[w])
-        self._note_begun(ended)
+        self._note_begun(is_over)
         return infos
 
     def _renew(self, w: int, rows: np.ndarray) -> None:
@@ -257,12 +257,12 @@ class VectorSwarmEnv:
     def _new_world(self, w: int, options: Options | None) -> tuple[TaskWorld, Conditions]:
         return new_world(self.task, self.commanded, self._generators[w], options)
 
-    def _note_begun(self, begun: np.ndarray) -> None:
+    def _note_begun(self, is_new: np.ndarray) -> None:
         """Note which worlds have begun an episode, and which robots these have."""
-        self.begun = begun
-        if begun.any():
-            self._over = self._over & ~begun
-            self._returns[begun] = 0.0
+        self.begun = is_new
+        if is_new.any():
+            self._over = self._over & ~is_new
+            self._returns[is_new] = 0.0
             self._note_present()
 
     def _note_present(self) -> None:
@@ -272,13 +272,13 @@ class VectorSwarmEnv:
         present.flags.writeable = False
         self.present = present
 
-    def _removed(self, before: np.ndarray) -> Infos:
+    def _find_removed(self, before: np.ndarray) -> Infos:
         """Return which robots of those before have been removed, if any."""
         if all(world.roster().complete for world in self.worlds):
             return {}
         self._note_present()
-        removed = before & ~self.present
-        return {"removed": removed} if removed.any() else {}
+        absent = before & ~self.present
+        return {"removed": absent} if absent.any() else {}
 
     def _observations(self) -> np.ndarray:
         observations = np.zeros((self.n_worlds, self.commanded, self.width), np.float32)
@@ -290,15 +290,15 @@ class VectorSwarmEnv:
         """Return which worlds are to start an episode."""
         if mask is None:
             return np.ones(self.n_worlds, bool)
-        begun = np.array(mask)
-        if begun.dtype != bool or begun.shape != (self.n_worlds,) or not begun.any():
+        new_mask = np.array(mask)
+        if new_mask.dtype != bool or new_mask.shape != (self.n_worlds,) or not new_mask.any():
             raise InvalidValueError(
                 f"mask is {shortened(mask)}; expected True or False for each of the {self.n_worlds} worlds, at least "
                 "one of them True"
             )
-        if not self.worlds and not begun.all():
+        if not self.worlds and not new_mask.all():
             raise SwarmError("the environment has no episode yet; call reset() of all worlds first")
-        return begun
+        return new_mask
 
     def _options(self, options: Options | Sequence[Options] | None) -> list[Options | None]:
         if options is None or isinstance(options, Mapping):
@@ -316,18 +316,18 @@ def new_world(
     task: Task, commanded: int, generator: np.random.Generator, options: Options | None = None
 ) -> tuple[TaskWorld, Conditions]:
     """Return a world for the next episode, its seed drawn from this stream, and the conditions drawn for it."""
-    given = checked_options(options, task.most_robots)
-    if given.get("n_robots", task.n_robots) != task.n_robots and len(task.designs) > 1:
+    settings = checked_options(options, task.most_robots)
+    if settings.get("n_robots", task.n_robots) != task.n_robots and len(task.designs) > 1:
         raise InvalidValueError(
-            f"option n_robots is {given['n_robots']}; expected {task.n_robots}, the number of the team: an agent "
+            f"option n_robots is {settings['n_robots']}; expected {task.n_robots}, the number of the team: an agent "
             "always has the same design"
         )
     seed = int(generator.integers(LARGEST_SEED))
-    if task.variation is None and not given:
+    if task.variation is None and not settings:
         return TaskWorld(task=task, commanded=commanded, rng=seed), Conditions(map=task.chart, n_robots=task.n_robots)
     variation = Variation() if task.variation is None else task.variation
-    drawn = variation.draw(stream(seed, VARYING), map=task.chart, n_robots=task.n_robots)
-    conditions = replace(drawn, **given)
+    draws = variation.draw(stream(seed, VARYING), map=task.chart, n_robots=task.n_robots)
+    conditions = replace(draws, **settings)
     world = TaskWorld(task=task.under(conditions), commanded=min(commanded, conditions.n_robots), rng=seed)
     world.imperfections = variation.imperfections.at(conditions.imperfection)
     world.sense()
@@ -368,7 +368,7 @@ def generators(seed: int | Sequence[int], n_worlds: int) -> list[np.random.Gener
         return [stream(root, w) for w in range(n_worlds)]
     if len(seed) != n_worlds:
         raise InvalidValueError(f"seed has {len(seed)} numbers for {n_worlds} worlds; expected one each")
-    return [stream(check_seed(each)) for each in seed]
+    return [stream(check_seed(number)) for number in seed]
 
 
 def check_seed(seed: object) -> int:

@@ -25,8 +25,8 @@ from mesa_swarm.base.errors import (
     shortened,
     without_middle,
 )
-from mesa_swarm.base.extras import need
-from mesa_swarm.base.files import shown_path
+from mesa_swarm.base.extras import require_extra
+from mesa_swarm.base.files import show_path
 from mesa_swarm.base.streams import Seed
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.control.arbiter import Arbiter
@@ -266,7 +266,7 @@ def _of_npz(file: Path, greedy: bool) -> Controller:
 def _of_onnx(file: Path, greedy: bool) -> Controller:
     session = onnx_session(file)
     if is_own(session):
-        policy: Any = OnnxPolicy.of(session, shown_path(file))
+        policy: Any = OnnxPolicy.of(session, show_path(file))
         return Controller(name=_short_name(file), control=Subsumption(PolicyLayer(policy=policy, greedy=greedy)))
     inputs = session.get_inputs()
     shape = list(inputs[0].shape or ()) if len(inputs) == 1 else []
@@ -274,8 +274,8 @@ def _of_onnx(file: Path, greedy: bool) -> Controller:
         found = ", ".join(f"{value.name} {value.type} {value.shape}" for value in inputs)
         raise LearningError(
             without_middle(
-                f"{shown_path(file)} has the inputs {found}; expected one of float32 (n, width), with any n: export it "
-                "with a dynamic first axis"
+                f"{show_path(file)} has the inputs {found}; expected one of float32 (n, width), with any n: export "
+                "it with a dynamic first axis"
             )
         )
     name, output = inputs[0].name, session.get_outputs()[0].name
@@ -288,17 +288,17 @@ def _of_onnx(file: Path, greedy: bool) -> Controller:
 
 def _of_sb3(file: Path, greedy: bool) -> Controller:
     algorithm = algorithm_of(file)
-    need("stable_baselines3", "sb3", f"{shown_path(file)} needs", "stable-baselines3")
+    require_extra("stable_baselines3", "sb3", f"{show_path(file)} needs", "stable-baselines3")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of other versions of packages
             model = getattr(import_module("stable_baselines3"), algorithm).load(file, device="cpu")
     except (Exception, SystemExit) as error:  # pickles raise anything
-        text = f"{shown_path(file)} cannot be loaded as {algorithm}: {error_line(error)}"
+        text = f"{show_path(file)} cannot be loaded as {algorithm}: {error_line(error)}"
         raise LearningError(without_middle(text)) from None
     shape: Any = model.observation_space.shape
     if shape is None or len(shape) != 1:
-        raise LearningError(f"{shown_path(file)} takes observations of shape {shape}; expected (width,)")
+        raise LearningError(f"{show_path(file)} takes observations of shape {shape}; expected (width,)")
 
     def act(observations: np.ndarray) -> np.ndarray:
         return np.asarray(model.predict(observations, deterministic=True)[0])
@@ -320,12 +320,12 @@ def algorithm_of(file: Path) -> str:
         saved = _settings_of(file)
         module = str(saved["policy_class"]["__module__"])
     except FileNotFoundError:
-        raise LearningError(f"there is no file {shown_path(file)}; expected one that Stable-Baselines3 saved") from None
+        raise LearningError(f"there is no file {show_path(file)}; expected one that Stable-Baselines3 saved") from None
     except LearningError:
         raise
     except Exception as error:  # zip, zlib and JSON raise many kinds
         why = str(error) if type(error) is ValueError else f"it is damaged ({type(error).__name__})"
-        text = f"{shown_path(file)} is not a file that Stable-Baselines3 saved: {why}"
+        text = f"{show_path(file)} is not a file that Stable-Baselines3 saved: {why}"
         raise LearningError(without_middle(text)) from None
     known = next((name for part, name in ALGORITHMS.items() if f".{part}." in module), None)
     return known or ("PPO" if "clip_range" in saved else "A2C")

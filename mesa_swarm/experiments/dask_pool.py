@@ -21,7 +21,7 @@ from mesa_swarm.base.errors import InvalidValueError, error_line, shortened
 from mesa_swarm.base.progress import notice
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError, worked
-from mesa_swarm.model.gallery import imported
+from mesa_swarm.model.gallery import list_imported
 
 ADDRESS = re.compile(r"((tcp|tls)://)?[^\s/]+:[0-9]{1,5}")
 # A chunk takes about so long, s, and ends with the run that takes it beyond twice this: what is lost with a worker, and
@@ -138,7 +138,7 @@ class Chunks:
 
     def _submit(self, chunk: list[tuple]) -> None:
         # In one piece: dask would look for its own tasks in tuples. What was imported comes before what needs it.
-        content = dumps((imported(), self._work, chunk))
+        content = dumps((list_imported(), self._work, chunk))
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Sending large graph")  # maps of many shapes
             future = self._client.submit(_results_and_seconds, content, pure=False)

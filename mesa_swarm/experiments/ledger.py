@@ -17,7 +17,7 @@ from zlib import crc32
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError
-from mesa_swarm.base.files import lock, shown_path, unlock
+from mesa_swarm.base.files import lock, show_path, unlock
 
 KEY_BYTES = 16
 KEY = re.compile(f"[0-9a-f]{{{2 * KEY_BYTES}}}")
@@ -155,7 +155,7 @@ class Ledger:
         try:
             if not read_only and lock(self._file) is False:
                 raise InvalidValueError(
-                    f"{shown_path(path)} is being written by another sweep; wait for it or choose another folder"
+                    f"{show_path(path)} is being written by another sweep; wait for it or choose another folder"
                 )
             self._read()
             if not read_only:
@@ -227,7 +227,7 @@ class Ledger:
         if _entry(line) is None:
             size = f"it has {len(line)} bytes" if line else "it is not of such types"
             raise InvalidValueError(
-                f"the outcome of a run cannot be stored in {shown_path(self.path)}: {size}; "
+                f"the outcome of a run cannot be stored in {show_path(self.path)}: {size}; "
                 f"expected numbers and lists of them by name, at most {LONGEST_LINE} bytes, or one line of error"
             )
         with self._lock:
@@ -248,7 +248,7 @@ class Ledger:
             self._file.seek(place)
             entry = _entry(self._file.readline(LONGEST_LINE))
         if entry is None or entry[0] != key:
-            raise InvalidValueError(f"{shown_path(self.path)} changed while it was read; run the sweep again")
+            raise InvalidValueError(f"{show_path(self.path)} changed while it was read; run the sweep again")
         return entry[1]
 
     def _put(self, line: bytes, place: int) -> None:
@@ -285,7 +285,7 @@ class Ledger:
             yield
         except OSError as error:
             raise InvalidValueError(
-                f"{shown_path(self.path)} cannot be written: {error.strerror}; earlier runs are stored, "
+                f"{show_path(self.path)} cannot be written: {error.strerror}; earlier runs are stored, "
                 "make room and sweep again"
             ) from None
 
@@ -326,7 +326,7 @@ class Ledger:
             place += len(line)
         if place and not known:
             raise InvalidValueError(
-                f"{shown_path(self.path)} is not a ledger of runs; move it away, or choose another folder"
+                f"{show_path(self.path)} is not a ledger of runs; move it away, or choose another folder"
             )
         self._ended, self._torn = line.endswith(b"\n"), torn
 
@@ -352,13 +352,13 @@ def _opened(path: Path, read_only: bool) -> BinaryIO:
     """Return an open file; it is created unless it is only to be read."""
     try:
         if path.exists() and not path.is_file():  # reading from a pipe would never end
-            raise InvalidValueError(f"{shown_path(path)} is not a file; move it away, or choose another folder")
+            raise InvalidValueError(f"{show_path(path)} is not a file; move it away, or choose another folder")
         if not read_only:
             path.parent.mkdir(parents=True, exist_ok=True)
         return open(path, "rb" if read_only else "a+b")
     except OSError as error:
         raise InvalidValueError(
-            f"{shown_path(path)} cannot be opened: {error.strerror}; choose another folder"
+            f"{show_path(path)} cannot be opened: {error.strerror}; choose another folder"
         ) from None
 
 

@@ -16,9 +16,9 @@ from joblib import Parallel, cpu_count, delayed
 from joblib.parallel import LokyBackend, get_active_backend
 
 from mesa_swarm.base.errors import InvalidValueError, check_count
-from mesa_swarm.base.extras import need
+from mesa_swarm.base.extras import require_extra
 from mesa_swarm.experiments.workers import WorkerDiedError, worked
-from mesa_swarm.model.gallery import imported
+from mesa_swarm.model.gallery import list_imported
 
 MOST_JOBS = 1024
 LOCAL = "LokyBackend"
@@ -68,7 +68,7 @@ def on_all(workers: int, work: Callable, tasks: Iterable[tuple]) -> Iterator[Any
     results: Iterator[Any] = iter(())
     try:
         with _interrupts_held():
-            modules = imported()  # before the work, whose models may be in them
+            modules = list_imported()  # before the work, whose models may be in them
             results = parallel(delayed(worked)(modules, work, task) for task in tasks)
         for result in results:  # noqa: UP028 - closed below, whatever ends this
             yield result
@@ -105,7 +105,7 @@ def _thread_of_loky_silenced() -> Iterator[None]:
 
 def on_scheduler(address: str) -> AbstractContextManager[None]:
     """Return a context within which the workers of the dask scheduler at this address do the work."""
-    need("distributed", "cluster", "a scheduler needs", "dask.distributed")
+    require_extra("distributed", "cluster", "a scheduler needs", "dask.distributed")
     from mesa_swarm.experiments.dask_pool import connected  # noqa: PLC0415 - needs the extra [cluster]
 
     return connected(address)

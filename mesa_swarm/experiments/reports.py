@@ -8,7 +8,7 @@ import mesa
 import numpy as np
 import pandas as pd
 
-from mesa_swarm.base.errors import InvalidValueError, asked, check_choice, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_choice, read_attribute, shortened
 from mesa_swarm.swarm_model import SwarmModel
 
 OF = " of "
@@ -257,7 +257,7 @@ def as_number(row: Any) -> float | None:
     if row is None or row is pd.NA or row is np.ma.masked:
         return math.nan
     # Arrays of one number would be taken for it, with a warning, and of a complex number its real part.
-    if isinstance(row, (str, bytes, complex, np.complexfloating)) or asked(row, "ndim", 0) != 0:
+    if isinstance(row, (str, bytes, complex, np.complexfloating)) or read_attribute(row, "ndim", 0) != 0:
         return None
     try:
         return float(row)

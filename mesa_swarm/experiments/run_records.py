@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from mesa_swarm.base.errors import InvalidValueError, RecordingError, check_choice, shortened, unknown_name
-from mesa_swarm.base.files import free_draft, put_in_place, shown_path, unwritable
+from mesa_swarm.base.files import free_draft, put_in_place, show_path, unwritable
 from mesa_swarm.experiments.experiment import Experiment, first_built
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.runs import Run, attempt
@@ -184,5 +184,5 @@ class Archive:
 
 def _of_file(error: RecordingError, draft: Path, file: Path) -> RecordingError:
     """Return an error about a draft as one about its file, which does not exist."""
-    before, named, after = str(error).partition(shown_path(draft))
-    return RecordingError(f"{before}{shown_path(file)}{after.partition(';')[0]}; {AGAIN}") if named else error
+    before, named, after = str(error).partition(show_path(draft))
+    return RecordingError(f"{before}{show_path(file)}{after.partition(';')[0]}; {AGAIN}") if named else error

@@ -12,7 +12,7 @@ from typing import Any, Protocol, TypeVar, cast
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.base.files import shown_path
+from mesa_swarm.base.files import show_path
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Outcome
@@ -136,7 +136,7 @@ def _stored_runs_named(ledger: Store | None) -> Iterator[None]:
         if ledger is None:
             raise
         raise SchedulerLostError(
-            f"{error}; finished runs are stored in {shown_path(ledger.path)}: start the scheduler and its workers "
+            f"{error}; finished runs are stored in {show_path(ledger.path)}: start the scheduler and its workers "
             "again, and call it again for the rest"
         ) from None
 

@@ -14,7 +14,7 @@ from pyarrow import parquet
 from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.base.files import draft_of
 from mesa_swarm.experiments.until import ALL_STEPS, CONDITION, MODEL, EndCondition
-from mesa_swarm.geometry.masks import unmasked
+from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.model.mesa_model import collected_of_agents
 from mesa_swarm.swarm_model import SwarmModel
 
@@ -196,7 +196,7 @@ def as_array(values: Sequence[Any]) -> pa.Array:
 def _plain(value: Any) -> Any:
     """Return a value of NumPy as one of Python's."""
     is_numpy = isinstance(value, (np.generic, np.ndarray))
-    return unmasked(value).tolist() if is_numpy else value
+    return fill_masked(value).tolist() if is_numpy else value
 
 
 def _common_schema(schemas: list[pa.Schema]) -> pa.Schema:

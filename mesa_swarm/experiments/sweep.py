@@ -14,7 +14,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.base.files import check_writable, draft_of, shown_path
+from mesa_swarm.base.files import check_writable, draft_of, show_path
 from mesa_swarm.experiments.experiment import (
     POINT,
     Experiment,
@@ -135,7 +135,7 @@ class Sweep:
         """Return the table."""
         if self.path.name != TABLE:
             raise InvalidValueError(
-                f"{shown_path(self.path)} is the ledger of a shard; the same sweep without shard makes the table of all"
+                f"{show_path(self.path)} is the ledger of a shard; the same sweep without shard makes the table of all"
             )
         return pd.read_parquet(self.path)
 

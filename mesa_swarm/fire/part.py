@@ -40,7 +40,7 @@ class FiresPart(Part):
     def __init__(
         self, model: Any, constants: FireConstants, extinguish_range: float, history_every: int | Trigger
     ) -> None:
-        self.model, self.made = model, Prepared()
+        self.model, self.cache = model, Prepared()
         self.set_constants(constants)
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every, model.parts.bodies.table)
@@ -145,7 +145,7 @@ class FiresPart(Part):
 
     def burning(self) -> Kernel:
         """Return what lets fires burn for a step, made anew when arrays, bodies or constants have changed."""
-        scene, swarm, prepared = self.model.parts.bodies.scene(), self.model.swarm, self.made
+        scene, swarm, prepared = self.model.parts.bodies.scene(), self.model.swarm, self.cache
         state = swarm.version, scene, self.constants, self.extinguish_range
         if prepared.state != state:
             robots, fires, bodies, c = swarm.columns, self.fires.own, scene.bodies, self.constants

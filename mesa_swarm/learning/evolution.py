@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count, check_number, shortened
-from mesa_swarm.base.extras import need
+from mesa_swarm.base.extras import require_extra
 from mesa_swarm.geometry.masks import fill_masked
 
 
@@ -51,7 +51,7 @@ class Evolution:
             first = np.empty(0)
         if first.ndim != 1 or len(first) < 2 or not np.isfinite(first).all():
             raise InvalidValueError(f"start is {shortened(start)}; expected a row of at least two finite numbers")
-        need("cmaes", "evolution", "evolution needs")
+        require_extra("cmaes", "evolution", "evolution needs")
         from cmaes import CMA  # noqa: PLC0415 - it loads scipy.stats, for which models do not wait
 
         self.population = check_count("population", population, minimum=4, maximum=10_000)
@@ -137,7 +137,7 @@ class MixedEvolution:
     """
 
     def __init__(self, numbers: int, categories: Sequence[int], *, sigma: float, population: int, seed: int) -> None:
-        need("cmaes", "evolution", "evolution needs")
+        require_extra("cmaes", "evolution", "evolution needs")
         from cmaes import CatCMA  # noqa: PLC0415 - it loads scipy.stats, for which models do not wait
 
         check_count("numbers", numbers, minimum=2, maximum=10_000)

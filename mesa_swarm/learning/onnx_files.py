@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count, shortened, without_middle
-from mesa_swarm.base.extras import need
-from mesa_swarm.base.files import shown_path, write_whole
+from mesa_swarm.base.extras import require_extra
+from mesa_swarm.base.files import show_path, write_whole
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.c_source import exportable
 from mesa_swarm.learning.policy import Policy, SensorLayout, checked_chances, checked_numbers
@@ -88,7 +88,7 @@ def export_onnx(policy: Policy, path: str | os.PathLike[str], *, copy: int | Non
     if file.suffix != ".onnx":
         raise LearningError(f"{shortened(file.name)} does not end with .onnx; give the policy such a name")
     chosen = exportable(policy, copy)
-    need("onnx", "onnx", "ONNX files need")
+    require_extra("onnx", "onnx", "ONNX files need")
     return write_whole(file, _model_of(chosen).SerializeToString(), LearningError)
 
 
@@ -144,9 +144,9 @@ def onnx_session(path: str | os.PathLike[str]) -> "InferenceSession":
     """
     file = Path(path)
     if not file.is_file():
-        raise LearningError(f"there is no file {shown_path(path)}; expected an ONNX file such as from export_onnx")
+        raise LearningError(f"there is no file {show_path(path)}; expected an ONNX file such as from export_onnx")
     for package in ("onnx", "onnxruntime"):
-        need(package, "onnx", "ONNX files need")
+        require_extra(package, "onnx", "ONNX files need")
     try:
         if file.stat().st_size > LARGEST_BYTES:
             raise ValueError(f"it has more than {LARGEST_BYTES >> 20} MB")
@@ -159,7 +159,7 @@ def onnx_session(path: str | os.PathLike[str]) -> "InferenceSession":
             raise ValueError("it has no inputs or no outputs")
         return session
     except Exception as error:  # the runtime has many kinds of its own
-        text = f"{shown_path(path)} is not a usable ONNX file: {' '.join(str(error).split())}"
+        text = f"{show_path(path)} is not a usable ONNX file: {' '.join(str(error).split())}"
         raise LearningError(without_middle(text)) from None
 
 

@@ -13,9 +13,9 @@ from mesa_swarm.base.errors import (
     BehaviourError,
     InvalidValueError,
     LearningError,
-    asked,
     check_flag,
     check_name,
+    read_attribute,
     shortened,
 )
 from mesa_swarm.control.layer import Senses
@@ -182,7 +182,7 @@ def check_stored(family: str, found: Sequence[str], expected: Sequence[str]) -> 
 
 def check_policy(policy: object, *methods: str) -> None:
     """Check that a policy has these methods."""
-    if isinstance(policy, type) or not all(callable(asked(policy, method)) for method in methods):
+    if isinstance(policy, type) or not all(callable(read_attribute(policy, method)) for method in methods):
         raise InvalidValueError(f"policy is {shortened(policy)}; expected a policy such as from load_policy()")
 
 
@@ -285,7 +285,7 @@ class PolicyLayer:
 
     def __post_init__(self) -> None:
         check_name("name", self.name)
-        own = asked(self.policy, "own_layer")
+        own = read_attribute(self.policy, "own_layer")
         if isinstance(own, str):
             raise InvalidValueError(
                 f"policy is a {type(self.policy).__name__}, which acts by more than readings; expected a policy with "

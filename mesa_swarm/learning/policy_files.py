@@ -19,7 +19,7 @@ from mesa_swarm.base.errors import (
     shortened,
     without_middle,
 )
-from mesa_swarm.base.files import draft_of, shown_path
+from mesa_swarm.base.files import draft_of, show_path
 from mesa_swarm.learning.fire_learning import SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy
 from mesa_swarm.learning.policy import Policy, SensorLayout, check_policy
@@ -113,11 +113,11 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
         with np.load(file, allow_pickle=False) as found:
             arrays = {name: found[name] for name in found.files}
     except FileNotFoundError:
-        raise LearningError(f"there is no policy {shown_path(file)}; save one with save_policy") from None
+        raise LearningError(f"there is no policy {show_path(file)}; save one with save_policy") from None
     except LearningError:
         raise
     except OSError as error:
-        raise LearningError(f"{shown_path(file)} cannot be read: {error.strerror or error}") from None
+        raise LearningError(f"{show_path(file)} cannot be read: {error.strerror or error}") from None
     except Exception as error:  # zip, zlib and NumPy raise many kinds
         raise _refusal(file, f"it is damaged ({type(error).__name__})") from None
     return _policy_of(file, _header_of(file, arrays), arrays)
@@ -225,7 +225,7 @@ def unreadable_archive(file: Path, largest: int) -> str:
     """
     size = file.stat().st_size
     if not file.is_file():
-        raise LearningError(f"{shown_path(file)} cannot be read: it is a folder or device; expected a file")
+        raise LearningError(f"{show_path(file)} cannot be read: it is a folder or device; expected a file")
     if size > largest:
         return f"it unpacks to more than {largest >> 20} MB"
     with file.open("rb") as content:
@@ -245,5 +245,5 @@ def _check_shape(file: Path, part: IO[bytes], size: int) -> None:
 
 
 def _refusal(file: Path, why: str) -> LearningError:
-    text = f"{shown_path(file)} is not a usable policy: {' '.join(why.split())}"
+    text = f"{show_path(file)} is not a usable policy: {' '.join(why.split())}"
     return LearningError(without_middle(text))

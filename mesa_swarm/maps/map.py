@@ -21,7 +21,7 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.base.files import check_present_format, shown_path, write_whole
+from mesa_swarm.base.files import check_present_format, show_path, write_whole
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.maps.map_parts import (
@@ -290,7 +290,7 @@ def _from_file(source: str | os.PathLike[str]) -> Map:
 
 def _find_file(source: str | os.PathLike[str]) -> tuple[Path, str]:
     """Return the path and how errors show it; a missing file may be a misspelt built-in name."""
-    path, shown_name = Path(source), shown_path(source)
+    path, shown_name = Path(source), show_path(source)
     check_present_format(path, MapError)
     if _exists(path):
         return path, shown_name

@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, check_choice, shortened, unknown_name
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.part import Column, Part, Phase, Stage
-from mesa_swarm.model.state_hash import described_bodies
+from mesa_swarm.model.state_hash import describe_bodies
 from mesa_swarm.physics.engine import begin_way
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.robot import Robot
@@ -77,7 +77,7 @@ class BodiesPart(Part):
         self.model, self.map, self.space, self.swarm = model, model.map, model.space, model.swarm
         self.table = BodyTable()
         self.space.attach(self.table)
-        self.made = SceneCache()
+        self.cache = SceneCache()
 
     def columns(self) -> dict[str, Column]:
         """Return what changes from step to step.
@@ -114,7 +114,7 @@ class BodiesPart(Part):
 
     def follow(self) -> None:
         """Ask for the poses of the agents that bodies follow, and remove the bodies of agents that were removed."""
-        if not self.made.followers:
+        if not self.cache.followers:
             return
         for body in [body for body in self.followers() if body.agent not in self.model.agents]:
             body.remove()
@@ -159,14 +159,14 @@ class BodiesPart(Part):
     @property
     def moves(self) -> bool:
         """Whether there are bodies that may move."""
-        if self.made.moves is None:
-            self.made.moves = bool((self.table.mode != FIXED).any())
-        return self.made.moves
+        if self.cache.moves is None:
+            self.cache.moves = bool((self.table.mode != FIXED).any())
+        return self.cache.moves
 
     def mark(self) -> dict[str, Any]:
         """Return poses of loads and of driven bodies, which may be set by hand."""
-        table, pushed = self.table, self.table.rows(PUSHED)
-        of_loads = (table.position[pushed], table.heading[pushed], table.resistance[pushed]) if len(pushed) else ()
+        table, loads = self.table, self.table.rows(PUSHED)
+        of_loads = (table.position[loads], table.heading[loads], table.resistance[loads]) if len(loads) else ()
         return {
             "pose or resistance of loads": tuple(map(np.ndarray.tobytes, of_loads)),
             POSES: tuple(map(np.ndarray.tobytes, self.movers.poses)),
@@ -181,16 +181,16 @@ class BodiesPart(Part):
     def parameters(self) -> dict[str, Any]:
         """Return the bounds of the map, what bodies are, and the state of those that move or burn."""
         table, movers = self.table, self.movers
-        pushed, fires = table.rows(PUSHED), np.flatnonzero(table.kind == FIRE)
-        described: dict[str, Any] = {"map": self.map.bounds, "bodies": described_bodies(self.listed)}
-        if len(pushed):
-            described["loads"] = [table.position[pushed], table.heading[pushed], table.resistance[pushed]]
+        loads, fires = table.rows(PUSHED), np.flatnonzero(table.kind == FIRE)
+        facts: dict[str, Any] = {"map": self.map.bounds, "bodies": describe_bodies(self.listed)}
+        if len(loads):
+            facts["loads"] = [table.position[loads], table.heading[loads], table.resistance[loads]]
         if len(movers):
             carriers = [-1 if body.carrier is None else body.carrier.row for body in movers.agents]
-            described["driven"] = [*movers.poses, movers.fresh, movers.blocked, np.array(carriers, np.int64)]
+            facts["driven"] = [*movers.poses, movers.fresh, movers.blocked, np.array(carriers, np.int64)]
         if len(fires):
-            described["fires"] = [table.position[fires], table.radius[fires], table.temperature[fires]]
-        return described
+            facts["fires"] = [table.position[fires], table.radius[fires], table.temperature[fires]]
+        return facts
 
     def fires(self) -> list[Body]:
         """Return the fires."""
@@ -198,7 +198,7 @@ class BodiesPart(Part):
 
     def heat_changed(self) -> None:
         """Let radiation sensors be read again: a body has another temperature."""
-        self.made.scene = None
+        self.cache.scene = None
         self.swarm.disturbed = True
 
     @property
@@ -350,12 +350,12 @@ class BodiesPart(Part):
         array([102., 102., 102.])
         """
         table = self.table
-        chosen = list(bodies) if isinstance(bodies, Iterable) else [bodies]
-        if not all(isinstance(body, Driven) and body.model is self.model for body in chosen):
+        driven = list(bodies) if isinstance(bodies, Iterable) else [bodies]
+        if not all(isinstance(body, Driven) and body.model is self.model for body in driven):
             raise InvalidValueError("bodies holds others than driven bodies of this model; expected some of add_body")
-        aims = np.empty((0, 3)) if not chosen else as_numbers(poses)
-        if aims.shape != (len(chosen), 3):
-            raise InvalidValueError(f"poses has shape {aims.shape}; expected {(len(chosen), 3)}: x, y, heading each")
+        aims = np.empty((0, 3)) if not driven else as_numbers(poses)
+        if aims.shape != (len(driven), 3):
+            raise InvalidValueError(f"poses has shape {aims.shape}; expected {(len(driven), 3)}: x, y, heading each")
         low, high = self.space.dimensions.T
         good = ((aims[:, :2] >= low) & (aims[:, :2] <= high)).all(axis=1) & (np.abs(aims[:, 2]) <= LARGEST_HEADING)
         if not good.all():
@@ -364,16 +364,16 @@ class BodiesPart(Part):
                 f"pose {wrong} is not on map {self.map.name}; expected x and y within {self.space.dimensions.tolist()} "
                 "and a finite heading"
             )
-        if not chosen:
+        if not driven:
             return
-        rows = np.array([cast(Driven, body).alive() for body in chosen])
+        rows = np.array([cast(Driven, body).alive() for body in driven])
         if (table.mode[rows] == CARRIED).any():
             raise InvalidValueError("bodies holds one that a robot carries; release it first")
         new = table.fresh[rows]
         if new.any():
             self._place_new(rows[new], aims[new])
         table.aim[rows] = aims[:, :2]
-        table.aim_heading[rows] = wrapped_all(aims[:, 2])
+        table.aim_heading[rows] = wrap_headings(aims[:, 2])
 
     def attach(self, robot: Robot, body: Body) -> None:
         """Let a robot carry a driven body, wherever that is: it moves with the robot, and nothing sees or meets it.
@@ -403,7 +403,7 @@ class BodiesPart(Part):
             raise InvalidValueError(f"body {body.unique_id} or robot {robot.unique_id} is taken; release it first")
         body.carrier, self.table.mode[row] = robot, CARRIED
         self.carry_along()
-        self.made.scene = None
+        self.cache.scene = None
 
     def release(self, robot: Robot) -> bool:
         """Put down in front of a robot what it carries, and return whether there was room and something to put down.
@@ -446,7 +446,7 @@ class BodiesPart(Part):
         body.carrier, table.mode[row] = None, DRIVEN
         for place, heading in ((table.position, table.heading), (table.aim, table.aim_heading)):
             *place[row], heading[row] = pose
-        self.made.scene = None  # it overlaps no robot: none is disturbed
+        self.cache.scene = None  # it overlaps no robot: none is disturbed
 
     def release_from_removed(self) -> None:
         """Free the bodies that removed robots carried: they stay where they were."""
@@ -553,7 +553,7 @@ class BodiesPart(Part):
         """Place bodies at once that were added after the last step."""
         for row, pose in zip(rows.tolist(), poses.tolist(), strict=True):
             self.check_clear_of_loads("body", cast(Form, self.table.forms[row]).shape_at(tuple(pose)))
-        self.table.position[rows], self.table.heading[rows] = poses[:, :2], wrapped_all(poses[:, 2])
+        self.table.position[rows], self.table.heading[rows] = poses[:, :2], wrap_headings(poses[:, 2])
         self.scene_changed()
 
     def checked_kind(self, kind: str | None, default: str) -> str:
@@ -570,9 +570,9 @@ class BodiesPart(Part):
 
     def changed(self) -> None:
         """Update the table after bodies were removed, and what is made of it."""
-        gone = [body for body in self.table.agents if body.space is None]
-        numbers = self.table.numbers[[body.row for body in gone]].tolist() if gone else []
-        for number, body in reversed([*zip(numbers, gone, strict=True)]):
+        removed_bodies = [body for body in self.table.agents if body.space is None]
+        numbers = self.table.numbers[[body.row for body in removed_bodies]].tolist() if removed_bodies else []
+        for number, body in reversed([*zip(numbers, removed_bodies, strict=True)]):
             if number < len(self.listed):
                 for kind in (OBSTACLE, LOAD, *range(len(KINDS), len(self.kinds))):
                     self.swarm.forget_contacts(kind, np.array([number]))
@@ -581,16 +581,16 @@ class BodiesPart(Part):
 
     def scene_changed(self) -> None:
         """Let the tables of bodies be made anew, and fields find their walls."""
-        self.made = SceneCache()
+        self.cache = SceneCache()
         self.swarm.disturbed = True
         self.model.parts["fields"].walls_changed()
 
     def scene(self) -> Surroundings:
         """Return the world without its robots, as engines need it; made anew where bodies or designs have changed."""
-        designs, scene = self.swarm.table, self.made.scene
-        if scene is None or self.made.table is not designs or scene.is_worn:
+        designs, scene = self.swarm.table, self.cache.scene
+        if scene is None or self.cache.table is not designs or scene.is_worn:
             fires, order = self.table.kind == FIRE, np.arange(len(self.table))
-            self.made.scene = Surroundings.of(
+            self.cache.scene = Surroundings.of(
                 self.map.bounds,
                 self.table,
                 np.concatenate([order[~fires], order[fires]]),
@@ -598,11 +598,11 @@ class BodiesPart(Part):
                 touch=max((design.radius for design in designs.designs), default=1.0),
                 apart=int(fires.sum()),
                 # Where tables are only worn, all bodies are what they were.
-                room=None if scene is None or self.made.table is not designs else scene.room,
+                room=None if scene is None or self.cache.table is not designs else scene.room,
             )
-            self.made.table = designs
-            self.made.followers = bool(self.followers())
-        return cast(Surroundings, self.made.scene)
+            self.cache.table = designs
+            self.cache.followers = bool(self.followers())
+        return cast(Surroundings, self.cache.scene)
 
     def _check_fine_enough(self, shape: Shape) -> None:
         if len(self.swarm):
@@ -656,7 +656,7 @@ def _is_near(geometry: BaseGeometry, radius: float, x: float, y: float, body: Dr
     return x_min - far <= x <= x_max + far and y_min - far <= y <= y_max + far
 
 
-def wrapped_all(headings: np.ndarray) -> np.ndarray:
+def wrap_headings(headings: np.ndarray) -> np.ndarray:
     """Return headings in [-pi, pi), those that are there already unchanged."""
     outside = np.flatnonzero(~((headings >= -np.pi) & (headings < np.pi)))
     turned = headings.copy()

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
 
-from mesa_swarm.model.mesa_model import GIVEN, declares, known_of_scenario, without_scenario
+from mesa_swarm.model.mesa_model import GIVEN, declares, parameters_of_scenario, without_scenario
 
 # Parameters of the base that each class shows as its own, with a slider.
 COMMON = ("noise", "slip", "imperfections")
@@ -22,38 +22,38 @@ def with_common(cls: type, shows_all: bool = False) -> Callable[..., None]:
     Values of those that it does not declare skip it, and go to the next class that declares them. Its signature has
     those of `COMMON`, and with `shows_all` the others too.
     """
-    constructor = _declared(cls.__dict__.get("__init__", cls.__init__))  # type: ignore[misc]
+    constructor = _find_original(cls.__dict__.get("__init__", cls.__init__))  # type: ignore[misc]
     signature = inspect.signature(constructor)
-    inherited = {name: _inherited(cls, name) for name in (*COMMON, *ALSO) if name not in signature.parameters}
-    missing = {name: parameter for name, parameter in inherited.items() if parameter is not None}
-    shown = {name: parameter for name, parameter in missing.items() if shows_all or name in COMMON}
+    inherited = {name: _find_inherited(cls, name) for name in (*COMMON, *ALSO) if name not in signature.parameters}
+    additions = {name: parameter for name, parameter in inherited.items() if parameter is not None}
+    visible = {name: parameter for name, parameter in additions.items() if shows_all or name in COMMON}
 
     @wraps(constructor)
-    def extended(self: Any, *given: Any, **named: Any) -> None:
-        if "scenario" in named and "scenario" not in signature.parameters:
-            self.__dict__[GIVEN] = named["scenario"]
+    def extended(self: Any, *arguments: Any, **keywords: Any) -> None:
+        if "scenario" in keywords and "scenario" not in signature.parameters:
+            self.__dict__[GIVEN] = keywords["scenario"]
             if declares(type(self), "scenario"):
-                named = known_of_scenario({*signature.parameters, *missing}, named)
+                keywords = parameters_of_scenario({*signature.parameters, *additions}, keywords)
             else:
-                named = without_scenario(type(self), named)
-        taken = {name: named.pop(name) for name in missing if name in named}
-        common = {**taken, **self.__dict__.pop("_common", {})}  # what the outermost constructor is given counts
-        replaced = {name: value for name, value in common.items() if name not in missing}
-        if len(replaced) < len(common):
-            self.__dict__["_common"] = {name: value for name, value in common.items() if name in missing}
-        if replaced:
-            bound = signature.bind_partial(self, *given, **named)
-            bound.arguments.update(replaced)
-            given, named = bound.args[1:], bound.kwargs
-        constructor(self, *given, **named)
+                keywords = without_scenario(type(self), keywords)
+        settings = {name: keywords.pop(name) for name in additions if name in keywords}
+        common = {**settings, **self.__dict__.pop("_common", {})}  # what the outermost constructor is given counts
+        overrides = {name: value for name, value in common.items() if name not in additions}
+        if len(overrides) < len(common):
+            self.__dict__["_common"] = {name: value for name, value in common.items() if name in additions}
+        if overrides:
+            binding = signature.bind_partial(self, *arguments, **keywords)
+            binding.arguments.update(overrides)
+            arguments, keywords = binding.args[1:], binding.kwargs
+        constructor(self, *arguments, **keywords)
 
     extended.declared = constructor  # type: ignore[attr-defined]
-    extended.whole = _extended(signature, missing)  # type: ignore[attr-defined]
-    extended.__signature__ = _extended(signature, shown)  # type: ignore[attr-defined]
+    extended.whole = _extend_signature(signature, additions)  # type: ignore[attr-defined]
+    extended.__signature__ = _extend_signature(signature, visible)  # type: ignore[attr-defined]
     return extended
 
 
-def _declared(constructor: Callable[..., None]) -> Callable[..., None]:
+def _find_original(constructor: Callable[..., None]) -> Callable[..., None]:
     """Return a constructor as its class declares it, without the parameters that `with_common` adds."""
     declared: Callable[..., None] = getattr(constructor, "declared", constructor)
     return declared
@@ -67,12 +67,12 @@ def whole_signature(model_class: Any) -> inspect.Signature:
     return whole.replace(parameters=list(whole.parameters.values())[1:])
 
 
-def _inherited(cls: type, name: str) -> inspect.Parameter | None:
+def _find_inherited(cls: type, name: str) -> inspect.Parameter | None:
     """Return a common parameter with the default and the annotation of the next class that declares it."""
     for base in cls.__mro__[1:]:
-        known = _parameters(_declared(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
-        if name in known and known[name].default is not inspect.Parameter.empty:
-            return known[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
+        parameters = _parameters(_find_original(base.__dict__["__init__"])) if "__init__" in base.__dict__ else {}
+        if name in parameters and parameters[name].default is not inspect.Parameter.empty:
+            return parameters[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
     return None  # of fires, in a class without them
 
 
@@ -84,8 +84,8 @@ def _parameters(constructor: Callable[..., None]) -> Mapping[str, inspect.Parame
         return inspect.signature(constructor).parameters
 
 
-def _extended(signature: inspect.Signature, more: dict[str, inspect.Parameter]) -> inspect.Signature:
+def _extend_signature(signature: inspect.Signature, more: dict[str, inspect.Parameter]) -> inspect.Signature:
     """Return a signature with more keyword parameters, before what takes all others."""
-    own = list(signature.parameters.values())
-    place = next((i for i, each in enumerate(own) if each.kind is each.VAR_KEYWORD), len(own))
-    return signature.replace(parameters=[*own[:place], *more.values(), *own[place:]])
+    present = list(signature.parameters.values())
+    place = next((i for i, p in enumerate(present) if p.kind is p.VAR_KEYWORD), len(present))
+    return signature.replace(parameters=[*present[:place], *more.values(), *present[place:]])

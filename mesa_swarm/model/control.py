@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from mesa_swarm.base.errors import BehaviourError, InvalidValueError, asked, check_count, shortened
+from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_count, read_attribute, shortened
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.control.arbiter import Arbiter, Subsumption, begin_decisions, name_driver
 from mesa_swarm.control.behaviour import Behaviour
@@ -42,12 +42,12 @@ def is_frozen(layer: Any) -> bool:
     return getattr(getattr(layer, "__dataclass_params__", None), "frozen", False)
 
 
-class Known(Prepared):
+class ControlCache(Prepared):
     """What robots know, as arbiters take it, made anew when columns are replaced; and the layers that may change."""
 
     senses: Senses | None = None
     version: int = -1
-    watched: Sequence[tuple[Any, dict[str, Any]]] = ()
+    layer_parameters: Sequence[tuple[Any, dict[str, Any]]] = ()
 
 
 class ControlPart(Part):
@@ -67,7 +67,7 @@ class ControlPart(Part):
         self.model, self.swarm = model, model.swarm
         self.arbiter: Arbiter | None = None
         self.snapshots: Snapshots | None = None
-        self.made = Known()
+        self.cache = ControlCache()
 
     def columns(self, by_label: bool = True) -> Mapping[str, Column]:
         """Return what the control has written, and the memory of arbiters and layers, by their names.
@@ -75,9 +75,9 @@ class ControlPart(Part):
         Those of a team are named by the label of the arbiter too, unless `by_label` is False.
         """
         columns, names = self.swarm.columns, self.names_of_memory(by_label)
-        written = {name: columns[name] for name in (*WRITTEN, *(name for name in columns if name.startswith(ACT)))}
+        outputs = {name: columns[name] for name in (*WRITTEN, *(name for name in columns if name.startswith(ACT)))}
         remembered = {name: columns[of_swarm] for of_swarm, name in names.items()}
-        return {name: Column(column, "robots") for name, column in {**written, **remembered}.items()}
+        return {name: Column(column, "robots") for name, column in {**outputs, **remembered}.items()}
 
     def labelled_arbiters(self) -> Iterator[tuple[str, Any]]:
         """Iterate over the arbiters of the control, each with its label, "" where it is the only one."""
@@ -106,7 +106,7 @@ class ControlPart(Part):
         """Return the swarm's names of columns of memory, each with that by its layer: ``Explore.turn``."""
         prefixes = {prefix: key for key, prefix in self.prefixes(by_label).items()}
         longest_first = sorted(prefixes, key=len, reverse=True)
-        found = {}
+        names = {}
         for name in self.swarm.columns:
             prefix = next((p for p in longest_first if name[:1].isdigit() and name.startswith(f"{p}.")), None)
             if prefix is not None:
@@ -114,15 +114,15 @@ class ControlPart(Part):
                 owner = " ".join(
                     word for word in (f"{label}:" * bool(label), layer, str(place + 1) * (place > 0)) if word
                 )
-                found[name] = f"{owner}{name.removeprefix(prefix)}".lstrip(".")
-        return found
+                names[name] = f"{owner}{name.removeprefix(prefix)}".lstrip(".")
+        return names
 
     def stages(self) -> Iterator[Stage]:
         """Decide; store what `watch` asks for."""
         if self.arbiter is not None:
             kernel = self.kernel()
-            due = "" if kernel else ", ".join(self.reasons())
-            yield Stage(Phase.DECIDE, self.decide, "layers decide", kernel, compiled="layers", python=due)
+            reasons = "" if kernel else ", ".join(self.reasons())
+            yield Stage(Phase.DECIDE, self.decide, "layers decide", kernel, compiled="layers", python=reasons)
         if self.snapshots is not None:
             yield Stage(Phase.PROCESS, self.snapshots.note, "heat is stored to explain decisions", python="watch()")
             yield Stage(Phase.COLLECT, self.store_snapshot, "decisions are stored", python="watch()")
@@ -140,13 +140,13 @@ class ControlPart(Part):
 
         A layer that stores itself, such as a learner, is named whole.
         """
-        stored: dict[str, Any] = {"arbiter": self.arbiter}
+        content: dict[str, Any] = {"arbiter": self.arbiter}
         for key, owner, values in self._owners():
             if values is None:
-                stored[key] = owner
+                content[key] = owner
             else:
-                stored |= {f"{key} {name}": value for name, value in values.items() if value is not self.swarm}
-        return stored
+                content |= {f"{key} {name}": value for name, value in values.items() if value is not self.swarm}
+        return content
 
     def word_of(self, name: str) -> str:
         """Return whose attribute a stored value is."""
@@ -193,8 +193,8 @@ class ControlPart(Part):
     def arrays_of_layers(self) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         """Iterate over the arrays that custom layers have as attributes, by the place of the layer."""
         for place, layer in enumerate(getattr(self.arbiter, "layers", ())):
-            own = {} if type(layer).__module__.startswith("mesa_swarm.") else attributes_of(layer)
-            arrays = {name: value for name, value in own.items() if isinstance(value, np.ndarray)}
+            attributes = {} if type(layer).__module__.startswith("mesa_swarm.") else attributes_of(layer)
+            arrays = {name: value for name, value in attributes.items() if isinstance(value, np.ndarray)}
             if arrays:
                 yield f"layer {place}", arrays
 
@@ -202,7 +202,7 @@ class ControlPart(Part):
         """Let another arbiter drive the robots; their memory and messages are cleared."""
         if isinstance(control, Mapping) and not isinstance(control, Team):
             control = Team(control)
-        if control is not None and (isinstance(control, type) or asked(control, "bound") is None):
+        if control is not None and (isinstance(control, type) or read_attribute(control, "bound") is None):
             raise InvalidValueError(
                 f"control is {shortened(control)}; expected an arbiter such as Subsumption(Avoid(), Explore())"
             )
@@ -294,8 +294,8 @@ class ControlPart(Part):
         row, snapshots = robot.alive(), check_watched(self.snapshots, DECISIONS, "explain")
         if self.arbiter is None:
             raise InvalidValueError("control is None, which explains nothing; set model.control")
-        wanted = int(snapshots.steps[-1]) if step is None else check_count("step", step)
-        return explanation(self.arbiter, self.swarm, snapshots, row, wanted, self.model.kinds)
+        moment = int(snapshots.steps[-1]) if step is None else check_count("step", step)
+        return explanation(self.arbiter, self.swarm, snapshots, row, moment, self.model.kinds)
 
     def _note_memory(self) -> None:
         """Let snapshots store what explains the decisions of the control."""
@@ -315,26 +315,26 @@ class ControlPart(Part):
 
     def kernel(self) -> Kernel | None:
         """Return what decides, made anew when columns, layers or their parameters have changed; None if Python does."""
-        made, arbiter, channel = self.made, cast(Any, self.arbiter), self.model._parts.radio.channel
+        cache, arbiter, channel = self.cache, cast(Any, self.arbiter), self.model._parts.radio.channel
         layers = getattr(arbiter, "layers", ())
         state = self.swarm.version, arbiter, layers, channel
-        if made.state != state or any(vars(layer) != parameters for layer, parameters in made.watched):
-            made.state, made.kernel, made.watched = state, None, []
+        if cache.state != state or any(vars(layer) != parameters for layer, parameters in cache.layer_parameters):
+            cache.state, cache.kernel, cache.layer_parameters = state, None, []
             if not self.reasons():
-                made.kernel = arbiter.kernel_for(self._senses(), self.swarm, channel is not None, self._attend)
-                made.watched = [(layer, dict(vars(layer))) for layer in layers if not is_frozen(layer)]
-        return made.kernel
+                cache.kernel = arbiter.kernel_for(self._senses(), self.swarm, channel is not None, self._attend)
+                cache.layer_parameters = [(layer, dict(vars(layer))) for layer in layers if not is_frozen(layer)]
+        return cache.kernel
 
     def reasons(self) -> list[str]:
         """Return what makes Python due where robots decide: layers, or what they need besides commands."""
         arbiter, table, channel = self.arbiter, self.swarm.table, self.model._parts.radio.channel
-        due = {
+        causes = {
             type(arbiter).__name__: type(arbiter) is not Subsumption,
             "actuators": len(table.actions) > 0,
             "drives of several kinds": table.mixed,
             "messages": channel is not None and len(channel.radio.message) > 0,
         }
-        reasons = [*self.in_python(), *(reason for reason, is_so in due.items() if is_so)]
+        reasons = [*self.in_python(), *(reason for reason, is_so in causes.items() if is_so)]
         if type(arbiter) is Subsumption:
             pairs = zip(arbiter.layers, arbiter.kernels_of_layers(self._senses(), self.swarm), strict=True)
             without = [layer for layer, kernel in pairs if kernel is None and is_compiled(layer)]
@@ -370,10 +370,10 @@ class ControlPart(Part):
             send_goals(columns["position"], columns["heading"], columns["goal"], columns["sent_goal"])
 
     def _senses(self) -> Senses:
-        made = self.made
-        if made.senses is None or made.version != self.swarm.version:
-            made.senses, made.version = Senses.of(self.swarm), self.swarm.version
-        return made.senses
+        cache = self.cache
+        if cache.senses is None or cache.version != self.swarm.version:
+            cache.senses, cache.version = Senses.of(self.swarm), self.swarm.version
+        return cache.senses
 
     def _refuse(self, row: int, layer: int) -> None:
         robot, name = self.swarm.agents[row], name_driver(cast(Arbiter, self.arbiter), layer)

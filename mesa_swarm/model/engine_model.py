@@ -67,11 +67,11 @@ class RowsOfStep:
     """What is known of the rows that a model and its class collect, in the present step and the one before."""
 
     def __init__(self) -> None:
-        self.begun = 0  # the steps that were completed when the present one began
+        self.first = 0  # the steps that were completed when the present one began
         self.omitted = False  # whether a warning was given of a step without the model's own
         self.before: tuple[int, ...] | None = None  # during a step with a data collector of the user's own
-        self.due = False
-        self.added: bool | None = None  # whether the model added the row of the step before, rather than its class
+        self.is_due = False
+        self.by_model: bool | None = None  # whether the model added the row of the step before, rather than its class
         self.mixed = False  # whether a warning was given that both do
 
 
@@ -97,9 +97,9 @@ class EngineModel(MesaModel):
         fires: Any  # of the part that `SwarmModel` adds
         fire_constants: Any
 
-    def __init_subclass__(cls, shows_all: bool = False, **named: Any) -> None:
+    def __init_subclass__(cls, shows_all: bool = False, **keywords: Any) -> None:
         """Let the constructor of the class take the parameters that every model takes."""
-        super().__init_subclass__(**named)
+        super().__init_subclass__(**keywords)
         # A class of several bases may inherit its constructor from one and a default of these parameters from another.
         if "__init__" in cls.__dict__ or len(cls.__bases__) > 1:
             cls.__init__ = with_common(cls, shows_all)  # type: ignore[method-assign]
@@ -211,8 +211,8 @@ class EngineModel(MesaModel):
 
     def _besides(self) -> Iterator[str]:
         """Iterate over what in Python a step calls besides the stages of its plan."""
-        own = [kind for kind in type(self).__mro__ if "step" in vars(kind) and issubclass(kind, EngineModel)]
-        yield from (f"{kind.__name__}.step" for kind in own if kind is not EngineModel)
+        classes = [kind for kind in type(self).__mro__ if "step" in vars(kind) and issubclass(kind, EngineModel)]
+        yield from (f"{kind.__name__}.step" for kind in classes if kind is not EngineModel)
         yield from (f"observer {type(observer).__name__}" for observer in self.observers)
         if self.collect_every:
             often = "each step" if self.collect_every == 1 else f"every {self.collect_every} steps"
@@ -620,7 +620,7 @@ class EngineModel(MesaModel):
             if self._rows.before is None:
                 collector.collect(self)
             else:
-                self._rows.due = True
+                self._rows.is_due = True
         for observer in self.__dict__["observers"].complete:  # without the cost of the property
             observer.after_step(self, self._completed)
 
@@ -631,15 +631,15 @@ class EngineModel(MesaModel):
 
     def _begin_step(self) -> None:
         rows, collector = self._rows, self.__dict__["datacollector"]
-        rows.begun = self._completed
+        rows.first = self._completed
         if type(collector) is not Collector:
-            rows.before, rows.due = rows_in(collector), False
+            rows.before, rows.is_due = rows_in(collector), False
         self.parts.bodies.begin_step()
 
     def _end_step(self) -> None:
         if self._rows.before is not None:
             self._collect_once(self._rows.before)
-        if self._completed == self._rows.begun and not self._rows.omitted:
+        if self._completed == self._rows.first and not self._rows.omitted:
             self._rows.omitted = True
             name = type(self).__name__
             warnings.warn(
@@ -651,14 +651,14 @@ class EngineModel(MesaModel):
 
     def _collect_once(self, rows_begun: tuple[int, ...]) -> None:
         """Collect by a collector of the user's own, unless the step of the model's class has."""
-        collector, due = self.__dict__["datacollector"], self._rows.due
-        self._rows.before, self._rows.due = None, False
-        if not due:
+        collector, is_due = self.__dict__["datacollector"], self._rows.is_due
+        self._rows.before, self._rows.is_due = None, False
+        if not is_due:
             return
         is_added = rows_in(collector) == rows_begun
         if is_added:
             collector.collect(self)
-        if self._rows.added is not None and self._rows.added != is_added and not self._rows.mixed:
+        if self._rows.by_model is not None and self._rows.by_model != is_added and not self._rows.mixed:
             self._rows.mixed = True
             warnings.warn(
                 f"{type(self).__name__} collects after some steps only, and the model after the others, so that each "
@@ -666,7 +666,7 @@ class EngineModel(MesaModel):
                 StepWarning,
                 stacklevel=4,
             )
-        self._rows.added = is_added
+        self._rows.by_model = is_added
 
     @property
     def contacts(self) -> "Contacts":

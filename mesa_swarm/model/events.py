@@ -110,10 +110,10 @@ class EventLog:
         names = [str(name) for name in series["names"]]
         if len({len(series[name]) for name in SERIES}) > 1 or not all(0 <= code < len(names) for code in codes):
             raise InvalidValueError("series of events are not of one length, or name what has no name")
-        for own in (self.names, self._codes, self._counts, self._totals):
-            own.clear()
-        for own in self._series.values():
-            del own[:]
+        for values in (self.names, self._codes, self._counts, self._totals):
+            values.clear()
+        for values in self._series.values():
+            del values[:]
         for step, code, unique_id, value in zip(*(series[name] for name in SERIES), strict=True):
             self.append(int(step), names[code], int(unique_id), float(value))
 

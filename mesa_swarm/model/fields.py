@@ -27,14 +27,14 @@ class FieldsPart(Part):
     first = ("declared",)
 
     def __init__(self, model: Any) -> None:
-        self.model, self.made = model, Prepared()
+        self.model, self.cache = model, Prepared()
         self.live: dict[str, ScalarField] = {}
 
     def bind(self, context: Context) -> None:
         """Let fields look at their values again, which may have been written."""
         for field in self.live.values():
             field.restore(field.checkpoint())
-        self._made_anew()
+        self._renew_kernel()
 
     def columns(self) -> Mapping[str, Column]:
         """Return the values of each field."""
@@ -63,7 +63,7 @@ class FieldsPart(Part):
     def restore(self, stored: dict[str, Any]) -> None:
         """Take back what `store` returned; fields that the model has stay the same objects."""
         if "declared" in stored:
-            self._declare([Field(*declared) for declared in stored["declared"]])
+            self._declare([Field(*values) for values in stored["declared"]])
         for field, peak in zip(self.live.values(), stored.get("peaks", ()), strict=False):
             field.restore({**field.checkpoint(), "peak": peak})
 
@@ -76,7 +76,7 @@ class FieldsPart(Part):
             self.live = {**self.live, field.name: known}
         for earlier in before.values():
             earlier.removed = self.live.get(earlier.name) is not earlier
-        self._made_anew()
+        self._renew_kernel()
 
     def advance(self) -> None:
         """Advance all fields by a step."""
@@ -85,23 +85,23 @@ class FieldsPart(Part):
 
     def kernel(self) -> Kernel:
         """Return what advances all fields, made anew when these or their walls have changed."""
-        if self.made.kernel is None:
+        if self.cache.kernel is None:
             blocks = [field.block() for field in self.live.values()]
             rows = np.array([block.numbers for block in blocks], np.int64).reshape(len(blocks), -1 if blocks else 0)
             every = Block(FieldBlocks(rows))
-            self.made.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
-        return self.made.kernel
+            self.cache.kernel = Kernel(advance_fields, every.numbers, (every, blocks))
+        return self.cache.kernel
 
-    def _made_anew(self) -> None:
+    def _renew_kernel(self) -> None:
         """Let the kernel be made anew."""
-        self.made.kernel = None
+        self.cache.kernel = None
         self.model.parts.replan()
 
     def walls_changed(self) -> None:
         """Let fields find anew what stops them."""
         for field in self.live.values():
             field.walls_changed()
-        self._made_anew()
+        self._renew_kernel()
 
     def named(self) -> NamedFields:
         """Return the fields by name, to be read only."""
@@ -130,7 +130,7 @@ class FieldsPart(Part):
             raise InvalidValueError(f"the model has a field {field.name} already; expected another name")
         live = ScalarField(field, self.model.map.bounds, self._walls)
         self.live = {**self.live, field.name: live}
-        self._made_anew()
+        self._renew_kernel()
         return live
 
     def remove_field(self, name: str) -> ScalarField:
@@ -157,7 +157,7 @@ class FieldsPart(Part):
         field = self.named()[name]
         self._check_unused(field.name)
         self.live, field.removed = {other: live for other, live in self.live.items() if live is not field}, True
-        self._made_anew()
+        self._renew_kernel()
         return field
 
     def _check_unused(self, name: str) -> None:

@@ -24,7 +24,7 @@ from mesa_swarm.base.errors import (
     InvalidValueError,
     SwarmError,
     UnknownNameError,
-    located,
+    locate_error,
     shortened,
     unknown_name,
     without_middle,
@@ -56,23 +56,25 @@ def gallery_names() -> list[str]:
 
 def model_names() -> list[str]:
     """Return the names of all models, those of installed packages too, sorted, without importing them."""
-    return sorted({*gallery_names(), *_installed(tuple(sys.path))})
+    return sorted({*gallery_names(), *_find_entry_points(tuple(sys.path))})
 
 
 def loaded_models() -> tuple[dict[str, type], dict[str, str]]:
     """Return the classes of all models by name, and by the other names why their models cannot be loaded."""
-    found, faults = {}, {}
+    models, faults = {}, {}
     for name in model_names():
         try:
-            found[name] = find_model(name)
+            models[name] = find_model(name)
         except SwarmError as error:
             faults[name] = str(error)
-    return found, faults
+    return models, faults
 
 
 def check_model_name(name: str) -> str:
     """Return a name or an address of a model if it can be one, without importing anything."""
-    if isinstance(name, str) and (name in gallery_names() or is_address(name) or name in _installed(tuple(sys.path))):
+    if isinstance(name, str) and (
+        name in gallery_names() or is_address(name) or name in _find_entry_points(tuple(sys.path))
+    ):
         return name
     if isinstance(name, str):
         check_present_format(name)
@@ -112,14 +114,14 @@ def find_model(name: str) -> type:
     """
     check_model_name(name)
     if name in gallery_names():
-        found: type = getattr(import_module(f"{PACKAGE}.{name}"), class_name(name))
-        return found
-    if name in _installed(tuple(sys.path)):
-        return _of_package(name, _installed(tuple(sys.path))[name])
+        model_class: type = getattr(import_module(f"{PACKAGE}.{name}"), class_name(name))
+        return model_class
+    if name in _find_entry_points(tuple(sys.path)):
+        return _of_package(name, _find_entry_points(tuple(sys.path))[name])
     if file := FILE.fullmatch(name):
-        return _class_in(_imported_file(file["file"]), file["name"], name)
+        return _class_in(_import_file(file["file"]), file["name"], name)
     module = MODULE.fullmatch(name)
-    return _class_in(_imported_module(module["module"], name), module["name"], name)  # type: ignore[index]
+    return _class_in(_import_module(module["module"], name), module["name"], name)  # type: ignore[index]
 
 
 def object_at(address: str) -> Any:
@@ -146,15 +148,15 @@ def object_at(address: str) -> Any:
     if dotted is None and (file is None or file["name"] is None):
         raise InvalidValueError(f"{shortened(address)}: expected package.module:name or ./file.py:name")
     if file and file["name"]:
-        module, name = _imported_file(file["file"], "Python file"), file["name"]
+        module, name = _import_file(file["file"], "Python file"), file["name"]
     else:
-        module, name = _imported_module(dotted["module"], address), dotted["name"]  # type: ignore[index]
-    found: Any = module
+        module, name = _import_module(dotted["module"], address), dotted["name"]  # type: ignore[index]
+    value: Any = module
     for part in name.split("."):
-        if not hasattr(found, part):
+        if not hasattr(value, part):
             raise UnknownNameError(without_middle(f"{address}: there is no {name!r} in {module.__name__}"))
-        found = getattr(found, part)
-    return found
+        value = getattr(value, part)
+    return value
 
 
 def class_name(name: str) -> str:
@@ -201,19 +203,19 @@ def shipped_class(module: str, name: str) -> type | None:
         module = BASE
     if module != BASE and module not in {f"{PACKAGE}.{model}" for model in gallery_names()}:
         return None
-    found = getattr(import_module(module), name, None)
-    return found if isinstance(found, type) and found.__module__ == module else None
+    model_class = getattr(import_module(module), name, None)
+    return model_class if isinstance(model_class, type) and model_class.__module__ == module else None
 
 
 @cache
-def _installed(path: tuple[str, ...]) -> "dict[str, tuple[EntryPoint, ...]]":
+def _find_entry_points(path: tuple[str, ...]) -> "dict[str, tuple[EntryPoint, ...]]":
     """Return the entry points of installed packages by name; `path` is that of the interpreter, for the cache."""
     from importlib.metadata import entry_points  # noqa: PLC0415 - slow to load
 
-    found: dict[str, dict[str, EntryPoint]] = {}
+    by_name: dict[str, dict[str, EntryPoint]] = {}
     for point in entry_points(group=GROUP):
-        found.setdefault(point.name, {})[point.value] = point
-    return {name: tuple(points[value] for value in sorted(points)) for name, points in sorted(found.items())}
+        by_name.setdefault(point.name, {})[point.value] = point
+    return {name: tuple(points[value] for value in sorted(points)) for name, points in sorted(by_name.items())}
 
 
 def _of_package(name: str, points: "Sequence[EntryPoint]") -> type:
@@ -228,12 +230,12 @@ def _of_package(name: str, points: "Sequence[EntryPoint]") -> type:
     if parts is None:
         raise InvalidValueError(f"{of} is {shortened(points[0].value)}; expected package.module:Class")
     try:
-        return _class_in(_imported_module(parts["module"], address), parts["name"], address)
+        return _class_in(_import_module(parts["module"], address), parts["name"], address)
     except SwarmError as error:
         raise type(error)(without_middle(f"{of}: {error}")) from None
 
 
-def _imported_file(file: str, what: str = "Python file with a model") -> ModuleType:
+def _import_file(file: str, what: str = "Python file with a model") -> ModuleType:
     """Return the module of a file, which is imported once in a process."""
     path = Path(file).expanduser()
     try:
@@ -245,28 +247,28 @@ def _imported_file(file: str, what: str = "Python file with a model") -> ModuleT
     path = path.resolve()
     name = _FILES.name_of(path)
     make_importable({name: str(path)}, (str(path.parent),))
-    return _imported(name, file)
+    return _import_or_refuse(name, file)
 
 
-def _imported_module(module: str, address: str) -> ModuleType:
+def _import_module(module: str, address: str) -> ModuleType:
     """Return a module; packages in the current folder are found too, after all others."""
     first = module.partition(".")[0]
     if first not in sys.modules and _origin(first) is None:
         make_importable({}, (os.getcwd(),))
     try:
-        return _imported(module, address)
+        return _import_or_refuse(module, address)
     except ModuleNotFoundError as error:
         raise UnknownNameError(f"{address}: there is no module {error.name!r}; expected {FORMS}") from None
 
 
-def _imported(module: str, address: str) -> ModuleType:
+def _import_or_refuse(module: str, address: str) -> ModuleType:
     """Import a module; an error in it becomes one line with the place. One that is not there raises that error."""
     try:
         return import_module(module)
     except (Exception, SystemExit) as error:  # a module of a user's may raise anything
         if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
             raise
-        text = f"{address} cannot be imported: {located(error)}"
+        text = f"{address} cannot be imported: {locate_error(error)}"
         raise InvalidValueError(without_middle(text)) from error
 
 
@@ -275,15 +277,15 @@ def _class_in(module: ModuleType, name: str | None, address: str) -> type:
     models = _models_in(module)
     if name is None:
         if len(models) != 1:
-            found = f"has several models; add one of :{', :'.join(models)}" if models else f"has no model; {EXPECTED}"
-            raise InvalidValueError(without_middle(f"{address} {found}"))
+            fault = f"has several models; add one of :{', :'.join(models)}" if models else f"has no model; {EXPECTED}"
+            raise InvalidValueError(without_middle(f"{address} {fault}"))
         return models[next(iter(models))]
     kind: Any = module
     for part in name.split("."):
         kind = getattr(kind, part, None)
     if kind is None:
-        known = ", ".join(models) or "none"
-        raise UnknownNameError(without_middle(f"{address}: there is no class {name!r}; known models: {known}"))
+        names = ", ".join(models) or "none"
+        raise UnknownNameError(without_middle(f"{address}: there is no class {name!r}; known models: {names}"))
     if not (isinstance(kind, type) and issubclass(kind, _base())):
         raise InvalidValueError(without_middle(f"{address} is {shortened(kind)}; {EXPECTED}"))
     return kind
@@ -292,8 +294,8 @@ def _class_in(module: ModuleType, name: str | None, address: str) -> type:
 def _models_in(module: ModuleType) -> dict[str, type]:
     """Return the models that a module itself defines, by name."""
     classes = {value.__name__: value for value in vars(module).values() if isinstance(value, type)}
-    own = {name: one for name, one in sorted(classes.items()) if one.__module__ == module.__name__}
-    return {name: one for name, one in own.items() if issubclass(one, _base()) and not name.startswith("_")}
+    of_module = {name: kind for name, kind in sorted(classes.items()) if kind.__module__ == module.__name__}
+    return {name: kind for name, kind in of_module.items() if issubclass(kind, _base()) and not name.startswith("_")}
 
 
 def _base() -> type:
@@ -314,7 +316,7 @@ class Imported:
         return make_importable, (self.files, self.folders)
 
 
-def imported() -> Imported:
+def list_imported() -> Imported:
     """Return what another process needs to import the same models."""
     return Imported(dict(_FILES.paths), tuple(folder for folder in _FILES.folders if folder in sys.path))
 
@@ -324,7 +326,7 @@ def make_importable(files: dict[str, str], folders: Sequence[str]) -> Imported:
     _FILES.paths |= files
     _FILES.folders |= dict.fromkeys(folders)
     sys.path += [folder for folder in folders if folder not in sys.path]
-    return imported()
+    return list_imported()
 
 
 class FileFinder:
@@ -337,8 +339,8 @@ class FileFinder:
     def name_of(self, path: Path) -> str:
         """Return the name of a file's module: that of the file, unless another module has it already."""
         stem = path.stem.replace(".", "_")
-        found = self.paths.get(stem) or _origin(stem)
-        if found in (None, str(path)):
+        file = self.paths.get(stem) or _origin(stem)
+        if file in (None, str(path)):
             return stem
         return f"{stem}_{blake2b(str(path).encode(), digest_size=4).hexdigest()}"
 

@@ -162,7 +162,7 @@ class ModelInfo:
     @cached_property
     def built(self) -> Any:
         """The model, or one with all defaults; None if the class cannot be built so."""
-        return _built(self.model_class) if self.model is None else self.model
+        return _build_default(self.model_class) if self.model is None else self.model
 
     def command(self, preset: Preset) -> str:
         """Return the command that runs a preset.
@@ -225,10 +225,10 @@ def model_info(model: Any) -> ModelInfo:
     if not hasattr(kind, "add_robots"):
         raise InvalidValueError(f"model is {shortened(model)}; expected a SwarmModel, or its class, name or address")
     name = model if isinstance(model, str) else _name_of(kind)
-    own = model if not isinstance(model, str | type) else None
+    instance = model if not isinstance(model, str | type) else None
     file = info_file(kind)
-    found = _read(file, kind) if file is not None and file.is_file() else {}
-    return ModelInfo(name=name, model_class=kind, model=own, **_described(kind) | found)
+    entries = _read(file, kind) if file is not None and file.is_file() else {}
+    return ModelInfo(name=name, model_class=kind, model=instance, **_describe_class(kind) | entries)
 
 
 def info_file(model_class: type) -> Path | None:
@@ -242,18 +242,18 @@ def _name_of(model_class: type) -> str:
     return module.rpartition(".")[2] if module.startswith(f"{PACKAGE}.") else model_address(model_class)
 
 
-def _described(model_class: type) -> dict[str, str]:
+def _describe_class(model_class: type) -> dict[str, str]:
     """Return the parts of a model's docstring: that of its module, if it has the headings, else that of the class."""
     of_module = inspect.cleandoc(getattr(sys.modules.get(model_class.__module__), "__doc__", None) or "")
     if WHAT not in of_module:
         return {"what": inspect.cleandoc(vars(model_class).get("__doc__") or "") or of_module}
     starts = [*HEADING.finditer(of_module)]
-    ends = [found.start() for found in starts[1:]] + [len(of_module)]
-    parts = {one[0]: _joined(of_module[one.end() : end]) for one, end in zip(starts, ends, strict=True)}
+    ends = [start.start() for start in starts[1:]] + [len(of_module)]
+    parts = {start[0]: _join_lines(of_module[start.end() : end]) for start, end in zip(starts, ends, strict=True)}
     return {"what": parts[WHAT]} | {name: parts[head] for head, name in HEADINGS.items() if head in parts}
 
 
-def _joined(text: str) -> str:
+def _join_lines(text: str) -> str:
     """Return paragraphs, each on one line."""
     return "\n\n".join(" ".join(part.split()) for part in re.split(r"\n\s*\n", text.strip()))
 
@@ -268,26 +268,27 @@ def _read(file: Path, model_class: type) -> dict[str, Any]:
         for key in inside:
             if key not in KEYS:
                 raise InvalidValueError(unknown_name("key", key, KEYS))
-        found: dict[str, Any] = {key: _joined(_text(key, inside[key])) for key in TEXTS if key in inside}
-        known = parameters_of(model_class)
+        entries: dict[str, Any] = {key: _join_lines(_text(key, inside[key])) for key in TEXTS if key in inside}
+        parameters = parameters_of(model_class)
         if "speed" in inside:
-            found["speed"] = check_number("speed", inside["speed"], minimum=SLOWEST, maximum=FASTEST)
+            entries["speed"] = check_number("speed", inside["speed"], minimum=SLOWEST, maximum=FASTEST)
         if "concepts" in inside:
-            found["concepts"] = _concepts(inside["concepts"])
+            entries["concepts"] = _concepts(inside["concepts"])
         if "try" in inside:
-            found["presets"] = tuple(
-                Preset(label=_text(f"{key}, label", table["label"]), text=_joined(_text(f"{key}, text", table["text"])),
-                       settings=_settings(f"{key}, settings", table["settings"], known))
+            entries["presets"] = tuple(
+                Preset(label=_text(f"{key}, label", table["label"]),
+                       text=_join_lines(_text(f"{key}, text", table["text"])),
+                       settings=_settings(f"{key}, settings", table["settings"], parameters))
                 for key, table in _tables("try", inside["try"], ("label", "text", "settings"))
             )  # fmt: skip
         if "equations" in inside:
-            found["equations"] = tuple(
+            entries["equations"] = tuple(
                 Equation(**{name: _text(f"{key}, {name}", table[name]) for name in ("latex", "text")})
                 for key, table in _tables("equations", inside["equations"], ("latex", "text"))
             )
     except SwarmError as error:
         raise InvalidValueError(without_middle(f"{file.name}: {error}")) from None
-    return found
+    return entries
 
 
 def _text(key: str, value: object) -> str:
@@ -302,12 +303,12 @@ def _concepts(value: object) -> dict[str, str]:
     for name in value:
         if name not in CONCEPTS:
             raise InvalidValueError(unknown_name("concept", name, CONCEPTS))
-    return {name: _joined(_text(f"concepts, {name}", text)) for name, text in value.items()}
+    return {name: _join_lines(_text(f"concepts, {name}", text)) for name, text in value.items()}
 
 
 def _tables(key: str, value: object, names: tuple[str, ...]) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield each table of a list, with what errors call it; each has exactly these names."""
-    if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
+    if not isinstance(value, list) or not all(isinstance(table, dict) for table in value):
         raise InvalidValueError(f"{key} is {shortened(value)}; expected tables, each headed [[{key}]]")
     for number, table in enumerate(value, start=1):
         for name in table:
@@ -319,21 +320,21 @@ def _tables(key: str, value: object, names: tuple[str, ...]) -> Iterator[tuple[s
         yield f"{key} {number}", table
 
 
-def _settings(key: str, value: object, known: Mapping[str, Parameter]) -> dict[str, Any]:
+def _settings(key: str, value: object, parameters: Mapping[str, Parameter]) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InvalidValueError(
             f"{key} is {shortened(value)}; expected values of parameters, such as {{ n_robots = 5 }}"
         )
     for name in value:
-        if name not in known:
-            raise InvalidValueError(f"{key}: {unknown_name('parameter', name, known)}")
+        if name not in parameters:
+            raise InvalidValueError(f"{key}: {unknown_name('parameter', name, parameters)}")
     try:
-        return {name: known[name].checked(one) for name, one in value.items()}
+        return {name: parameters[name].checked(setting) for name, setting in value.items()}
     except SwarmError as error:
         raise InvalidValueError(f"{key}: {error}") from None
 
 
-def _built(model_class: type) -> Any:
+def _build_default(model_class: type) -> Any:
     """Return a model with all defaults, None if it cannot be built so."""
     try:
         return model_class(rng=1)
@@ -342,11 +343,11 @@ def _built(model_class: type) -> Any:
 
 
 def _listings(model_class: type, model: Any) -> Iterator[Listing]:
-    seen = []
+    functions = []
     for layer in getattr(getattr(model, "control", None), "layers", ()):
         function = layer.rule.function if isinstance(layer, Behaviour) else getattr(type(layer), "decide", None)
-        if isinstance(function, FunctionType) and function not in seen:
-            seen.append(function)
+        if isinstance(function, FunctionType) and function not in functions:
+            functions.append(function)
             code = "\n\n".join(map(_source, _with_callees(function, type(layer))))
             if code:
                 yield Listing(name=layer.name, module=function.__module__, code=code)
@@ -357,16 +358,16 @@ def _listings(model_class: type, model: Any) -> Iterator[Listing]:
 
 def _with_callees(function: FunctionType, kind: type) -> list[FunctionType]:
     """Return a function, and the functions of its module and the methods that it uses, in their order in the file."""
-    found = [function]
-    for one in found:
-        used = inspect.getclosurevars(one).globals.values()
-        methods = [getattr(kind, name, None) for name in one.__code__.co_names]
-        for value in (*used, *methods):
+    functions = [function]
+    for caller in functions:
+        values = inspect.getclosurevars(caller).globals.values()
+        methods = [getattr(kind, name, None) for name in caller.__code__.co_names]
+        for value in (*values, *methods):
             # Compiled functions as they were written; of a property, what computes it.
             plain = getattr(value, "py_func", None) or getattr(value, "fget", None) or value
-            if isinstance(plain, FunctionType) and plain.__module__ == one.__module__ and plain not in found:
-                found.append(plain)
-    return sorted(found, key=lambda one: one.__code__.co_firstlineno)
+            if isinstance(plain, FunctionType) and plain.__module__ == caller.__module__ and plain not in functions:
+                functions.append(plain)
+    return sorted(functions, key=lambda function: function.__code__.co_firstlineno)
 
 
 def _source(part: FunctionType | type | ModuleType) -> str:
@@ -396,22 +397,22 @@ def _markdown(info: ModelInfo, head: str, command: Callable[[Preset], str]) -> I
             yield f"{head}# {title}\n\n{text}"
     if info.presets:
         yield f"{head}# Things to try"
-        yield "\n".join(f"- **{one.label}.** {one.text} `{command(one)}`" for one in info.presets)
+        yield "\n".join(f"- **{preset.label}.** {preset.text} `{command(preset)}`" for preset in info.presets)
     if info.equations:
         yield f"{head}# Equations"
-        yield "\n\n".join(f"$${one.latex}$$\n\n{one.text}" for one in info.equations)
+        yield "\n\n".join(f"$${equation.latex}$$\n\n{equation.text}" for equation in info.equations)
     if info.source:
         yield f"{head}# Source\n\n{info.source}"
-    yield _folded("Parameters", parameter_table(info.parameters))
-    for one in info.code:
-        yield _folded(f"Code: {one.name} <small>{one.module}</small>", f"```python\n{one.code}\n```")
+    yield _fold_code("Parameters", parameter_table(info.parameters))
+    for listing in info.code:
+        yield _fold_code(f"Code: {listing.name} <small>{listing.module}</small>", f"```python\n{listing.code}\n```")
 
 
 def parameter_table(parameters: Mapping[str, Parameter]) -> str:
     """Return parameters, their defaults and what they mean as a table in Markdown."""
-    rows = [f"| `{one.name}` | {in_brief(one.default)} | {one.help} |" for one in parameters.values()]
+    rows = [f"| `{p.name}` | {in_brief(p.default)} | {p.help} |" for p in parameters.values()]
     return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows]).replace("<", "&lt;")
 
 
-def _folded(title: str, text: str) -> str:
+def _fold_code(title: str, text: str) -> str:
     return f'<details markdown="1">\n<summary>{title}</summary>\n\n{text}\n\n</details>'

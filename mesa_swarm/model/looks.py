@@ -32,18 +32,18 @@ Colour = str | tuple[str, str]
 Source = str | Callable[[Any], Any]
 
 
-def themed(name: str, colour: Colour) -> tuple[str, str]:
+def pair_colours(name: str, colour: Colour) -> tuple[str, str]:
     """Return a colour for the light and one for the dark theme, or refuse what is not one.
 
     Examples
     --------
-    >>> themed("puck", "#c08030")
+    >>> pair_colours("puck", "#c08030")
     ('#c08030', '#c08030')
     """
     both = (colour, colour) if isinstance(colour, str) else colour
     if isinstance(both, (tuple, list)) and len(both) == 2:
         light, dark = both
-        if all(isinstance(one, str) and COLOUR.fullmatch(one) for one in (light, dark)):
+        if all(isinstance(colour, str) and COLOUR.fullmatch(colour) for colour in (light, dark)):
             return light, dark
     raise InvalidValueError(
         f"colour of {shortened(name)} is {shortened(colour)}; expected #rrggbb, or (light, dark) of two such"
@@ -85,7 +85,7 @@ class ColourMap:
         check_number("high", self.high, above=self.low)
         label = self.label or (self.source if isinstance(self.source, str) else _name_of(self.source))
         object.__setattr__(self, "label", check_name("label", label))
-        colours = tuple(themed(self.label, colour) for colour in _as_tuple("colours", self.colours))
+        colours = tuple(pair_colours(self.label, colour) for colour in _as_tuple("colours", self.colours))
         if len(colours) == 1 or len(colours) > MOST_COLOURS:
             raise InvalidValueError(f"colours are {len(colours)}; expected 2 to {MOST_COLOURS}, or none")
         object.__setattr__(self, "colours", colours)
@@ -174,7 +174,7 @@ class Looks:
         """Check every value."""
         if not isinstance(self.kinds, Mapping):
             raise InvalidValueError(f"kinds is {shortened(self.kinds)}; expected a mapping from kinds to colours")
-        kinds = {check_name("kind", name): themed(name, colour) for name, colour in self.kinds.items()}
+        kinds = {check_name("kind", name): pair_colours(name, colour) for name, colour in self.kinds.items()}
         object.__setattr__(self, "kinds", MappingProxyType(kinds))
         if self.column is not None and not isinstance(self.column, ColourMap):
             object.__setattr__(self, "column", ColourMap(self.column))
@@ -195,22 +195,22 @@ class Looks:
 
     def columns_of(self, model: Any) -> dict[str, np.ndarray]:
         """Return what is drawn of a model now: `VALUE`, shape (n,), and `LABEL`, n texts, as far as declared."""
-        found: dict[str, np.ndarray] = {}
+        columns: dict[str, np.ndarray] = {}
         if isinstance(self.column, ColourMap):
-            found[VALUE] = _numbers("column", _values(model, "column", self.column.source))
+            columns[VALUE] = _numbers("column", _values(model, "column", self.column.source))
         if self.label is not None:
             values = _values(model, "label", self.label)
-            found[LABEL] = np.array([label_text(value) for value in values.tolist()], object)
-        return found
+            columns[LABEL] = np.array([label_text(value) for value in values.tolist()], object)
+        return columns
 
     def as_json(self) -> dict[str, Any]:
         """Return what a recording stores: colours, range and names; what a function computes is not recorded."""
-        found: dict[str, Any] = {}
+        content: dict[str, Any] = {}
         if self.kinds:
-            found["kinds"] = {name: list(pair) for name, pair in self.kinds.items()}
+            content["kinds"] = {name: list(pair) for name, pair in self.kinds.items()}
         if isinstance(self.column, ColourMap):
             source = self.column.source
-            found["column"] = {
+            content["column"] = {
                 "name": source if isinstance(source, str) else "",
                 "label": self.column.label,
                 "low": float(self.column.low),
@@ -218,8 +218,8 @@ class Looks:
                 "colours": [list(pair) for pair in self.column.colours],
             }
         if self.label is not None:
-            found["label"] = self.label if isinstance(self.label, str) else ""
-        return found
+            content["label"] = self.label if isinstance(self.label, str) else ""
+        return content
 
 
 def looks_of(model: Any) -> Looks | None:
@@ -238,8 +238,8 @@ def label_bytes(texts: np.ndarray) -> np.ndarray:
     >>> label_bytes(np.array(["ab", ""], object))[:, :3].tolist()
     [[97, 98, 0], [0, 0, 0]]
     """
-    cut = [str(text).encode()[:LABEL_BYTES].decode(errors="ignore").encode() for text in texts.tolist()]
-    return np.frombuffer(b"".join(one.ljust(LABEL_BYTES, b"\0") for one in cut), np.int8).reshape(-1, LABEL_BYTES)
+    labels = [str(text).encode()[:LABEL_BYTES].decode(errors="ignore").encode() for text in texts.tolist()]
+    return np.frombuffer(b"".join(text.ljust(LABEL_BYTES, b"\0") for text in labels), np.int8).reshape(-1, LABEL_BYTES)
 
 
 def _values(model: Any, what: str, source: Source) -> np.ndarray:

@@ -41,16 +41,16 @@ class MesaModel(mesa.Model):
     _in_step: bool = False
     _passing: bool = False
 
-    def __new__(cls, *given: Any, **named: Any) -> Self:
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
         """Store the arguments of the outermost constructor, with which a recorded model is made again."""
-        if "seed" in named and not declares(cls, "seed"):
+        if "seed" in keywords and not declares(cls, "seed"):
             raise InvalidValueError(f"seed was given to {cls.__name__}; the seed of a model is rng, as in rng=1")
         compilation.expect(cls)
         model = super().__new__(cls)
-        if "scenario" in named and not declares(cls, "scenario"):
-            named = without_scenario(cls, named)
+        if "scenario" in keywords and not declares(cls, "scenario"):
+            keywords = without_scenario(cls, keywords)
         # Before any constructor of a subclass has changed them; triggers as recordings have them.
-        model.given = tuple(map(_plain, given)), {name: _plain(value) for name, value in named.items()}
+        model.given = tuple(map(_plain, arguments)), {name: _plain(value) for name, value in keywords.items()}
         return model
 
     def __init__(self, rng: Seed) -> None:
@@ -73,7 +73,7 @@ class MesaModel(mesa.Model):
             state["subscribers"] = defaultdict(list)
         return state
 
-    def _whole_step(self, *given: Any, **named: Any) -> None:
+    def _whole_step(self, *arguments: Any, **keywords: Any) -> None:
         """Take the step of the model's own class, of which the engine's step is a part, and call observers.
 
         They are called after a step that failed as well: what it has changed stays.
@@ -88,7 +88,7 @@ class MesaModel(mesa.Model):
             for observer in observers.complete:
                 observer.before_step(self)
             self._begin_step()
-            type(self).step(self, *given, **named)
+            type(self).step(self, *arguments, **keywords)
             self._end_step()
             for observer in observers.complete:
                 observer.between_steps(self)
@@ -203,10 +203,10 @@ def has_own_events(model: MesaModel) -> bool:
     if not hasattr(model, "_default_schedule"):
         return False
     step = model._default_schedule
-    others = [generator for generator in model._event_generators if generator is not step]
+    generators = [generator for generator in model._event_generators if generator is not step]
     # While the step is being taken, its own event is not among those that wait.
     waiting = [event for event in model._event_list._events if not event.CANCELED and event is not step._current_event]
-    return bool(others) or bool(waiting) or model.time != model.steps
+    return bool(generators) or bool(waiting) or model.time != model.steps
 
 
 def _pass_steps(model: MesaModel, steps: int) -> None:
@@ -272,10 +272,10 @@ def rows_in(collector: mesa.DataCollector) -> tuple[int, ...]:
 def collected_of_agents(collector: mesa.DataCollector, steps: int, time: float) -> list[dict[str, Any]]:
     """Return what a data collector has of each agent after a step, or at a time, by which Mesa 4 stores it."""
     when = time if FOUR else steps
-    found = [(collector.agent_reporters, row) for row in collector._agent_records.get(when, ())]
+    records = [(collector.agent_reporters, row) for row in collector._agent_records.get(when, ())]
     for kind, rows in collector._agenttype_records.get(when, {}).items():
-        found += [(collector.agenttype_reporters[kind], row) for row in rows]
-    return [{"AgentID": row[1], **dict(zip(reporters, row[2:], strict=True))} for reporters, row in found]
+        records += [(collector.agenttype_reporters[kind], row) for row in rows]
+    return [{"AgentID": row[1], **dict(zip(reporters, row[2:], strict=True))} for reporters, row in records]
 
 
 # ---- scenarios
@@ -286,7 +286,7 @@ def declares(constructor: Callable[..., Any], name: str) -> bool:
     return name in inspect.signature(constructor).parameters
 
 
-def without_scenario(model_class: type, named: Mapping[str, Any]) -> dict[str, Any]:
+def without_scenario(model_class: type, keywords: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of a class with the values of a Mesa scenario in the place of ``scenario=``.
 
     Raises
@@ -296,19 +296,19 @@ def without_scenario(model_class: type, named: Mapping[str, Any]) -> dict[str, A
     UnknownNameError
         If the class has no parameter of a name in the scenario.
     """
-    values = _values_of(named["scenario"])
+    values = _values_of(keywords["scenario"])
     check_names(model_class, values)
-    return _combined(values, named)
+    return _combine_parameters(values, keywords)
 
 
-def known_of_scenario(parameters: Container[str], named: Mapping[str, Any]) -> dict[str, Any]:
+def parameters_of_scenario(parameters: Container[str], keywords: Mapping[str, Any]) -> dict[str, Any]:
     """Return the same for a base of a class that has a parameter `scenario` and reads the other values itself."""
-    values = _values_of(named["scenario"])
-    return _combined({name: value for name, value in values.items() if name in parameters}, named)
+    values = _values_of(keywords["scenario"])
+    return _combine_parameters({name: value for name, value in values.items() if name in parameters}, keywords)
 
 
-def _combined(values: dict[str, Any], named: Mapping[str, Any]) -> dict[str, Any]:
-    others = {name: value for name, value in named.items() if name != "scenario"}
+def _combine_parameters(values: dict[str, Any], keywords: Mapping[str, Any]) -> dict[str, Any]:
+    others = {name: value for name, value in keywords.items() if name != "scenario"}
     if others.get("rng", 0) is None:
         del others["rng"]
     for name in values.keys() & others.keys():

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, Protocol, SupportsIndex, runtime_checkable
 
-from mesa_swarm.base.errors import InvalidValueError, asked, shortened
+from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
 
 # Methods of a list that change it.
 MUTATORS = (
@@ -82,11 +82,11 @@ class Observer(Protocol):
 HOOKS = tuple(name for name in vars(Observer) if not name.startswith("_"))
 
 
-class _Adapted(Observer):
+class _Adapter(Observer):
     """An observer of a class of the user's, with every method: where it has none, that of `Observer`."""
 
     def __init__(self, observer: object) -> None:
-        methods = {name: asked(observer, name) for name in HOOKS}
+        methods = {name: read_attribute(observer, name) for name in HOOKS}
         methods = {name: method for name, method in methods.items() if callable(method)}
         if not methods:
             raise InvalidValueError(
@@ -113,14 +113,14 @@ class Observers(list):
 
     def __init__(self, *observers: Any) -> None:
         super().__init__(*observers)
-        self.complete = _completed(self)
+        self.complete = _complete_observers(self)
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> tuple:
         return Observers, ()
 
 
-def _completed(observers: list) -> tuple[Observer, ...]:
-    return tuple(each if isinstance(each, Observer) else _Adapted(each) for each in observers)
+def _complete_observers(observers: list) -> tuple[Observer, ...]:
+    return tuple(observer if isinstance(observer, Observer) else _Adapter(observer) for observer in observers)
 
 
 def _completing(name: str) -> Callable:
@@ -128,11 +128,11 @@ def _completing(name: str) -> Callable:
     change = getattr(list, name)
 
     @wraps(change)
-    def method(self: Observers, *given: Any, **named: Any) -> Any:
+    def method(self: Observers, *arguments: Any, **keywords: Any) -> Any:
         before = self[:]
-        result = change(self, *given, **named)
+        result = change(self, *arguments, **keywords)
         try:
-            self.complete = _completed(self)
+            self.complete = _complete_observers(self)
         except InvalidValueError:
             list.__setitem__(self, slice(None), before)
             raise

@@ -62,23 +62,19 @@ def odd(info: ModelInfo, *, level: int = 2) -> str:
     model = info.built
     if model is None:
         raise InvalidValueError(f"{info.name} cannot be built without parameters; ODD describes a model with defaults")
+    patterns = f"\n\nPatterns used to evaluate the model: {info.patterns}" if info.patterns else ""
     elements = {
-        "Purpose and patterns": _purpose(info),
+        "Purpose and patterns": info.what + patterns,
         "Entities, state variables, and scales": _entities(model),
         "Process overview and scheduling": _schedule(model),
         "Design concepts": _concepts(info, model),
         "Initialization": _initialization(info, model),
-        "Input data": _input(model),
+        "Input data": f"None besides the map `{model.map.name}`: nothing is read while the model runs.",
         "Submodels": _submodels(info, "#" * (level + 1)),
     }
     head = "#" * level
     texts = (f"{head} {number}. {name}\n\n{text}" for number, (name, text) in enumerate(elements.items(), start=1))
     return "\n\n".join(texts) + "\n"
-
-
-def _purpose(info: ModelInfo) -> str:
-    patterns = f"\n\nPatterns used to evaluate the model: {info.patterns}" if info.patterns else ""
-    return info.what + patterns
 
 
 def _entities(model: Any) -> str:
@@ -97,9 +93,9 @@ def _robot_rows(model: Any) -> Iterator[str]:
     memory = sorted(name for name in model.swarm.columns if name.partition(".")[0].isdigit())
     for index, design in enumerate(model.swarm.designs):
         acts = (f"act.{part.name}" for part in design.actuators)
-        own = ["position", "heading", "readings", "command", "layer", *memory, *acts]
+        columns = ["position", "heading", "readings", "command", "layer", *memory, *acts]
         about = f"radius {design.radius:g}, at most {design.max_speed:g} units a step"
-        yield f"| robot `{design.name}`: {about} | {of_design[index]} | {', '.join(own)} |"
+        yield f"| robot `{design.name}`: {about} | {of_design[index]} | {', '.join(columns)} |"
 
 
 def _body_rows(model: Any) -> Iterator[str]:
@@ -142,8 +138,8 @@ def _one_line(part: Any) -> str:
 
 
 def _concepts(info: ModelInfo, model: Any) -> str:
-    found = {**info.concepts, **_own_concepts(model)}
-    return "\n\n".join(f"**{title}.** {found[name]}" for name, title in CONCEPTS.items() if name in found)
+    concepts = {**info.concepts, **_own_concepts(model)}
+    return "\n\n".join(f"**{title}.** {concepts[name]}" for name, title in CONCEPTS.items() if name in concepts)
 
 
 def _own_concepts(model: Any) -> dict[str, str]:
@@ -174,19 +170,15 @@ def _sensing(model: Any) -> Iterator[str]:
 
 
 def _initialization(info: ModelInfo, model: Any) -> str:
-    table = parameter_table({name: one for name, one in info.parameters.items() if name != "rng"})
+    table = parameter_table({name: parameter for name, parameter in info.parameters.items() if name != "rng"})
     return (
         f"The map `{model.map.name}` with its bodies. Robots are at random free places with random headings, unless "
         f"the model places them; the seed determines all of it.\n\n{table}"
     )
 
 
-def _input(model: Any) -> str:
-    return f"None besides the map `{model.map.name}`: nothing is read while the model runs."
-
-
 def _submodels(info: ModelInfo, head: str) -> str:
     pieces = [info.how] if info.how else []
-    pieces += [f"$${one.latex}$$\n\n{one.text}" for one in info.equations]
-    pieces += [f"{head} {one.name}\n\nFrom `{one.module}`.\n\n```python\n{one.code}\n```" for one in info.code]
+    pieces += [f"$${equation.latex}$$\n\n{equation.text}" for equation in info.equations]
+    pieces += [f"{head} {part.name}\n\nFrom `{part.module}`.\n\n```python\n{part.code}\n```" for part in info.code]
     return "\n\n".join(pieces)

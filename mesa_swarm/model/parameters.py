@@ -121,17 +121,17 @@ class Parameter:
         if self.kind in (int, float):
             return check_number(self.name, value)
         if not isinstance(value, self.kind):
-            wanted = {bool: "true or false", str: "a text"}.get(self.kind, f"a {self.kind.__name__}")
-            raise InvalidValueError(f"{self.name} is {shortened(value)}; expected {wanted}")
+            expectation = {bool: "true or false", str: "a text"}.get(self.kind, f"a {self.kind.__name__}")
+            raise InvalidValueError(f"{self.name} is {shortened(value)}; expected {expectation}")
         return value
 
     def _check_offered(self, value: Any) -> None:
         """Refuse a built-in map that is not one of the choice."""
-        offered = self.control.options if isinstance(self.control, Choice) else ()
-        name = builtin_name(value) if self.name == "map" and offered else None
-        if name is not None and not {name, value} & set(offered):
-            expected = f"expected {', '.join(offered)} or a file of your own"
-            raise InvalidValueError(f"map is {shortened(value)}, which this model does not offer; {expected}")
+        options = self.control.options if isinstance(self.control, Choice) else ()
+        name = builtin_name(value) if self.name == "map" and options else None
+        if name is not None and not {name, value} & set(options):
+            expectation = f"expected {', '.join(options)} or a file of your own"
+            raise InvalidValueError(f"map is {shortened(value)}, which this model does not offer; {expectation}")
 
     def _number(self, text: str) -> float:
         try:
@@ -139,8 +139,8 @@ class Parameter:
             if self.kind is int and number != int(number):
                 raise ValueError
         except ValueError:
-            wanted = "a whole number" if self.kind is int else "a finite number"
-            raise InvalidValueError(f"{self.name} is {shortened(text)}; expected {wanted}") from None
+            expectation = "a whole number" if self.kind is int else "a finite number"
+            raise InvalidValueError(f"{self.name} is {shortened(text)}; expected {expectation}") from None
         return self.kind(number)
 
 
@@ -179,8 +179,8 @@ def _kind_of(hint: Any) -> type:
     if get_origin(hint) is Literal:
         hint = type(get_args(hint)[0])
     if get_origin(hint) in (Union, UnionType):
-        others = [one for one in get_args(hint) if one is not NoneType]
-        hint = others[0] if len(others) == 1 else object
+        arguments = [argument for argument in get_args(hint) if argument is not NoneType]
+        hint = arguments[0] if len(arguments) == 1 else object
     kind = get_origin(hint) or hint
     return kind if isinstance(kind, type) else object
 
@@ -202,23 +202,23 @@ def check_names(model: Callable, names: Iterable[str]) -> None:
     ...
     mesa_swarm.base.errors.UnknownNameError: unknown parameter of Boids 'n_robot'; did you mean 'n_robots'? known: ...
     """
-    known = inspect.signature(model).parameters
-    if any(one.kind is one.VAR_KEYWORD for one in known.values()):
+    parameters = inspect.signature(model).parameters
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
         return
     for name in names:
-        if name not in known:
-            raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, known))
+        if name not in parameters:
+            raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, parameters))
 
 
-def parsed_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:
+def parse_settings(model: Callable, settings: Sequence[str]) -> dict[str, Any]:
     """Return what ``name=value`` texts set, checked against the model's parameters."""
-    known = parameters_of(model)
+    parameters = parameters_of(model)
     values = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
         if not equals:
             raise InvalidValueError(f"setting {shortened(setting)} has no =; expected name=value, such as n_robots=5")
-        if name not in known:
-            raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, known))
-        values[name] = known[name].parse(text)
+        if name not in parameters:
+            raise UnknownNameError(unknown_name(f"parameter of {model.__name__}", name, parameters))
+        values[name] = parameters[name].parse(text)
     return values

@@ -87,7 +87,7 @@ class Parts(Mapping[str, Part]):
     @property
     def plan(self) -> Plan:
         """The stages of the step, made anew when parts, robots' columns or bodies have changed."""
-        version, scene = self._model.swarm.version, self.bodies.made.scene
+        version, scene = self._model.swarm.version, self.bodies.cache.scene
         if self._plan is None or scene is None or self._plan.version != (version, scene):
             version = version, self.bodies.scene()
             self._plan = Plan.of(self._by_name.values(), version, lambda: self._model.completed)
@@ -141,10 +141,10 @@ class Parts(Mapping[str, Part]):
                 raise InvalidValueError(f"{what} is {shortened(column)}; expected Column(array, rows, role)")
             check_choice(f"role of {what}", column.role, ROLES)
             if column.rows is not None:
-                expected = counts[check_choice(f"rows of {what}", column.rows, counts)]
-                if column.array.shape[:1] != (expected,):
+                length = counts[check_choice(f"rows of {what}", column.rows, counts)]
+                if column.array.shape[:1] != (length,):
                     raise InvalidValueError(
-                        f"{what} has shape {column.array.shape}; expected {expected} rows, one for each of the "
+                        f"{what} has shape {column.array.shape}; expected {length} rows, one for each of the "
                         f"model's {column.rows}: make it in bind(context), of as many rows"
                     )
 
@@ -153,7 +153,7 @@ class Parts(Mapping[str, Part]):
         part = self[name]
         if name in self._standing:
             raise InvalidValueError(f"part {name} is one that every model has; expected one that was added")
-        self._by_name = {other: each for other, each in self._by_name.items() if other != name}
+        self._by_name = {other: part for other, part in self._by_name.items() if other != name}
         self.replan()
         return part
 
@@ -191,16 +191,12 @@ class Parts(Mapping[str, Part]):
                     new = np.full((count, *column.array.shape[1:]), column.initial, column.array.dtype)
                     part.replace(name, np.concatenate([column.array, new]))
 
-    def have_rows(self, rows: str) -> bool:
-        """Return whether an added part has columns with such rows."""
-        return any(column.rows == rows for part in self.added() for column in part.columns().values())
-
-    def drop_rows(self, rows: str, gone: Sequence[int]) -> None:
+    def drop_rows(self, rows: str, indices: Sequence[int]) -> None:
         """Drop rows of the columns of added parts."""
         for part in self.added():
             for name, column in part.columns().items():
                 if column.rows == rows:
-                    part.replace(name, np.delete(column.array, gone, axis=0))
+                    part.replace(name, np.delete(column.array, indices, axis=0))
 
 
 def delegate(
@@ -210,7 +206,7 @@ def delegate(
     name = method.__name__
 
     @wraps(method)
-    def call(model: Any, /, *arguments: Arguments.args, **named: Arguments.kwargs) -> Result:
-        return getattr(getattr(model.parts, part), name)(*arguments, **named)
+    def call(model: Any, /, *arguments: Arguments.args, **keywords: Arguments.kwargs) -> Result:
+        return getattr(getattr(model.parts, part), name)(*arguments, **keywords)
 
     return call

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from typing import Any, Protocol, runtime_checkable
 
-from mesa_swarm.base.errors import InvalidValueError, asked, shortened
+from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
 from mesa_swarm.kernels.part import Itself, Part, Phase, Stage, kernel_of
 from mesa_swarm.model.state import Checkpointed, attributes_of, quick_fingerprint, refuse_attributes, stored_state
-from mesa_swarm.model.state_hash import described_process
+from mesa_swarm.model.state_hash import describe_process
 
 
 @runtime_checkable
@@ -68,7 +68,7 @@ class ProcessesPart(Part):
 
     def parameters(self) -> list:
         """Return the state of processes, and what they are besides."""
-        return [*self.states(), *(described_process(process) for process in self.numbered.values())]
+        return [*self.states(), *(describe_process(process) for process in self.numbered.values())]
 
     def mark(self) -> dict[str, Any]:
         """Return which processes there are, and a fingerprint of the state of each."""
@@ -79,13 +79,13 @@ class ProcessesPart(Part):
 
     def store(self) -> dict[str, Any]:
         """Return what processes hold, by their number; one that stores itself whole."""
-        stored: dict[str, Any] = {}
+        content: dict[str, Any] = {}
         for number, process in self.numbered.items():
             if isinstance(process, Checkpointed):
-                stored[f"{number}"] = process
+                content[f"{number}"] = process
             else:
-                stored |= {f"{number} {name}": value for name, value in attributes_of(process).items()}
-        return stored
+                content |= {f"{number} {name}": value for name, value in attributes_of(process).items()}
+        return content
 
     def word_of(self, name: str) -> str:
         """Return whose attribute a stored value is."""
@@ -131,13 +131,13 @@ class ProcessesPart(Part):
         >>> model.run(3).processes[0].amount
         6
         """
-        if isinstance(process, type) or not callable(asked(process, "step")):
+        if isinstance(process, type) or not callable(read_attribute(process, "step")):
             raise InvalidValueError(
                 f"process is {shortened(process)}; expected an object with step(model), see Process"
             )
         if any(process is other for other in self.numbered.values()):
             raise InvalidValueError(f"process {shortened(process)} was added before; expected another one")
-        check = asked(process, "check_model")
+        check = read_attribute(process, "check_model")
         if callable(check):
             check(self.model)
         self.have({**self.numbered, max(self.numbered, default=0) + 1: process})

@@ -56,10 +56,11 @@ class RadioPart(Part):
         """Exchange what was published after the previous step."""
         if self.channel is not None:
             scene = self.model.parts.bodies.scene()
-            due = ", ".join(reason for reason, is_so in self.channel.reasons(scene).items() if is_so)
-            kernel = None if due else self.channel.kernel(self.model.swarm, scene)
+            causes = ", ".join(reason for reason, is_so in self.channel.reasons(scene).items() if is_so)
+            kernel = None if causes else self.channel.kernel(self.model.swarm, scene)
             compiled = "hear_states, hear_goals"
-            yield Stage(Phase.EXCHANGE, self.exchange, "robots hear each other", kernel, compiled=compiled, python=due)
+            what = "robots hear each other"
+            yield Stage(Phase.EXCHANGE, self.exchange, what, kernel, compiled=compiled, python=causes)
 
     def parameters(self) -> Radio | None:
         """Return the radio."""

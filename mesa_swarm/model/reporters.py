@@ -18,23 +18,23 @@ class Held:
     def __init__(self, name: str, every: int | Trigger = 10) -> None:
         self.name = name
         self.trigger = Trigger.of(every, minimum=1)
-        self._due = -1
+        self._step = -1
         self._value: object = None
 
     def __call__(self, model: Model) -> object:
         """Return the value that was measured last, measured now if it is due."""
-        due = self.trigger.last_due(model.steps)
-        if due != self._due:
-            self._due, self._value = due, getattr(model, self.name)
+        step = self.trigger.last_due(model.steps)
+        if step != self._step:
+            self._step, self._value = step, getattr(model, self.name)
         return self._value
 
     def checkpoint(self) -> dict:
         """Return what was measured last, and when."""
-        return {"due": self._due, "value": self._value}
+        return {"due": self._step, "value": self._value}
 
     def restore(self, state: dict) -> None:
         """Take back what `checkpoint` returned."""
-        self._due, self._value = state["due"], state["value"]
+        self._step, self._value = state["due"], state["value"]
 
 
 def held(*names: str, every: int | Trigger = 10) -> dict[str, partial]:

@@ -11,7 +11,7 @@ from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Role, Stage
 from mesa_swarm.model.state import checked_state
-from mesa_swarm.model.state_hash import described_designs
+from mesa_swarm.model.state_hash import describe_designs
 from mesa_swarm.physics.engine import Engine
 from mesa_swarm.physics.own_devices import OwnDevices
 from mesa_swarm.physics.packed import CountArrays, count_collided
@@ -79,7 +79,7 @@ class RobotsPart(Part):
         self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle
         self.counts = np.zeros(2, np.int64)
         self.noise: tuple | None = None
-        self.devices, self.made = OwnDevices(), Prepared()
+        self.devices, self.cache = OwnDevices(), Prepared()
 
     @property
     def collisions(self) -> int:
@@ -102,20 +102,20 @@ class RobotsPart(Part):
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of the swarm that no other part has."""
         others = [part.columns() for name, part in self.model.parts.items() if name != self.name]
-        theirs = {id(column.array) for columns in others for column in columns.values() if column.rows == "robots"}
+        of_parts = {id(column.array) for columns in others for column in columns.values() if column.rows == "robots"}
         return {
             name: Column(column, "robots", role_of(name))
             for name, column in self.swarm.columns.items()
-            if id(column) not in theirs
+            if id(column) not in of_parts
         }
 
     def stages(self) -> Iterator[Stage]:
         """Sense, act, move."""
         swarm, parts = self.swarm, self.model.parts
         scene, imperfect = parts.bodies.scene(), {"imperfections": parts.imperfections.effect is not None}
-        due = {**imperfect, self._of_class(Sensor): len(swarm.table.readings) > 0}
+        reasons = {**imperfect, self._of_class(Sensor): len(swarm.table.readings) > 0}
         sensing, moving = self.engine.sensing, self.engine.moving
-        yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **sensing(swarm, scene, due))
+        yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **sensing(swarm, scene, reasons))
         if swarm.table.actions:
             yield Stage(Phase.ACT, self.act, "actuators do what they are set to", python=self._of_class(Actuator))
         fields = moving(swarm, scene, self.turn_angle, imperfect)
@@ -125,16 +125,16 @@ class RobotsPart(Part):
     def _of_class(self, kind: type) -> str:
         """Return the names of custom devices of a class that robots have."""
         devices = [device for design in self.swarm.designs for device in (*design.sensors, *design.actuators)]
-        own = [
+        members = [
             device
             for device in devices
             if isinstance(device, Device) and isinstance(device, kind) and type(device) not in BUILT_IN
         ]
-        return ", ".join(dict.fromkeys(device.name for device in own))
+        return ", ".join(dict.fromkeys(device.name for device in members))
 
     def parameters(self) -> dict[str, Any]:
         """Return designs with the rows of their robots, groups, and how robots turn at walls."""
-        designs = described_designs(self.swarm.designs, self.swarm.columns["design"])
+        designs = describe_designs(self.swarm.designs, self.swarm.columns["design"])
         return {"designs": designs, "groups": self.rows_of_groups(), "turn angle": self.turn_angle}
 
     def store(self) -> dict[str, Any]:
@@ -172,11 +172,11 @@ class RobotsPart(Part):
         parts = model._parts  # without the cost of the property
         scene, imperfect = parts.bodies.scene(), parts.imperfections.effect
         state = (step, swarm.version, scene)
-        if self.made.state != state or swarm.disturbed:
+        if self.cache.state != state or swarm.disturbed:
             self.engine.sense(swarm, scene, step, self._noise_draws(step))
             if imperfect is not None:
                 imperfect.spoil_readings(swarm, step)
-            self.made.state = state
+            self.cache.state = state
         if swarm.table.readings:
             # Always: what they read, such as a user's own agents, may have changed since the last reading.
             self.devices.sense(model, scene)
@@ -185,7 +185,7 @@ class RobotsPart(Part):
 
     def forget_readings(self) -> None:
         """Let sensors be read again, though nothing that a reading depends on seems to have changed."""
-        self.made.state = None
+        self.cache.state = None
 
     def act(self) -> None:
         """Let actuators do what they are set to."""
@@ -203,8 +203,8 @@ class RobotsPart(Part):
             swarm.disturbed = False
         draws = self.model.streams["slip"].random((len(swarm), table.wheels)) if table.slips else None
         step = self.model._completed
-        driven = swarm.columns["command"] if imperfect is None else imperfect.driven_wheels(swarm, step)
-        self.engine.move(swarm, scene, driven, self.turn_angle, draws)
+        commands = swarm.columns["command"] if imperfect is None else imperfect.driven_wheels(swarm, step)
+        self.engine.move(swarm, scene, commands, self.turn_angle, draws)
 
     def count_collisions(self) -> None:
         """Count the robots that overlapped anything in this step."""
@@ -212,10 +212,10 @@ class RobotsPart(Part):
 
     def counting(self) -> Kernel:
         """Return what counts collisions, made anew when the column is another one."""
-        kernel, collided = self.made.kernel, self.swarm.columns["collided"]
+        kernel, collided = self.cache.kernel, self.swarm.columns["collided"]
         if kernel is None or kernel.kept[0] is not collided:
             block = Block(CountArrays(collided, self.counts))
-            kernel = self.made.kernel = Kernel(count_collided, block.numbers, (collided, block))
+            kernel = self.cache.kernel = Kernel(count_collided, block.numbers, (collided, block))
         return kernel
 
     def _noise_draws(self, step: int) -> np.ndarray | None:
@@ -315,13 +315,13 @@ class RobotsPart(Part):
             If one of them is gone already.
         """
         try:
-            chosen = list(robots)
+            handles = list(robots)
         except TypeError:  # not iterable
-            chosen = [cast(Robot, robots)]
-        for robot in chosen:
+            handles = [cast(Robot, robots)]
+        for robot in handles:
             if not isinstance(robot, Robot) or robot.swarm is not self.swarm:
                 raise InvalidValueError(f"robots holds {shortened(robot)}; expected some of model.robots")
-        remove_together(chosen)
+        remove_together(handles)
 
     def drop_rows(self, rows: Sequence[int]) -> None:
         """Drop the rows of robots that have left the model, and free what they carried."""

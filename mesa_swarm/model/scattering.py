@@ -169,17 +169,17 @@ class Wander(Process):
         self.speed = check_number("speed", speed, above=0, maximum=LARGEST_COORDINATE)
         if not isinstance(bodies, Iterable):
             raise InvalidValueError(f"bodies is {shortened(bodies)}; expected a list of driven ones, from add_body")
-        listed = list(bodies)
-        for body in listed:
+        members = list(bodies)
+        for body in members:
             if not isinstance(body, Driven) or body.agent is not None:
                 raise InvalidValueError(f"bodies holds {shortened(body)}; expected driven ones without an agent")
-        tables = {id(body.table): body.table for body in listed}
+        tables = {id(body.table): body.table for body in members}
         if len(tables) > 1:
             raise InvalidValueError("bodies of Wander are of several models; expected a process for each model")
         if tables:
-            TABLES[self] = ref(listed[0].table)
-        self.ids = np.array([body.unique_id for body in listed], np.int64)
-        self.azimuth = np.full(len(listed), math.nan)
+            TABLES[self] = ref(members[0].table)
+        self.ids = np.array([body.unique_id for body in members], np.int64)
+        self.azimuth = np.full(len(members), math.nan)
 
     def check_model(self, model: EngineModel) -> None:
         """Refuse a model of which its bodies are not: it may have others with the same unique_id."""
@@ -189,9 +189,9 @@ class Wander(Process):
 
     def step(self, model: EngineModel) -> None:
         """Ask for the next pose of each body."""
-        found = {body.unique_id: body for body in model.movers.agents if body.carrier is None}
-        places = [place for place, number in enumerate(self.ids.tolist()) if number in found]
-        bodies = [found[int(self.ids[place])] for place in places]
+        by_id = {body.unique_id: body for body in model.movers.agents if body.carrier is None}
+        places = [place for place, number in enumerate(self.ids.tolist()) if number in by_id]
+        bodies = [by_id[int(self.ids[place])] for place in places]
         if not bodies:
             return
         obstacles = _Obstacles(model, bodies)

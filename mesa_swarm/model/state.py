@@ -33,7 +33,7 @@ class Checkpointed(Protocol):
     """
 
     def checkpoint(self) -> dict:
-        """Return all that a later step depends on: arrays and plain values (`container.Packed`) by name."""
+        """Return all that a later step depends on: arrays and plain values (`container.Packer`) by name."""
 
     def restore(self, state: dict) -> None:
         """Restore what `checkpoint` returned."""
@@ -141,10 +141,10 @@ def refuse_attributes(owner: object, names: Iterable[str], reserved: frozenset[s
 
 def _is_method(kind: type, name: str) -> bool:
     """Return whether a class has a method or property of this name, not only a value or a field."""
-    own = next((vars(base)[name] for base in kind.__mro__ if name in vars(base)), None)
-    if isinstance(own, cached_property) or name in getattr(kind, "__dataclass_fields__", {}):
+    member = next((vars(base)[name] for base in kind.__mro__ if name in vars(base)), None)
+    if isinstance(member, cached_property) or name in getattr(kind, "__dataclass_fields__", {}):
         return False
-    return isroutine(own) or isinstance(own, (property, classmethod, staticmethod))
+    return isroutine(member) or isinstance(member, (property, classmethod, staticmethod))
 
 
 def check_plain(name: str, value: Any) -> Any:
@@ -176,7 +176,7 @@ def _odd_in(value: Any, depth: int) -> tuple[Any] | None:
     if depth > DEEPEST or (kind is not dict and SEQUENCES.get(kind.__name__) is not kind):
         return (value,)
     inner = (*value.keys(), *value.values()) if kind is dict else value
-    return next((odd for one in inner if (odd := _odd_in(one, depth + 1))), None)
+    return next((odd for item in inner if (odd := _odd_in(item, depth + 1))), None)
 
 
 def attributes_of(owner: object) -> dict[str, Any]:
@@ -249,12 +249,12 @@ def _add_array(digest: Any, array: np.ndarray, quickly: bool) -> None:
     if array.dtype.kind not in KINDS:
         return
     if quickly and array.nbytes > LARGE:
-        digest.update(_condensed(array))
+        digest.update(_condense_array(array))
     else:
         digest.update((array + 0 if array.dtype.kind == "f" else array).tobytes())
 
 
-def _condensed(array: np.ndarray) -> bytes:
+def _condense_array(array: np.ndarray) -> bytes:
     """Return sums of the bytes of an array, read as whole numbers, and the bytes that are left over."""
     content = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
     whole = len(content) // (8 * SUMS) * 8 * SUMS

@@ -81,13 +81,13 @@ def written_state_hash(model: Any) -> str:
     if robots.groups:
         digest.update(f"groups {robots.groups}".encode())
         digest.update(robots.columns["group"].tobytes())
-    for name, value in _declared(parts):
+    for name, value in _list_declared(parts):
         digest.update(f"{name};".encode())
         add_to(digest, value)
     return digest.hexdigest()
 
 
-def _declared(parts: Any) -> Iterator[tuple[str, Any]]:
+def _list_declared(parts: Any) -> Iterator[tuple[str, Any]]:
     """Iterate over what a model, its processes and custom layers declare, by name."""
     if parts["state"].values:
         yield "state", parts["state"].values
@@ -97,12 +97,13 @@ def _declared(parts: Any) -> Iterator[tuple[str, Any]]:
     yield from parts["control"].arrays_of_layers()
 
 
-def described_bodies(bodies: Sequence[Body]) -> list:
+def describe_bodies(bodies: Sequence[Body]) -> list:
     """Return what bodies, those at rest too, are: mode, kind, and outlines, of bodies that move about their centres.
 
     It does not depend on the order in which those at rest were created, as no step does.
     """
-    bodies = [*_sorted([body for body in bodies if body.mode == "fixed"]), *(b for b in bodies if b.mode != "fixed")]
+    at_rest = [body for body in bodies if body.mode == "fixed"]
+    bodies = [*_sort_bodies(at_rest), *(body for body in bodies if body.mode != "fixed")]
     geometries = [body.shape.geometry if body.mode == "fixed" else body.form.outline for body in bodies]  # type: ignore[attr-defined]
     return [
         ";".join(f"{body.mode} {body.kind} {body.contact}" for body in bodies),
@@ -115,7 +116,7 @@ def described_bodies(bodies: Sequence[Body]) -> list:
     ]
 
 
-def _sorted(bodies: list[Body]) -> list[Body]:
+def _sort_bodies(bodies: list[Body]) -> list[Body]:
     """Return bodies at rest in an order that follows from what they are."""
     outlines = shapely.to_wkb(np.array([body.shape.geometry for body in bodies], object))  # at once: 20 times faster
     ranks = [
@@ -133,7 +134,7 @@ def _radius_of(body: Body) -> float:
     return body.shape.radius if body.mode == "fixed" else body.form.radius  # type: ignore[attr-defined]
 
 
-def described_designs(designs: Sequence[RobotDesign], rows: np.ndarray) -> dict[bytes, np.ndarray]:
+def describe_designs(designs: Sequence[RobotDesign], rows: np.ndarray) -> dict[bytes, np.ndarray]:
     """Return the robots of each design, by its digest: independent of the order in which designs came.
 
     Designs that no robot has are left out. `rows` are the indices of the robots' designs (n,).
@@ -231,7 +232,7 @@ def _parts_of(kind: type) -> tuple[Callable[[Any], Any] | None, tuple[str, ...],
     """Return how objects of a class are described, which fields count, and whether they have a state of their own."""
     describe = next((describe for base, describe in DESCRIBED if issubclass(kind, base)), None)
     if describe is None and _has(kind, "arrays", "settings"):
-        describe = described_policy
+        describe = describe_policy
     has_fields = describe is None and is_dataclass(kind)
     names = tuple(field.name for field in fields(kind)) if has_fields else ()  # type: ignore[arg-type]
     return describe, names, kind is not type and _has(kind, "checkpoint", "restore")
@@ -242,14 +243,14 @@ def _has(kind: type, *methods: str) -> bool:
     return all(callable(getattr(kind, name, None)) for name in methods)
 
 
-def described_process(process: Any) -> list:
+def describe_process(process: Any) -> list:
     """Return what a process is besides its plain state, which is hashed with the state of the model.
 
     Dataclasses and functions that it holds count, and numbers that its methods read by name.
     """
-    held = {} if _has(type(process), "checkpoint", "restore") else attributes_of(process)
+    attributes = {} if _has(type(process), "checkpoint", "restore") else attributes_of(process)
     plain = (*ATOMS, np.ndarray, np.generic, np.random.Generator)
-    parts = {name: value for name, value in held.items() if not isinstance(value, plain)}
+    parts = {name: value for name, value in attributes.items() if not isinstance(value, plain)}
     return [type(process).__qualname__, parts, values_read_by(process)]
 
 
@@ -265,32 +266,32 @@ def _values_read_by(kind: type) -> list:
     return [[method.__qualname__, values] for method in methods if (values := what_is_read(method).values)]
 
 
-def described_policy(policy: Any) -> list:
+def describe_policy(policy: Any) -> list:
     """Return the numbers of a trained policy, but not how it was trained."""
     return [policy.arrays(), policy.settings()]
 
 
-def described_control(control: Arbiter) -> list:
+def describe_control(control: Arbiter) -> list:
     """Return the arbiters of a control, each with its layers, and what else it is made of."""
     if isinstance(control, Team):
         return [
-            [message_label(key), described_control(one) if one is not None else None] for key, one in control.items()
+            [message_label(key), describe_control(part) if part is not None else None] for key, part in control.items()
         ]
-    layers = [described_layer(layer) for layer in control.layers]
+    layers = [describe_layer(layer) for layer in control.layers]
     if graph := control._graph():
         return [type(control).__qualname__, layers, *graph]
-    own = {name: value for name, value in attributes_of(control).items() if name not in OF_ARBITERS}
-    return [type(control).__qualname__, layers, own, values_read_by(control)]
+    parameters = {name: value for name, value in attributes_of(control).items() if name not in OF_ARBITERS}
+    return [type(control).__qualname__, layers, parameters, values_read_by(control)]
 
 
-def described_layer(layer: Any) -> Any:
+def describe_layer(layer: Any) -> Any:
     """Return what a layer reads: the fields of a dataclass, all attributes of another."""
     if isinstance(layer, Behaviour) or is_dataclass(layer) or _has(type(layer), "checkpoint", "restore"):
         return layer
     return [type(layer).__qualname__, attributes_of(layer), values_read_by(layer)]
 
 
-def described_rule(behaviour: Behaviour) -> list:
+def describe_rule(behaviour: Behaviour) -> list:
     """Return the code of a rule and what it reads, its parameters, and with what its memory begins."""
     return [_digest_of_read(behaviour.read), behaviour.parameters, behaviour.memory]
 
@@ -300,17 +301,13 @@ def _digest_of_read(read: Read) -> bytes:
     return digest_of_part(read)
 
 
-def _described_geometry(geometry: BaseGeometry) -> list:
-    return [geometry.geom_type, shapely.get_coordinates(geometry)]
-
-
 # How objects are described that are not dataclasses, or not by their fields.
 DESCRIBED: tuple[tuple[type, Callable[[Any], Any]], ...] = (
     (Agent, lambda agent: agent.unique_id),
-    (Behaviour, described_rule),
-    (Arbiter, described_control),
+    (Behaviour, describe_rule),
+    (Arbiter, describe_control),
     (FunctionType, what_is_read),
     (SimpleNamespace, vars),
     (Shape, lambda shape: [shape.geometry, shape.radius, shape.contact]),
-    (BaseGeometry, _described_geometry),
+    (BaseGeometry, lambda geometry: [geometry.geom_type, shapely.get_coordinates(geometry)]),
 )

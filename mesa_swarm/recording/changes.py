@@ -65,11 +65,11 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
     """Return what a verdict adds about interventions, an empty text if there were none."""
     if not interventions:
         return ""
-    listed = [f"{' and '.join(one.what)} after step {one.step}" for one in interventions[:MOST_NAMED]]
-    more = len(interventions) - len(listed)
-    listed += [f"and more after {more} other steps"] if more else []
+    remarks = [f"{' and '.join(change.what)} after step {change.step}" for change in interventions[:MOST_NAMED]]
+    more = len(interventions) - len(remarks)
+    remarks += [f"and more after {more} other steps"] if more else []
     states = "state" if len(interventions) == 1 else "states"
-    return f"; changed by hand: {', '.join(listed)} (continued from the stored {states})"
+    return f"; changed by hand: {', '.join(remarks)} (continued from the stored {states})"
 
 
 AGENTS, OF_AGENTS = "set of other agents", "place or attributes of other agents"
@@ -98,55 +98,55 @@ class ChangeDetector:
 
     def __init__(self, model: EngineModel) -> None:
         self._marks = _marks_of(model)
-        self._agents = [_Seen.of(agent) for agent in _other_agents(model)]
+        self._agents = [_AgentRecord.of(agent) for agent in _other_agents(model)]
         self._attributes = model.own_attributes
 
     def changes(self, model: EngineModel) -> list[str]:
         """Return the names of what has changed in the model, an empty list if nothing has."""
         marks, attributes = _marks_of(model), model.own_attributes
-        others = self._of_others(model)
+        of_agents = self._of_others(model)
         # Nothing was replaced, as a rule: seen at once where names stand in the same order.
         differs = any(map(is_not, self._attributes.values(), attributes.values()))
-        if marks == self._marks and not others and not differs and len(attributes) == len(self._attributes):
+        if marks == self._marks and not of_agents and not differs and len(attributes) == len(self._attributes):
             return []
         was = self._attributes
         names = [name.lstrip("_") for name in {**was, **attributes} if not _same(name, was, attributes)]
-        replaced, written, declared = self._of_parts(marks)
-        names += [*replaced, *written, *others, *declared]
+        replacements, writings, declarations = self._of_parts(marks)
+        names += [*replacements, *writings, *of_agents, *declarations]
         return names or ([SAME] if marks != self._marks else [])
 
     def _of_parts(self, marks: dict[str, Any]) -> tuple[list[str], list[str], list[str]]:
         """Return the names of what was replaced, written, and declared."""
         was = self._marks
         names = [name for name in {**was, **marks} if name not in was or name not in marks or was[name] != marks[name]]
-        replaced = [name for name in names if isinstance(marks.get(name, was.get(name)), Itself)]
-        declared = [name for name in names if name.startswith(DECLARED)]
-        written = [name for name in names if name not in (SAME, *replaced, *declared)]
-        if SET in written:  # all columns have other rows then
-            written = [SET]
-        return replaced, written, sorted(declared, key=lambda name: name.startswith(DECLARED[-1]))
+        replacements = [name for name in names if isinstance(marks.get(name, was.get(name)), Itself)]
+        declarations = [name for name in names if name.startswith(DECLARED)]
+        writings = [name for name in names if name not in (SAME, *replacements, *declarations)]
+        if SET in writings:  # all columns have other rows then
+            writings = [SET]
+        return replacements, writings, sorted(declarations, key=lambda name: name.startswith(DECLARED[-1]))
 
     def _of_others(self, model: EngineModel) -> list[str]:
         """Return what has changed in agents other than robots and bodies."""
         agents = _other_agents(model)
         if len(agents) != len(self._agents):
             return [AGENTS]
-        if all(seen.is_same(agent) for seen, agent in zip(self._agents, agents, strict=True)):
+        if all(record.is_same(agent) for record, agent in zip(self._agents, agents, strict=True)):
             return []
         return [
             AGENTS
-            if any(seen.agent is not agent for seen, agent in zip(self._agents, agents, strict=True))
+            if any(record.agent is not agent for record, agent in zip(self._agents, agents, strict=True))
             else OF_AGENTS
         ]
 
-    def moved(self, model: EngineModel) -> np.ndarray | None:
+    def find_moved(self, model: EngineModel) -> np.ndarray | None:
         """Return the rows of the driven bodies that were sent elsewhere, None if any has been put elsewhere already."""
-        *placed, aim, aim_heading = self._marks[POSES]
+        *poses, aim, aim_heading = self._marks[POSES]
         movers = model.movers
-        if placed != [movers.position.tobytes(), movers.heading.tobytes()]:
+        if poses != [movers.position.tobytes(), movers.heading.tobytes()]:
             return None
-        sent = (movers.aim != np.frombuffer(aim).reshape(-1, 2)).any(axis=1)
-        return np.flatnonzero(sent | (movers.aim_heading != np.frombuffer(aim_heading)))
+        has_other_aim = (movers.aim != np.frombuffer(aim).reshape(-1, 2)).any(axis=1)
+        return np.flatnonzero(has_other_aim | (movers.aim_heading != np.frombuffer(aim_heading)))
 
 
 def _marks_of(model: EngineModel) -> dict[str, Any]:
@@ -167,11 +167,11 @@ def _marks_of(model: EngineModel) -> dict[str, Any]:
 def _mark_of(name: str, part: Part) -> dict[str, Any]:
     """Return what is marked of a part that was added: its columns, and all that it stores."""
     columns = part.columns().items()
-    marks = {f"{one} of {name}": quick_fingerprint(column.array) for one, column in columns if column.role in STORED}
+    marks = {f"{key} of {name}": quick_fingerprint(column.array) for key, column in columns if column.role in STORED}
     return {**marks, f"state of {name}": quick_fingerprint(part.store())}
 
 
-class _Seen(NamedTuple):
+class _AgentRecord(NamedTuple):
     """An agent as it was: its attributes, what those hold that can be changed in place, and its place in the space."""
 
     agent: Agent
@@ -180,7 +180,7 @@ class _Seen(NamedTuple):
     place: list[float] | None
 
     @classmethod
-    def of(cls, agent: Agent) -> "_Seen":
+    def of(cls, agent: Agent) -> "_AgentRecord":
         return cls(agent, vars(agent).copy(), _contents_of(agent), _place_of(agent))
 
     def is_same(self, agent: Agent) -> bool:

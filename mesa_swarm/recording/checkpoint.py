@@ -19,7 +19,7 @@ from mesa_swarm.model.mesa_model import has_own_events
 from mesa_swarm.model.state import Checkpointed, checked_state, refuse_attributes
 from mesa_swarm.recording.added import added_to_json, restore_added
 from mesa_swarm.recording.attributes import (
-    ModelPacked,
+    ModelPacker,
     apart_of_agent,
     attribute_from_json,
     attribute_to_json,
@@ -37,7 +37,7 @@ from mesa_swarm.recording.collected import (
     restore_collected,
     set_clock,
 )
-from mesa_swarm.recording.container import PLACES, Checkpoint, Packed
+from mesa_swarm.recording.container import PLACES, Checkpoint, Packer
 from mesa_swarm.recording.devices import part_from_json, part_to_json
 from mesa_swarm.recording.making import check_made
 from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
@@ -80,7 +80,7 @@ def in_parts(facts: dict) -> dict:
         "completed": completed["plain"],
         "running": running["plain"],
         "processes": processes,
-        "parts": {name: {"stored": stored} for name, stored in parts.items()},
+        "parts": {name: {"stored": values} for name, values in parts.items()},
         "of_swarm": facts["columns"],
     }
 
@@ -100,7 +100,7 @@ def _stored_of_parts(facts: dict) -> dict[str, dict[str, Any]]:
         "radio": {"radio": {"part": facts["radio"]}},
         "control": {"arbiter": {"control": facts["control"]}, **_states_of_control(facts)},
         "fields": {
-            "declared": {"plain": [_listed(declared) for declared, _ in fields]},
+            "declared": {"plain": [_as_list(field) for field, _ in fields]},
             "peaks": {"plain": [dict(map(tuple, state["dict"]))["peak"] for _, state in fields]},
         },
         "fires": {"constants": {"part": facts["constants"]}, "history": {"plain": [every, fires, places]}},
@@ -113,14 +113,14 @@ def _states_of_control(facts: dict) -> dict[str, Any]:
     """Return what arbiters and layers have stored, by their place; arbiters came first in the list."""
     states = facts["control_state"]
     count = len(states) - _number_of_layers(facts["control"])
-    stored: dict[str, Any] = {}
+    content_by_name: dict[str, Any] = {}
     for place, state in enumerate(states):
         key = f"arbiter {place}" if place < count else f"layer {place - count}"
         if isinstance(state, dict) and key.startswith("layer") and set(state) == {"own"} and _is_packed(state["own"]):
-            stored[key] = state
+            content_by_name[key] = state
         else:
-            stored |= {f"{key} {name}": content for name, content in (state or {}).items()}
-    return stored
+            content_by_name |= {f"{key} {name}": content for name, content in (state or {}).items()}
+    return content_by_name
 
 
 def _number_of_layers(control: Any) -> int:
@@ -138,13 +138,13 @@ def _is_packed(content: Any) -> bool:
 
 
 def _states_of_processes(facts: dict) -> dict[str, Any]:
-    stored: dict[str, Any] = {}
+    content_by_name: dict[str, Any] = {}
     for number, _, state in facts.get("processes", ()):
         if set(state) == {"own"} and _is_packed(state["own"]):
-            stored[f"{number}"] = state
+            content_by_name[f"{number}"] = state
         else:
-            stored |= {f"{number} {name}": content for name, content in state.items()}
-    return stored
+            content_by_name |= {f"{number} {name}": content for name, content in state.items()}
+    return content_by_name
 
 
 def columns_in_parts(model: EngineModel, facts: dict, parts: list[tuple[Part, dict]]) -> list[tuple[Part, dict]]:
@@ -153,31 +153,31 @@ def columns_in_parts(model: EngineModel, facts: dict, parts: list[tuple[Part, di
         return [(part, content.get("columns", {})) for part, content in parts]
     names = {id(column): name for name, column in model.swarm.columns.items()}
     others = {**{name: column for name, column in facts["fires"].items()}, **_values_of_fields(facts)}
-    taken, found = set(), []
+    swarm_names, columns = set(), []
     for part, _ in parts:
         if part.name == "bodies":  # whose state was stored with what they are, see `restore_fires`
             continue
-        stored = {}
+        of_part = {}
         for name, column in part.columns().items():
-            own = names.get(id(column.array))
-            content = facts["of_swarm"].get(own) if own is not None else others.get(name)
+            swarm_name = names.get(id(column.array))
+            content = facts["of_swarm"].get(swarm_name) if swarm_name is not None else others.get(name)
             if content is not None:
-                stored[name] = content
-                taken.add(own)
-        found.append((part, stored))
-    odd = sorted(facts["of_swarm"].keys() - taken)
+                of_part[name] = content
+                swarm_names.add(swarm_name)
+        columns.append((part, of_part))
+    odd = sorted(facts["of_swarm"].keys() - swarm_names)
     if odd:  # refused where the columns of robots are restored
-        next(stored for part, stored in found if part.name == "robots")[odd[0]] = facts["of_swarm"][odd[0]]
-    return found
+        next(of_robots for part, of_robots in columns if part.name == "robots")[odd[0]] = facts["of_swarm"][odd[0]]
+    return columns
 
 
-def restore_fires(model: EngineModel, facts: dict, packed: Packed) -> None:
+def restore_fires(model: EngineModel, facts: dict, packer: Packer) -> None:
     """Write what fires have as bodies, which earlier formats have in a table of fires."""
     if "of_swarm" not in facts:
         return
     table = model.parts.bodies.table
     for name in OF_BODIES:
-        column, value = getattr(table, name), packed.unpack(facts["fires"][name])
+        column, value = getattr(table, name), packer.unpack(facts["fires"][name])
         shape = (len(model.fires), *column.shape[1:])
         if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != shape:
             raise RecordingError(f"column {name} of fires does not match the model; expected {column.dtype} {shape}")
@@ -188,14 +188,13 @@ def restore_fires(model: EngineModel, facts: dict, packed: Packed) -> None:
 def _values_of_fields(facts: dict) -> dict[str, Any]:
     """Return the stored values of fields by name."""
     fields = (
-        (_listed(declared)[0], dict(map(tuple, state["dict"]))["values"])
-        for declared, state in facts.get("scalars", [])
+        (_as_list(field)[0], dict(map(tuple, state["dict"]))["values"]) for field, state in facts.get("scalars", [])
     )
     return dict(fields)
 
 
-def _listed(declared: Any) -> list:
-    return declared["tuple"] if isinstance(declared, dict) else declared
+def _as_list(field: Any) -> list:
+    return field["tuple"] if isinstance(field, dict) else field
 
 
 # Of the state of Python's generator.
@@ -217,46 +216,46 @@ def checkpoint_of(model: EngineModel, since: dict[Path, int] | None = None, *, s
     state_hash = model.state_hash()  # reads the sensors, as their next use does
     if has_own_events(model):
         raise RecordingError("Mesa's schedule has events besides the step, which cannot be stored")
-    packed = ModelPacked(model)
-    collected = collected_to_json(model, packed, since or {})
-    packed.removed = {}
+    packer = ModelPacker(model)
+    collected = collected_to_json(model, packer, since or {})
+    packer.removed_agents = {}
     facts = {
         "steps": model.steps if steps is None else steps,
         "completed": model.completed,
-        "running": packed.pack(model.running),
+        "running": packer.pack(model.running),
         "things": objects_to_json(model),
-        **added_to_json(model, packed),
-        "parts": {name: _part_to_json(part, packed) for name, part in model.parts.items()},
+        **added_to_json(model, packer),
+        "parts": {name: _part_to_json(part, packer) for name, part in model.parts.items()},
         "disturbed": model.swarm.disturbed,
         "collect_every": model.collect_every,
         **({"scale": part_to_json(model.scale)} if model.scale else {}),
-        "randomness": _randomness(model, packed),
+        "randomness": _randomness(model, packer),
         "collected": collected,
         "reporters": {
-            name: packed.pack(reporter.checkpoint(), f"reporter {name}")
+            name: packer.pack(reporter.checkpoint(), f"reporter {name}")
             for name, reporter in reporters_of(model).items()
         },
-        "attributes": {n: attribute_to_json(v, n, packed) for n, v in own_attributes(model).items()},
-        "of_things": _agent_attributes(model, packed),
+        "attributes": {n: attribute_to_json(v, n, packer) for n, v in own_attributes(model).items()},
+        "of_things": _agent_attributes(model, packer),
     }
-    if packed.removed:
-        facts["removed"] = removed_to_json(packed)
-    return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=packed.arrays)
+    if packer.removed_agents:
+        facts["removed"] = removed_to_json(packer)
+    return Checkpoint(step=model.completed, state_hash=state_hash, facts=facts, arrays=packer.arrays)
 
 
-def _part_to_json(part: Part, packed: ModelPacked) -> dict:
+def _part_to_json(part: Part, packer: ModelPacker) -> dict:
     """Return the columns and the other state of a part, without those of which there are none."""
-    columns = {name: packed.pack(column.array) for name, column in part.columns().items() if column.role in STORED}
-    stored = {name: stored_to_json(value, part.word_of(name), packed) for name, value in part.store().items()}
-    return {name: content for name, content in (("columns", columns), ("stored", stored)) if content}
+    columns = {name: packer.pack(column.array) for name, column in part.columns().items() if column.role in STORED}
+    values = {name: stored_to_json(value, part.word_of(name), packer) for name, value in part.store().items()}
+    return {name: content for name, content in (("columns", columns), ("stored", values)) if content}
 
 
-def differing_part(one: EngineModel, other: EngineModel) -> str:
+def differing_part(model: EngineModel, twin: EngineModel) -> str:
     """Return the name of a part of the state in which two models differ, an empty text if there is none.
 
     What only observes a run, such as reporters, is not compared, and collected rows are where both models have them.
     """
-    mine, others = checkpoint_of(one), checkpoint_of(other)
+    mine, others = checkpoint_of(model), checkpoint_of(twin)
     for name, what, content, same in _paired_parts(mine.facts, others.facts):
         if name not in OBSERVING and _with_arrays(content, mine) != _with_arrays(same, others):
             return what
@@ -268,16 +267,16 @@ def _paired_parts(mine: dict, others: dict) -> Iterator[tuple[str, str, Any, Any
     for name in sorted({*mine, *others}):
         content, same = mine.get(name), others.get(name)
         if name == "collected":
-            series, known = ({tuple(path): values for path, _, values in facts[name]} for facts in (mine, others))
-            yield from ((name, f"{name} {' '.join(p)}", series[p], known[p]) for p in series if p in known)
+            series, theirs = ({tuple(path): values for path, _, values in facts[name]} for facts in (mine, others))
+            yield from ((name, f"{name} {' '.join(p)}", series[p], theirs[p]) for p in series if p in theirs)
         elif name == "added":
-            made, known = ({part: values for part, *values in parts or ()} for parts in (content, same))
-            both = sorted({*made, *known})
-            yield from ((name, f"{part} as it is made", made.get(part), known.get(part)) for part in both)
+            mine_made, theirs = ({part: values for part, *values in parts or ()} for parts in (content, same))
+            both = sorted({*mine_made, *theirs})
+            yield from ((name, f"{part} as it is made", mine_made.get(part), theirs.get(part)) for part in both)
         elif name == "parts":
             yield from _paired_of_parts(content or {}, same or {})
         elif isinstance(content, dict) and isinstance(same, dict):
-            yield from ((name, f"{name} {one}", content.get(one), same.get(one)) for one in sorted({*content, *same}))
+            yield from ((name, f"{name} {key}", content.get(key), same.get(key)) for key in sorted({*content, *same}))
         else:
             yield name, name, content, same
 
@@ -317,55 +316,55 @@ def restore(
 
 
 def _restore(model: EngineModel, checkpoint: Checkpoint, earlier: Sequence[Checkpoint]) -> None:
-    facts, packed = in_parts(checkpoint.facts), ModelPacked(model, checkpoint.arrays)
-    made = restore_objects(model, facts["things"])
-    restore_added(model, facts, packed)
-    make_removed(packed, facts.get("removed", []))
+    facts, packer = in_parts(checkpoint.facts), ModelPacker(model, checkpoint.arrays)
+    remade = restore_objects(model, facts["things"])
+    restore_added(model, facts, packer)
+    make_removed(packer, facts.get("removed", []))
     parts = [(part, facts["parts"].get(name, {})) for name, part in model.parts.items()]
     for part, content in parts:
         first = {name: value for name, value in _stored(content).items() if name in part.first}
         if first:
-            _restore_stored(part, first, packed)
+            _restore_stored(part, first, packer)
     model.scale = part_from_json(facts.get("scale"))
     columns = columns_in_parts(model, facts, parts)
-    _adopt(model, parts, columns, facts, packed)
+    _adopt(model, parts, columns, facts, packer)
     set_clock(model, facts["steps"])
     model.parts.set_completed(facts["completed"])
     model.collect_every = facts.get("collect_every", model.collect_every)  # absent from older checkpoints
-    model.running = _checked_running(packed.unpack(facts["running"]))
+    model.running = _checked_running(packer.unpack(facts["running"]))
     for part, content in parts:
         rest = {name: value for name, value in _stored(content).items() if name not in part.first}
-        _restore_stored(part, rest, packed)
-    _restore_attributes(model, facts, packed, made)
-    for part, stored in columns:
-        _restore_columns(part, stored, packed)
-    restore_fires(model, facts, packed)
+        _restore_stored(part, rest, packer)
+    _restore_attributes(model, facts, packer, remade)
+    for part, contents in columns:
+        _restore_columns(part, contents, packer)
+    restore_fires(model, facts, packer)
     _check_columns(model)
-    series = [(one.facts["collected"], ModelPacked(model, one.arrays)) for one in earlier]
-    restore_collected(model, join_series([*series, (facts["collected"], packed)]))
+    series = [(checkpoint.facts["collected"], ModelPacker(model, checkpoint.arrays)) for checkpoint in earlier]
+    restore_collected(model, join_series([*series, (facts["collected"], packer)]))
     for name, reporter in reporters_of(model).items():
-        reporter.restore(packed.unpack(facts["reporters"][name]))
+        reporter.restore(packer.unpack(facts["reporters"][name]))
     model.parts.bind()
     model.parts.bodies.changed()
     model.swarm.version += 1
     model.parts.robots.forget_readings()
-    _restore_randomness(model, facts["randomness"], packed)
+    _restore_randomness(model, facts["randomness"], packer)
     model.swarm.disturbed = bool(facts["disturbed"])
 
 
 def _stored(content: dict) -> dict:
-    stored = content.get("stored", {})
-    if not isinstance(stored, dict):
+    contents = content.get("stored", {})
+    if not isinstance(contents, dict):
         raise RecordingError("invalid state of a part")
-    return stored
+    return contents
 
 
-def _restore_stored(part: Part, stored: dict, packed: ModelPacked) -> None:
+def _restore_stored(part: Part, contents: dict, packer: ModelPacker) -> None:
     """Give a part values that are stored; objects that are the same stay the same."""
     now, kind = part.store(), type(part)
     if kind.restore is Part.restore:  # which sets attributes
-        refuse_attributes(part, stored)
-    part.restore({name: stored_from_json(now.get(name), name, content, packed) for name, content in stored.items()})
+        refuse_attributes(part, contents)
+    part.restore({name: stored_from_json(now.get(name), name, content, packer) for name, content in contents.items()})
 
 
 def _checked_running(running: Any) -> Any:
@@ -374,44 +373,44 @@ def _checked_running(running: Any) -> Any:
     return running
 
 
-def _adopt(model: EngineModel, parts: list, columns: list, facts: dict, packed: Packed) -> None:
+def _adopt(model: EngineModel, parts: list, columns: list, facts: dict, packer: Packer) -> None:
     """Let the columns, and the arrays that a layer or a process restores itself, remain the same."""
-    for part, stored in columns:
+    for part, contents in columns:
         for name, column in part.columns().items():
-            if name in stored:
-                packed.adopt(stored[name], column.array, write=False)
+            if name in contents:
+                packer.adopt(contents[name], column.array, write=False)
     owners = [(content, owner) for content, owner in _owners(model, parts, facts) if isinstance(owner, Checkpointed)]
     shared = _shared_places(facts) if owners else frozenset()
     for content, owner in owners:
         if isinstance(content, dict) and shared:
-            packed.adopt(content.get("own"), owner.checkpoint(), shared)
+            packer.adopt(content.get("own"), owner.checkpoint(), shared)
 
 
 def _owners(model: EngineModel, parts: list, facts: dict) -> Iterator[tuple[Any, object]]:
     """Iterate over what was stored of parts and attributes, each with what the model has now."""
     for part, content in parts:
         now = part.store()
-        yield from ((stored, now.get(name)) for name, stored in _stored(content).items())
+        yield from ((content, now.get(name)) for name, content in _stored(content).items())
     yield from ((state, model.__dict__.get(name)) for name, state in facts["attributes"].items())
 
 
 def _shared_places(facts: dict) -> frozenset[int]:
     """Return the numbers of the arrays that are found in more than one place."""
-    found = {name: value for name, value in facts.items() if name != "collected"}
-    places = Counter(PLACES.findall(json.dumps(found, separators=(",", ":"))))
+    without_series = {name: value for name, value in facts.items() if name != "collected"}
+    places = Counter(PLACES.findall(json.dumps(without_series, separators=(",", ":"))))
     return frozenset(int(place) for place, count in places.items() if count > 1)
 
 
-def _restore_columns(part: Part, stored: dict, packed: Packed) -> None:
+def _restore_columns(part: Part, contents: dict, packer: Packer) -> None:
     """Write stored columns into those of a part, which must have the same types and shapes."""
     columns = {name: column.array for name, column in part.columns().items() if column.role in STORED}
-    if "group" in columns and "group" not in stored:  # in older recordings
+    if "group" in columns and "group" not in contents:  # in older recordings
         columns.pop("group")
-    if stored.keys() != columns.keys():
-        odd = sorted(stored.keys() ^ columns.keys())
+    if contents.keys() != columns.keys():
+        odd = sorted(contents.keys() ^ columns.keys())
         raise RecordingError(f"column {shortened(odd[0])} is in the model or in the checkpoint, but not in both")
-    apart = Packed(packed.arrays)  # the columns themselves may be what others view
-    values = {name: apart.unpack(column) for name, column in stored.items()}
+    apart = Packer(packer.arrays)  # the columns themselves may be what others view
+    values = {name: apart.unpack(column) for name, column in contents.items()}
     for name, column in columns.items():
         value = values[name]
         if not isinstance(value, np.ndarray) or value.dtype != column.dtype or value.shape != column.shape:
@@ -430,8 +429,8 @@ def _check_columns(model: EngineModel) -> None:
             raise RecordingError(f"column {name} has out-of-range values")
     radius, fastest = (np.array([getattr(d, name) for d in designs]) for name in ("radius", "max_speed"))
     low, high = np.reshape(model.map.bounds, (2, 2))
-    own, wheels = robots["design"], robots.get(FAILED_WHEELS, np.zeros(1))
-    moving, fires, pushed = bodies.mode != FIXED, bodies.kind == FIRE, bodies.mode == PUSHED
+    design, wheels = robots["design"], robots.get(FAILED_WHEELS, np.zeros(1))
+    moving, fires, loads = bodies.mode != FIXED, bodies.kind == FIRE, bodies.mode == PUSHED
     places = (robots["position"], bodies.position[moving | fires], bodies.aim[moving])
     at_rest = np.flatnonzero(~(moving | fires)).tolist()
     shapes = np.array([[*(shape := bodies.shape_of(row)).position, shape.radius] for row in at_rest]).reshape(-1, 3)
@@ -443,12 +442,12 @@ def _check_columns(model: EngineModel) -> None:
         "heading of bodies": (np.abs(turns) <= np.pi).all(),
         "temperature of bodies": (np.isnan(heat) | ((heat >= 0) & (heat <= 1))).all()
         and not np.isnan(heat[fires]).any(),
-        "resistance": ((bodies.resistance[pushed] > 0) & (bodies.resistance[pushed] <= LARGEST_RESISTANCE)).all(),
+        "resistance": ((bodies.resistance[loads] > 0) & (bodies.resistance[loads] <= LARGEST_RESISTANCE)).all(),
         "heading": np.isfinite(robots["heading"]).all(),
         "number": len(np.unique(robots["number"])) == len(model.swarm),
         "command": np.isfinite(robots["command"]).all(),
-        "radius": not len(own) or (robots["radius"] == radius[own]).all(),
-        "max_speed": not len(own) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[own])).all(),
+        "radius": not len(design) or (robots["radius"] == radius[design]).all(),
+        "max_speed": not len(design) or ((robots["max_speed"] >= 0) & (robots["max_speed"] <= fastest[design])).all(),
         "radius of bodies": (bodies.radius[at_rest] == shapes[:, 2]).all(),
         "radius of fires": ((bodies.radius[fires] > 0) & (bodies.radius[fires] <= LARGEST_RADIUS)).all(),
     }
@@ -457,63 +456,65 @@ def _check_columns(model: EngineModel) -> None:
             raise RecordingError(f"column {name} has out-of-range values")
 
 
-def _restore_attributes(model: EngineModel, facts: dict, packed: ModelPacked, made: dict[Agent, Agent | None]) -> None:
+def _restore_attributes(
+    model: EngineModel, facts: dict, packer: ModelPacker, remade: dict[Agent, Agent | None]
+) -> None:
     attributes = facts["attributes"]
     refuse_attributes(model, attributes, model.reserved)
     for name in own_attributes(model).keys() - attributes.keys():
         del model.__dict__[name]
     for name, content in attributes.items():
-        model.__dict__[name] = attribute_from_json(model.__dict__.get(name), name, content, packed)
-    _restore_agents(model, dict(facts["of_things"]), packed, made)
-    restore_removed(packed, facts.get("removed", []))
+        model.__dict__[name] = attribute_from_json(model.__dict__.get(name), name, content, packer)
+    _restore_agents(model, dict(facts["of_things"]), packer, remade)
+    restore_removed(packer, facts.get("removed", []))
 
 
 def _restore_agents(
-    model: EngineModel, stored: dict[int, dict], packed: ModelPacked, made: dict[Agent, Agent | None]
+    model: EngineModel, values_by_id: dict[int, dict], packer: ModelPacker, remade: dict[Agent, Agent | None]
 ) -> None:
-    """Restore attributes of agents; `made` are those without constructor, each with one of its class that had one."""
+    """Restore attributes of agents; `remade` are those without constructor, each with one of its class that had one."""
     for agent in other_agents(model):
-        for name in own_attributes_of_agent(agent).keys() - stored.get(agent.unique_id, {}).keys():
+        for name in own_attributes_of_agent(agent).keys() - values_by_id.get(agent.unique_id, {}).keys():
             delattr(agent, name)
     agents = {agent.unique_id: agent for agent in model.agents}
-    for unique_id, values in stored.items():
+    for unique_id, values in values_by_id.items():
         agent = agents[unique_id]
         refuse_attributes(agent, values, apart_of_agent(agent))
-        if agent in made:
-            check_made(agent, values, made[agent])
+        if agent in remade:
+            check_made(agent, values, remade[agent])
         for name, content in values.items():
-            value = attribute_from_json(getattr(agent, name, None), name, content, packed)
+            value = attribute_from_json(getattr(agent, name, None), name, content, packer)
             object.__setattr__(agent, name, value)
 
 
-def _agent_attributes(model: EngineModel, packed: ModelPacked) -> list:
+def _agent_attributes(model: EngineModel, packer: ModelPacker) -> list:
     """Return the attributes that users have added to robots and other agents, and all of agents of their own."""
     extra = []
     for agent in model.agents:
         if isinstance(agent, Robot) and not agent.__dict__:  # as most of them, and there may be very many
             continue
-        own = own_attributes_of_agent(agent)
-        if own:
+        attributes = own_attributes_of_agent(agent)
+        if attributes:
             what = f"{type(agent).__name__} {agent.unique_id}'s "
-            extra.append([agent.unique_id, {n: attribute_to_json(v, what + n, packed) for n, v in own.items()}])
+            extra.append([agent.unique_id, {n: attribute_to_json(v, what + n, packer) for n, v in attributes.items()}])
     return extra
 
 
-def _randomness(model: EngineModel, packed: Packed) -> dict:
+def _randomness(model: EngineModel, packer: Packer) -> dict:
     version, words, gauss = model.random.getstate()
     return {
-        "streams": {name: packed.pack(state) for name, state in model.streams.state().items()},
-        "rng": generator_to_json(model.rng, "rng", packed),
-        "random": [version, packed.pack(np.array(words, np.uint32)), gauss],
+        "streams": {name: packer.pack(state) for name, state in model.streams.state().items()},
+        "rng": generator_to_json(model.rng, "rng", packer),
+        "random": [version, packer.pack(np.array(words, np.uint32)), gauss],
     }
 
 
-def _restore_randomness(model: EngineModel, facts: dict, packed: Packed) -> None:
+def _restore_randomness(model: EngineModel, facts: dict, packer: Packer) -> None:
     for name, state in facts["streams"].items():
-        model.streams[name].bit_generator.state = checked_state(packed.unpack(state))
-    model.rng.bit_generator.state = checked_state(packed.unpack(facts["rng"]))
+        model.streams[name].bit_generator.state = checked_state(packer.unpack(state))
+    model.rng.bit_generator.state = checked_state(packer.unpack(facts["rng"]))
     version, content, gauss = facts["random"]
-    words = packed.unpack(content)
+    words = packer.unpack(content)
     if not isinstance(words, np.ndarray) or words.shape != (WORDS,):
         raise RecordingError("invalid state of Python's random numbers")
     model.random.setstate((version, tuple(words.tolist()), gauss))

@@ -13,7 +13,7 @@ import numpy as np
 from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, check_name, shortened
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters, set_steps
-from mesa_swarm.recording.container import PLACES, Checkpoint, Packed, memory_of
+from mesa_swarm.recording.container import PLACES, Checkpoint, Packer, memory_of
 
 MOST_STEPS = 100_000_000
 # Types of which one array holds all values exactly.
@@ -53,11 +53,11 @@ def lengths_of(model: EngineModel) -> dict[Path, int]:
 
 def reporters_of(model: EngineModel) -> dict[str, Any]:
     """Return the reporters with a state, which have `checkpoint` and `restore`, by name."""
-    found = {name: getattr(r, "func", r) for name, r in model.datacollector.model_reporters.items()}
-    return {name: reporter for name, reporter in found.items() if hasattr(reporter, "checkpoint")}
+    reporters = {name: getattr(r, "func", r) for name, r in model.datacollector.model_reporters.items()}
+    return {name: reporter for name, reporter in reporters.items() if hasattr(reporter, "checkpoint")}
 
 
-def collected_to_json(model: EngineModel, packed: Packed, since: dict[Path, int]) -> list:
+def collected_to_json(model: EngineModel, packer: Packer, since: dict[Path, int]) -> list:
     """Return for each series its path, the length that it had, and the values added since then.
 
     A series that is shorter than in `since`, from `lengths_of`, was started again.
@@ -67,15 +67,15 @@ def collected_to_json(model: EngineModel, packed: Packed, since: dict[Path, int]
         begin = since.get(path, 0)
         begin = begin if begin <= len(values) else 0
         pack = _pack_rows if path == ("agents",) else _pack
-        content.append([list(path), begin, pack(values[begin:], packed, ".".join(path))])
+        content.append([list(path), begin, pack(values[begin:], packer, ".".join(path))])
     return content
 
 
 def without_rest(checkpoint: Checkpoint) -> Checkpoint:
     """Return a checkpoint reduced to what it collected, which is all that later ones refer to."""
     collected = checkpoint.facts["collected"]
-    needed, empty = set(_places(_json(collected))), np.empty(0)
-    arrays = [array.copy() if place in needed else empty for place, array in enumerate(checkpoint.arrays)]
+    needed_places, empty = set(_places(_json(collected))), np.empty(0)
+    arrays = [array.copy() if place in needed_places else empty for place, array in enumerate(checkpoint.arrays)]
     return replace(checkpoint, facts={"collected": collected}, arrays=arrays)
 
 
@@ -98,16 +98,16 @@ def check_collected(size: int, file: int) -> None:
         )
 
 
-def join_series(parts: Sequence[tuple[list, Packed]]) -> dict[Path, list]:
+def join_series(parts: Sequence[tuple[list, Packer]]) -> dict[Path, list]:
     """Return whole series from the parts in which they were stored, oldest first."""
     whole: dict[Path, list] = {}
-    for content, packed in parts:
+    for content, packer in parts:
         before, whole = whole, {}
         for names, begin, values in content:
             path, old = tuple(map(str, names)), before.get(tuple(map(str, names)), [])
             if type(begin) is not int or not 0 <= begin <= len(old):
                 raise RecordingError("the earlier checkpoint on which it builds is missing")
-            whole[path] = old[:begin] + _unpack(values, packed)
+            whole[path] = old[:begin] + _unpack(values, packer)
     return whole
 
 
@@ -157,36 +157,36 @@ def missing_reporter(model: EngineModel) -> None:
     """Report nothing: in the place of a reporter that could not be stored."""
 
 
-def _pack(values: list, packed: Packed, what: str) -> object:
+def _pack(values: list, packer: Packer, what: str) -> object:
     kinds = {type(value) for value in values}
     if len(kinds) == 1:
         (kind,) = kinds
         if kind in UNIFORM:
-            return {"of": kind.__module__ + "." + kind.__name__, "array": packed.pack(np.array(values, UNIFORM[kind]))}
+            return {"of": kind.__module__ + "." + kind.__name__, "array": packer.pack(np.array(values, UNIFORM[kind]))}
         if kind is int and all(abs(value) < 1 << 62 for value in values):
-            return {"of": "builtins.int", "array": packed.pack(np.array(values, np.int64))}
+            return {"of": "builtins.int", "array": packer.pack(np.array(values, np.int64))}
         if kind is np.ndarray and len({(value.shape, value.dtype) for value in values}) == 1:
-            return {"of": "rows", "array": packed.pack(np.stack(values), what)}
-    return packed.pack(list(values), what)
+            return {"of": "rows", "array": packer.pack(np.stack(values), what)}
+    return packer.pack(list(values), what)
 
 
-def _pack_rows(values: list, packed: Packed, what: str) -> object:
+def _pack_rows(values: list, packer: Packer, what: str) -> object:
     """Return the rows collected of agents at each step by columns, which are arrays as a rule."""
     rows = [row for _, rows in values if type(rows) is list for row in rows]
     regular = all(type(pair) is tuple and type(pair[1]) is list for pair in values)
     if not rows or not regular or {type(row) for row in rows} != {tuple} or len({len(row) for row in rows}) != 1:
-        return packed.pack(values, what)
+        return packer.pack(values, what)
     return {
         "of": "agents",
-        "steps": _pack([step for step, _ in values], packed, what),
-        "counts": packed.pack(np.array([len(rows) for _, rows in values], np.int64)),
-        "columns": [_pack(list(column), packed, what) for column in zip(*rows, strict=True)],
+        "steps": _pack([step for step, _ in values], packer, what),
+        "counts": packer.pack(np.array([len(rows) for _, rows in values], np.int64)),
+        "columns": [_pack(list(column), packer, what) for column in zip(*rows, strict=True)],
     }
 
 
-def _unpack_rows(content: dict, packed: Packed) -> list:
-    steps, columns = _unpack(content["steps"], packed), [_unpack(column, packed) for column in content["columns"]]
-    counts = packed.unpack(content["counts"])
+def _unpack_rows(content: dict, packer: Packer) -> list:
+    steps, columns = _unpack(content["steps"], packer), [_unpack(column, packer) for column in content["columns"]]
+    counts = packer.unpack(content["counts"])
     if not isinstance(counts, np.ndarray) or counts.dtype != np.int64 or (counts < 0).any():
         raise RecordingError("invalid data collected of agents")
     rows, ends = list(zip(*columns, strict=True)), accumulate(counts.tolist(), initial=0)
@@ -203,12 +203,12 @@ def _places(text: str) -> list[int]:
     return list(map(int, PLACES.findall(text)))
 
 
-def _unpack(content: Any, packed: Packed) -> list:
+def _unpack(content: Any, packer: Packer) -> list:
     if isinstance(content, list):
-        return packed.unpack(content)
+        return packer.unpack(content)
     if content["of"] == "agents":
-        return _unpack_rows(content, packed)
-    values = packed.unpack(content["array"])
+        return _unpack_rows(content, packer)
+    values = packer.unpack(content["array"])
     if not isinstance(values, np.ndarray) or not values.ndim:
         raise RecordingError("a collected series cannot be decoded")
     if content["of"] == "rows":

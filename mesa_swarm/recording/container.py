@@ -33,7 +33,7 @@ DTYPE = re.compile(
 )
 
 
-class Packed:
+class Packer:
     """Plain values of a checkpoint: JSON, and the arrays beside it.
 
     Numbers, texts, None, arrays, Shapely geometries, and lists, tuples, sets, deques and dicts of these are restored
@@ -42,25 +42,25 @@ class Packed:
 
     Examples
     --------
-    >>> packed = Packed()
-    >>> content = packed.pack({1: (2.5, np.arange(3))})
+    >>> packer = Packer()
+    >>> content = packer.pack({1: (2.5, np.arange(3))})
     >>> content
     {'dict': [[1, {'tuple': [2.5, {'array': 0}]}]]}
-    >>> packed.unpack(content)
+    >>> packer.unpack(content)
     {1: (2.5, array([0, 1, 2]))}
     >>> trail = np.zeros(2)
-    >>> first, second = packed.unpack(packed.pack([trail, trail]))
+    >>> first, second = packer.unpack(packer.pack([trail, trail]))
     >>> first is second
     True
     """
 
     def __init__(self, arrays: list[np.ndarray] | None = None) -> None:
         self.arrays = [] if arrays is None else arrays
-        # Packed arrays by their id, with their content: those that are in use keep it. And by that of their root, the
+        # Packer arrays by their id, with their content: those that are in use keep it. And by that of their root, the
         # array whose memory they view.
-        self._known: dict[int, tuple[np.ndarray, dict]] = {}
+        self._contents: dict[int, tuple[np.ndarray, dict]] = {}
         self._of_root: dict[int, list[tuple[np.ndarray, dict]]] = {}
-        self._made: dict[object, np.ndarray] = {}
+        self._restored: dict[object, np.ndarray] = {}
 
     def pack(self, value: Any, what: str = "a value", depth: int = 0) -> object:
         """Return a value as JSON, in which numbers stand for arrays."""
@@ -72,7 +72,7 @@ class Packed:
             return value if kind in ATOMS else float(value)
         if isinstance(value, (np.ndarray, np.generic)):
             plain: Any = value
-            return self._packed_array(plain, what) if kind is np.ndarray else {"number": self._added(value, what)}
+            return self._pack_array(plain, what) if kind is np.ndarray else {"number": self._add_array(value, what)}
         if kind is bytes:
             return {"bytes": base64.b64encode(value).decode()}
         if kind is complex:
@@ -80,16 +80,16 @@ class Packed:
         if isinstance(value, BaseGeometry):
             name = "ring" if isinstance(value, shapely.LinearRing) else "geometry"  # which WKB does not distinguish
             return {name: base64.b64encode(shapely.to_wkb(value)).decode()}
-        return self._packed(value, what, depth + 1)
+        return self._pack_value(value, what, depth + 1)
 
-    def _packed(self, value: Any, what: str, depth: int) -> object:
+    def _pack_value(self, value: Any, what: str, depth: int) -> object:
         kind = type(value)
         if kind is dict:
             return {"dict": [[self.pack(part, what, depth) for part in pair] for pair in value.items()]}
         if SEQUENCES.get(kind.__name__) is not kind:
             raise RecordingError(f"{what} is {shortened(value)}, which cannot be stored")
-        ordered = sorted(value, key=repr) if kind in (set, frozenset) else value
-        items = [self.pack(item, what, depth) for item in ordered]
+        members = sorted(value, key=repr) if kind in (set, frozenset) else value
+        items = [self.pack(item, what, depth) for item in members]
         if kind is list:
             return items
         return {kind.__name__: items, **({"longest": value.maxlen} if kind is deque else {})}
@@ -101,26 +101,26 @@ class Packed:
         if isinstance(content, list):
             return [self.unpack(item) for item in content]
         try:
-            return self._unpacked(content)
+            return self._unpack_value(content)
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError):
             raise RecordingError(f"{shortened(content)} cannot be decoded") from None
 
-    def _unpacked(self, content: dict) -> Any:
-        name, given = list(content.items())[0]  # noqa: RUF015 - the caller expects an IndexError, not StopIteration
+    def _unpack_value(self, content: dict) -> Any:
+        name, inner = list(content.items())[0]  # noqa: RUF015 - the caller expects an IndexError, not StopIteration
         if name in ("array", "number"):
-            return self._unpacked_array(given, content.get("view")) if name == "array" else self._array(given)[()]
+            return self._unpack_array(inner, content.get("view")) if name == "array" else self._array(inner)[()]
         if name == "dict":
-            return {self.unpack(key): self.unpack(value) for key, value in given}
+            return {self.unpack(key): self.unpack(value) for key, value in inner}
         if name == "deque":
-            return deque(map(self.unpack, given), maxlen=content["longest"])
+            return deque(map(self.unpack, inner), maxlen=content["longest"])
         if name in ("bytes", "geometry", "ring"):
-            stored = base64.b64decode(given, validate=True)
-            return stored if name == "bytes" else _geometry(stored, name)
+            raw = base64.b64decode(inner, validate=True)
+            return raw if name == "bytes" else _geometry(raw, name)
         if name == "complex":
-            return complex(*map(float, given))
-        return SEQUENCES[name](map(self.unpack, given))
+            return complex(*map(float, inner))
+        return SEQUENCES[name](map(self.unpack, inner))
 
-    def _added(self, value: np.ndarray | np.generic, what: str) -> int:
+    def _add_array(self, value: np.ndarray | np.generic, what: str) -> int:
         array = np.asarray(value)
         if (
             array.dtype.kind not in KINDS
@@ -150,31 +150,31 @@ class Packed:
         elif isinstance(live, (list, tuple)):
             inner = content.get(type(live).__name__, ()) if isinstance(content, dict) else content
             if isinstance(inner, list):
-                for one, own in zip(inner, live, strict=False):
-                    self.adopt(one, own, places, write=write)
+                for content_item, live_item in zip(inner, live, strict=False):
+                    self.adopt(content_item, live_item, places, write=write)
 
     def _adopt_array(self, content: Any, live: np.ndarray, places: frozenset[int] | None, write: bool) -> None:
         if not isinstance(content, dict) or "array" not in content or not live.flags.writeable:
             return
         place, view = content["array"], content.get("view")
-        if place in self._made or (places is not None and place not in places):
+        if place in self._restored or (places is not None and place not in places):
             return
-        stored = self._array(place)
-        whole = live.size == stored.size and live.dtype == stored.dtype and live.flags.c_contiguous
+        array = self._array(place)
+        whole = live.size == array.size and live.dtype == array.dtype and live.flags.c_contiguous
         layout = [0, list(live.shape), list(live.strides)]
-        if not whole or (live.shape != stored.shape if view is None else layout != view):
+        if not whole or (live.shape != array.shape if view is None else layout != view):
             return
-        self._made[place] = live
+        self._restored[place] = live
         if view:
-            self._made[_key_of(place, view)] = live
+            self._restored[_key_of(place, view)] = live
         if write:
-            live.reshape(-1)[...] = stored.reshape(-1)
+            live.reshape(-1)[...] = array.reshape(-1)
 
-    def _packed_array(self, value: np.ndarray, what: str) -> dict:
-        if id(value) not in self._known:
+    def _pack_array(self, value: np.ndarray, what: str) -> dict:
+        if id(value) not in self._contents:
             # The root stays in memory with the value, and so does its id.
-            self._known[id(value)] = (value, self._new_content(value, _root_of(value), what))
-        return self._known[id(value)][1]
+            self._contents[id(value)] = (value, self._new_content(value, _root_of(value), what))
+        return self._contents[id(value)][1]
 
     def _new_content(self, value: np.ndarray, root: np.ndarray, what: str) -> dict:
         """Return the content of an array; arrays that view one other array are stored as views of it."""
@@ -183,8 +183,8 @@ class Packed:
         for other, _ in relatives:
             if not (similar and _is_part(other, root)) and np.shares_memory(value, other):
                 raise RecordingError(f"{what} is a view of an array with another type or shape, which cannot be stored")
-        joined = [pair for pair in relatives if similar and _is_part(pair[0], root)]
-        content = self._view_content(value, root, *joined[0], what) if joined else {"array": self._added(value, what)}
+        views = [pair for pair in relatives if similar and _is_part(pair[0], root)]
+        content = self._view_content(value, root, *views[0], what) if views else {"array": self._add_array(value, what)}
         relatives.append((value, content))
         return content
 
@@ -197,15 +197,15 @@ class Packed:
             content["view"] = _layout_of(first, memory)
         return {"array": content["array"], "view": _layout_of(value, memory)}
 
-    def _unpacked_array(self, place: Any, view: Any) -> np.ndarray:
+    def _unpack_array(self, place: Any, view: Any) -> np.ndarray:
         key = place if view is None else _key_of(place, view)
-        if key not in self._made:
-            stored = self._array(place)
-            if place not in self._made:
-                self._made[place] = stored.copy()
+        if key not in self._restored:
+            array = self._array(place)
+            if place not in self._restored:
+                self._restored[place] = array.copy()
             if view is not None:
-                self._made[key] = _viewed(self._made[place], *view)
-        return self._made[key]
+                self._restored[key] = _view_array(self._restored[place], *view)
+        return self._restored[key]
 
 
 def _geometry(content: bytes, name: str) -> BaseGeometry:
@@ -239,7 +239,7 @@ def _key_of(place: Any, view: Any) -> tuple:
     return place, offset, tuple(shape), tuple(strides)
 
 
-def _viewed(whole: np.ndarray, offset: int, shape: list, strides: list) -> np.ndarray:
+def _view_array(whole: np.ndarray, offset: int, shape: list, strides: list) -> np.ndarray:
     """Return a view of an array, which cannot reach beyond it, nor be larger."""
     if len(shape) > MOST_AXES or math.prod(shape) > whole.size:
         raise ValueError
@@ -270,14 +270,14 @@ def to_bytes(checkpoint: Checkpoint) -> bytes:
     }
     words = json.dumps(head, separators=(",", ":")).encode()
     whole = b"".join([len(words).to_bytes(LENGTH, "little"), words, *parts])
-    packed = MAGIC + len(whole).to_bytes(LENGTH, "little") + CODEC.compress(whole, asbytes=True)
-    needed, allowed = 2 * len(whole) + memory_of(words), _allowed(packed)
+    compressed = MAGIC + len(whole).to_bytes(LENGTH, "little") + CODEC.compress(whole, asbytes=True)
+    needed, allowed = 2 * len(whole) + memory_of(words), _find_most_memory(compressed)
     if len(whole) > LARGEST or needed > allowed:
         raise RecordingError(
             f"the state has {len(whole):,} bytes and needs about {needed:,} to be read, more than the {allowed:,} of "
             "a checkpoint; use smaller arrays, or collect less"
         )
-    return packed
+    return compressed
 
 
 def memory_of(words: bytes | str) -> int:
@@ -288,8 +288,8 @@ def memory_of(words: bytes | str) -> int:
     return 5 * len(words) + 230 * objects + 90 * lists + 48 * values
 
 
-def _allowed(packed: bytes) -> int:
-    return max(MOST_MEMORY, MOST_TIMES * len(packed))
+def _find_most_memory(compressed: bytes) -> int:
+    return max(MOST_MEMORY, MOST_TIMES * len(compressed))
 
 
 def from_bytes(content: bytes) -> Checkpoint:
@@ -305,7 +305,7 @@ def from_bytes(content: bytes) -> Checkpoint:
 def _read(content: bytes) -> Checkpoint:
     begin = len(MAGIC) + LENGTH
     size = int.from_bytes(content[len(MAGIC) : begin], "little")
-    allowed = _allowed(content)
+    allowed = _find_most_memory(content)
     if not content.startswith(MAGIC) or not LENGTH <= size <= min(LARGEST, allowed // 2):
         raise ValueError
     whole = CODEC.decompress(content[begin:], decompressed_size=size, asbytes=True)

@@ -10,7 +10,7 @@ from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.robots import role_of
 from mesa_swarm.model.state import quick_fingerprint
 from mesa_swarm.recording.attributes import own_attributes
-from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuilt
+from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuild_model
 from mesa_swarm.recording.transfer import changed_settings, take_over
 from mesa_swarm.robots.robot import Robot
 
@@ -46,12 +46,12 @@ def continued(model: Model, /, **changes: object) -> Model:
     >>> model.steps, model.given[1]["noise"]
     (20, 0.1)
     """
-    known = parameters_of_run(model)
-    unknown = sorted(set(changes) - known.keys())
-    if unknown:
-        raise UnknownNameError(unknown_name(f"parameter of {type(model).__name__}", unknown[0], known))
+    parameters = parameters_of_run(model)
+    odd = sorted(set(changes) - parameters.keys())
+    if odd:
+        raise UnknownNameError(unknown_name(f"parameter of {type(model).__name__}", odd[0], parameters))
     origin = provenance_of(model, rerun=True)
-    new, fresh = rebuilt(origin, type(model), **changes), rebuilt(origin, type(model))
+    new, fresh = rebuild_model(origin, type(model), **changes), rebuild_model(origin, type(model))
     continue_with(new, model, fresh, tuple(changes))
     return cast(Model, new)
 
@@ -70,8 +70,8 @@ def continue_with(new: EngineModel, old: EngineModel, fresh: EngineModel, names:
     hand_over(old, new, [f"parameter {name}" for name in names])
 
 
-def match_robots(model: EngineModel, wanted: EngineModel) -> None:
-    """Add robots at free places, or remove the last ones, until there are as many of each design and group as `wanted`.
+def match_robots(model: EngineModel, like: EngineModel) -> None:
+    """Add robots at free places, or remove the last ones, until there are as many of each design and group as `like`.
 
     Examples
     --------
@@ -81,20 +81,20 @@ def match_robots(model: EngineModel, wanted: EngineModel) -> None:
     >>> len(model.run(5).robots)
     22
     """
-    there, expected = _by_kind(model), _by_kind(wanted)
-    model.remove_robots([robot for kind, robots in there.items() for robot in robots[len(expected.get(kind, ())) :]])
-    for kind, robots in expected.items():
-        missing = len(robots) - len(there.get(kind, ()))
-        if missing > 0:
-            model.add_robots(robots[0].design, missing, group=robots[0].group)
+    there, targets = _by_kind(model), _by_kind(like)
+    model.remove_robots([robot for kind, robots in there.items() for robot in robots[len(targets.get(kind, ())) :]])
+    for kind, robots in targets.items():
+        lacking = len(robots) - len(there.get(kind, ()))
+        if lacking > 0:
+            model.add_robots(robots[0].design, lacking, group=robots[0].group)
 
 
 def _by_kind(model: EngineModel) -> dict[tuple[str, str], list[Robot]]:
     """Return the robots by the name of their design and their group."""
-    found: dict[tuple[str, str], list[Robot]] = {}
+    groups: dict[tuple[str, str], list[Robot]] = {}
     for robot in model.swarm.agents:
-        found.setdefault((robot.design.name, robot.group), []).append(robot)
-    return found
+        groups.setdefault((robot.design.name, robot.group), []).append(robot)
+    return groups
 
 
 def hand_over(old: EngineModel, new: EngineModel, what: list[str]) -> None:
@@ -140,5 +140,5 @@ def _hidden_by_run(new: EngineModel, old: EngineModel, fresh: EngineModel) -> bo
     )
 
 
-def _differ(one: Any, other: Any) -> bool:
-    return one is not other and quick_fingerprint(one) != quick_fingerprint(other)
+def _differ(first: Any, second: Any) -> bool:
+    return first is not second and quick_fingerprint(first) != quick_fingerprint(second)

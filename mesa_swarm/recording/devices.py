@@ -35,7 +35,7 @@ OF_MACHINES = (controls.Approach, controls.Halt, controls.Retreat, *CONDITIONS)
 LAYERS = (*FLOCKING, *TOWARDS_BODIES, controls.Avoid, controls.Explore, controls.Respond, FightFire, SeekHeat)
 CLASSES: dict[str, type] = {kind.__name__: kind for kind in (*OF_MODELS, *LAYERS, *OF_MACHINES)}
 OWN_CODE = "code of one's own"  # a key of stored states
-ARBITERS = {one.__name__: one for one in (controls.StateMachine, controls.Subsumption, controls.VectorSum)}
+ARBITERS = {kind.__name__: kind for kind in (controls.StateMachine, controls.Subsumption, controls.VectorSum)}
 
 
 def part_to_json(part: Any) -> object:
@@ -64,28 +64,28 @@ def part_from_json(value: object, near: Sequence[type] = ()) -> Any:
         return value
     if isinstance(value, list):
         return tuple(part_from_json(item, near) for item in value)
-    name, given = _only_item(value)
+    name, content = _only_item(value)
     if name == OWN_CODE:
-        return _custom_part(given, near)
+        return _custom_part(content, near)
     kind = _class_called(name)
-    if kind is None or not isinstance(given, dict):
+    if kind is None or not isinstance(content, dict):
         raise RecordingError(f"unknown part {shortened(name)} in recording")
-    return make_stored(str(name), kind, {field: part_from_json(item, near) for field, item in given.items()})
+    return make_stored(str(name), kind, {field: part_from_json(item, near) for field, item in content.items()})
 
 
 def _is_built_in(kind: type) -> bool:
-    ours = issubclass(kind, BASES) and kind.__module__.startswith(ROOMS)
-    return ours and is_dataclass(kind) and not kind.__name__.startswith("_")
+    is_of_package = issubclass(kind, BASES) and kind.__module__.startswith(ROOMS)
+    return is_of_package and is_dataclass(kind) and not kind.__name__.startswith("_")
 
 
 def _class_called(name: object) -> type | None:
     """Return the class whose objects are stored by this name, None if there is none."""
-    if name not in CLASSES and name not in _derived():
+    if name not in CLASSES and name not in _list_derived():
         _load_rooms()
-    return {**_derived(), **CLASSES}.get(str(name))
+    return {**_list_derived(), **CLASSES}.get(str(name))
 
 
-def _derived() -> dict[str, type]:
+def _list_derived() -> dict[str, type]:
     return {kind.__name__: kind for base in BASES for kind in family(base) if _is_built_in(kind)}
 
 
@@ -97,17 +97,17 @@ def _load_rooms() -> None:
             import_module(module.name)
 
 
-def _custom_part(given: Any, near: Sequence[type]) -> Device:
+def _custom_part(content: Any, near: Sequence[type]) -> Device:
     """Return a custom sensor or actuator, of which the name of its class and the values of its fields are stored."""
-    name, *values = given
-    kind = next((one for one in near if one.__name__ == name and issubclass(one, Device)), None)
+    name, *values = content
+    kind = next((kind for kind in near if kind.__name__ == name and issubclass(kind, Device)), None)
     if kind is None or not is_dataclass(kind) or len(fields(kind)) != len(values):
         raise RecordingError(
-            f"the robots have a custom part ({shortened(given)}), which is found only in a model that adds such robots "
-            "in its constructor, or has its class in its own module"
+            f"the robots have a custom part ({shortened(content)}), which is found only in a model that adds such "
+            "robots in its constructor, or has its class in its own module"
         )
-    named = zip((field.name for field in fields(kind)), values, strict=True)
-    return make_stored(name, kind, {field: part_from_json(item, near) for field, item in named})
+    items = zip((field.name for field in fields(kind)), values, strict=True)
+    return make_stored(name, kind, {field: part_from_json(item, near) for field, item in items})
 
 
 def control_to_json(control: controls.Arbiter | None) -> object:
@@ -119,7 +119,7 @@ def control_to_json(control: controls.Arbiter | None) -> object:
     layers = [_layer_to_json(layer) for layer in control.layers]
     if isinstance(control, controls.StateMachine):
         states = [[name, len(of_state)] for name, of_state in control.states.items()]
-        changes = [[one.source, one.target, _layer_to_json(one.condition)] for one in control.transitions]
+        changes = [[change.source, change.target, _layer_to_json(change.condition)] for change in control.transitions]
         return {"StateMachine": {"layers": layers, "states": states, "transitions": changes}}
     weights = getattr(control, "weights", None)
     return {type(control).__name__: {"layers": layers, "weights": None if weights is None else list(weights)}}
@@ -129,27 +129,27 @@ def control_from_json(value: object) -> Any:
     """Return the arbiter that `control_to_json` wrote; custom rules and arbiters are refused."""
     if value is None:
         return None
-    name, given = _only_item(value)
-    if name == "Team" and isinstance(given, list):
-        arbiters = {_key_from_json(key): control_from_json(arbiter) for key, arbiter in map(tuple, given)}
+    name, content = _only_item(value)
+    if name == "Team" and isinstance(content, list):
+        arbiters = {_key_from_json(key): control_from_json(arbiter) for key, arbiter in map(tuple, content)}
         return make_stored(name, lambda: Team(arbiters), {})
-    if name not in ARBITERS or not isinstance(given, dict) or not isinstance(given.get("layers"), list):
+    if name not in ARBITERS or not isinstance(content, dict) or not isinstance(content.get("layers"), list):
         raise RecordingError(f"unknown arbiter {shortened(name)} in recording")
-    own = own_code(value)
-    if own:
-        raise RecordingError(f"the control has a custom rule ({shortened(own[0])}), which cannot be recorded")
-    layers = [part_from_json(layer) for layer in given["layers"]]
+    rules = own_code(value)
+    if rules:
+        raise RecordingError(f"the control has a custom rule ({shortened(rules[0])}), which cannot be recorded")
+    layers = [part_from_json(layer) for layer in content["layers"]]
     if name == "StateMachine":
-        return make_stored(name, partial(_machine, layers, given), {})
-    more = {} if given.get("weights") is None else {"weights": given["weights"]}
+        return make_stored(name, partial(_machine, layers, content), {})
+    more = {} if content.get("weights") is None else {"weights": content["weights"]}
     return make_stored(name, lambda: ARBITERS[name](*layers, **more), {})
 
 
-def _machine(layers: list, given: dict) -> controls.StateMachine:
+def _machine(layers: list, content: dict) -> controls.StateMachine:
     """Return the state machine of these layers, of which the number in each state is stored."""
-    rest = iter(layers)
-    states = {str(name): tuple(islice(rest, count)) for name, count in given["states"]}
-    changes = [(source, target, part_from_json(condition)) for source, target, condition in given["transitions"]]
+    layers_left = iter(layers)
+    states = {str(name): tuple(islice(layers_left, count)) for name, count in content["states"]}
+    changes = [(source, target, part_from_json(condition)) for source, target, condition in content["transitions"]]
     return controls.StateMachine(states, [controls.Transition(source=a, target=b, condition=c) for a, b, c in changes])
 
 
@@ -157,8 +157,8 @@ def own_code(control: Any) -> list[str]:
     """Return the names of the custom rules in what `control_to_json` returned."""
     if control is not None and "Team" in control:
         return [name for _, arbiter in control["Team"] for name in own_code(arbiter)]
-    layers = [layer for given in (control or {}).values() for layer in given["layers"]]
-    layers += [part for given in (control or {}).values() for _, _, part in given.get("transitions", ())]
+    layers = [layer for arbiter in (control or {}).values() for layer in arbiter["layers"]]
+    layers += [part for arbiter in (control or {}).values() for _, _, part in arbiter.get("transitions", ())]
     return [str(layer[OWN_CODE]) for layer in layers if isinstance(layer, dict) and OWN_CODE in layer]
 
 
@@ -187,8 +187,8 @@ def _layer_to_json(layer: object) -> object:
 def _only_item(value: object) -> tuple[object, object]:
     if not isinstance(value, dict) or len(value) != 1:
         raise RecordingError(f"{shortened(value)} is not a part; expected a class and its fields")
-    ((name, given),) = value.items()
-    return name, given
+    ((name, content),) = value.items()
+    return name, content
 
 
 def make_stored(name: str, maker: Callable, arguments: dict) -> Any:

@@ -76,26 +76,26 @@ def frame_of(model: EngineModel, columns: Sequence[str] = PICTURED, *, perceived
     """
     if perceived or not READINGS.isdisjoint(columns):
         model.sense()
-    found = robot_columns(model)
-    shown: dict[str, np.ndarray] = {}
+    sources = robot_columns(model)
+    values: dict[str, np.ndarray] = {}
     for name in columns:
         if name == "fields":
-            shown |= _live_fields(model)
+            values |= _live_fields(model)
         elif name == "shown":
-            shown |= {name: _live_discs(model)} if model.parts.added() else {}
+            values |= {name: _live_discs(model)} if model.parts.added() else {}
         elif name in LIVE_TABLES:
-            shown[name] = LIVE_TABLES[name](model)
-        elif name in found:
-            shown[name] = found[name].copy()
+            values[name] = LIVE_TABLES[name](model)
+        elif name in sources:
+            values[name] = sources[name].copy()
         else:
-            raise UnknownNameError(unknown_name("column", name, (*found, *TABLES)))
+            raise UnknownNameError(unknown_name("column", name, (*sources, *TABLES)))
     if perceived:
-        shown["perceived"] = _perceived(model)
+        values["perceived"] = _locate_perceived(model)
     looks = looks_of(model)
     if looks is not None:
-        shown |= looks.columns_of(model)
+        values |= looks.columns_of(model)
     robots = model.swarm.unique_ids.astype(np.int32)
-    return Frame(step=model.completed, state_hash=None, robots=robots, columns=shown)
+    return Frame(step=model.completed, state_hash=None, robots=robots, columns=values)
 
 
 def _live_fires(model: EngineModel) -> np.ndarray:
@@ -117,10 +117,6 @@ def _live_contacts(model: EngineModel) -> np.ndarray:
         table[name] = getattr(contacts, name)
     table["normal_x"], table["normal_y"] = contacts.normal.T
     return table
-
-
-def _live_loads(model: EngineModel) -> np.ndarray:
-    return np.array([(load.unique_id, *load.pose) for load in model.displaced], TABLE_TYPES["loads"])
 
 
 def _live_fields(model: EngineModel) -> dict[str, np.ndarray]:
@@ -184,17 +180,17 @@ def _live_events(model: EngineModel) -> np.ndarray:
 LIVE_TABLES: Mapping[str, Callable[[EngineModel], np.ndarray]] = {
     "fires": _live_fires,
     "contacts": _live_contacts,
-    "loads": _live_loads,
+    "loads": lambda model: np.array([(load.unique_id, *load.pose) for load in model.displaced], TABLE_TYPES["loads"]),
     "events": _live_events,
 }
 
 
-def _perceived(model: EngineModel) -> np.ndarray:
-    centroid, seen = centroids(Senses.of(model.swarm))
+def _locate_perceived(model: EngineModel) -> np.ndarray:
+    centroid, counts = centroids(Senses.of(model.swarm))
     cosine, sine = np.cos(model.swarm.heading), np.sin(model.swarm.heading)
     x, y = centroid.T
     place = model.swarm.position + np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
-    return np.where(seen[:, None] > 0, place, np.nan)
+    return np.where(counts[:, None] > 0, place, np.nan)
 
 
 class Rows:
@@ -203,11 +199,11 @@ class Rows:
     def __init__(self, batch: pa.RecordBatch) -> None:
         steps, hashes, robots, *columns = batch.columns
         self._steps, self._hashes = steps.to_numpy().tolist(), hashes.to_pylist()
-        named = list(zip(batch.schema.names[3:], columns, strict=True))
+        pairs = list(zip(batch.schema.names[3:], columns, strict=True))
         # A robot has the same index in all columns: one slice serves them all.
-        self._begins, self._robots = robots.offsets.to_numpy().tolist(), _locked(robots)
-        self._columns = {name: _locked(column) for name, column in named}
-        self._tables = [(n, self._columns[n], c.offsets.to_numpy().tolist()) for n, c in named if is_table(n)]
+        self._begins, self._robots = robots.offsets.to_numpy().tolist(), _lock_values(robots)
+        self._columns = {name: _lock_values(column) for name, column in pairs}
+        self._tables = [(n, self._columns[n], c.offsets.to_numpy().tolist()) for n, c in pairs if is_table(n)]
         self._of_robots = [(name, values) for name, values in self._columns.items() if not is_table(name)]
 
     def __len__(self) -> int:
@@ -217,14 +213,14 @@ class Rows:
         return map(self.__getitem__, range(len(self)))
 
     def __getitem__(self, row: int) -> Frame:
-        own = slice(self._begins[row], self._begins[row + 1])
-        columns = {name: values[own] for name, values in self._of_robots}
+        rows = slice(self._begins[row], self._begins[row + 1])
+        columns = {name: values[rows] for name, values in self._of_robots}
         for name, values, begins in self._tables:
             columns[name] = values[begins[row] : begins[row + 1]]
-        return Frame(step=self._steps[row], state_hash=self._hashes[row], robots=self._robots[own], columns=columns)
+        return Frame(step=self._steps[row], state_hash=self._hashes[row], robots=self._robots[rows], columns=columns)
 
 
-def _locked(column: pa.ListArray) -> np.ndarray:
+def _lock_values(column: pa.ListArray) -> np.ndarray:
     """Return all values of a list column, which frames share, as a read-only array."""
     values = _array(column.values)
     values.flags.writeable = False
@@ -262,14 +258,14 @@ def table_of(frames: Iterable[Frame], table: str, kinds: Mapping[int, str] | Non
 
 def _robot_table(frame: Frame) -> dict[str, np.ndarray]:
     flat = {"step": np.full(len(frame.robots), frame.step), "robot": frame.robots}
-    for name, stored in frame.columns.items():
+    for name, column in frame.columns.items():
         if is_table(name):
             continue
-        values = np.where(stored >= 0, stored + 1, stored) if name == "fire" else stored
+        values = np.where(column >= 0, column + 1, column) if name == "fire" else column
         width = int(np.prod(values.shape[1:]))
         parts = [values] if values.ndim == 1 else values.reshape(len(values), width).T
-        known = AXES.get(name, ())
-        names = [name] if values.ndim == 1 else known if len(known) == width else [f"{name}_{i}" for i in range(width)]
+        axes = AXES.get(name, ())
+        names = [name] if values.ndim == 1 else axes if len(axes) == width else [f"{name}_{i}" for i in range(width)]
         flat |= dict(zip(names, parts, strict=True))
     return flat
 
@@ -324,11 +320,11 @@ def events_of(frames: Iterable) -> list[Event]:
 
     The frames, in the order of steps, are iterated over up to four times.
     """
-    found = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_noted(frames)]
-    return sorted(found, key=lambda event: (event.step, event.kind, event.ids))
+    events = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_list_noted(frames)]
+    return sorted(events, key=lambda event: (event.step, event.kind, event.ids))
 
 
-def _noted(frames: Iterable) -> Iterator[Event]:
+def _list_noted(frames: Iterable) -> Iterator[Event]:
     """Iterate over the events of the model's own; those of one step and name are one."""
     for frame in frames:
         if "events" not in frame.columns:
@@ -336,12 +332,12 @@ def _noted(frames: Iterable) -> Iterator[Event]:
         together: dict[tuple[int, str], list[tuple[int, float]]] = {}
         for step, name, unique_id, value in frame["events"].tolist():
             together.setdefault((step, name), []).append((unique_id, value))
-        for (step, name), ones in together.items():
-            ids = tuple(dict.fromkeys(unique_id for unique_id, _ in ones if unique_id >= 0))
-            yield Event(step=step, kind=name, ids=ids, text=_noted_text(name, ids, [value for _, value in ones]))
+        for (step, name), pairs in together.items():
+            ids = tuple(dict.fromkeys(unique_id for unique_id, _ in pairs if unique_id >= 0))
+            yield Event(step=step, kind=name, ids=ids, text=_describe_noted(name, ids, [value for _, value in pairs]))
 
 
-def _noted_text(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
+def _describe_noted(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
     times = f" {len(values)} times" if len(values) > 1 else ""
     more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
     robots = f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""
@@ -385,17 +381,17 @@ def _burst(burst: list[tuple[int, frozenset[int]]]) -> Event:
 
 def _merges(frames: Iterable) -> Iterator[Event]:
     before: dict[int, int] = {}
-    due = -np.inf
+    next_step = -np.inf
     for frame in frames:
         if "position" not in frame.columns:
             return
-        if frame.step < due:
+        if frame.step < next_step:
             continue
-        due = frame.step + MERGE_EVERY
+        next_step = frame.step + MERGE_EVERY
         label = clusters(frame["position"].astype(float), MERGE_LINK, fewest=MERGE_ROBOTS).label
         now = dict(zip(frame.robots.tolist(), label.tolist(), strict=True))
         for group in range(int(label.max(initial=-1)) + 1):
-            members = sorted(robot for robot, its in now.items() if its == group)
+            members = sorted(robot for robot, label in now.items() if label == group)
             parts = {before[robot] for robot in members if before.get(robot, -1) >= 0}
             if len(parts) > 1:
                 text = f"{len(parts)} groups have become one of {len(members)} robots"

@@ -43,8 +43,8 @@ class HandMove:
             raise RecordingError(f"step {self.step + 1} cannot be run again: a body that was moved by hand is missing")
         if not ((places >= low) & (places <= high)).all() or not (np.abs(headings) <= np.pi).all():
             raise RecordingError(f"step {self.step + 1} cannot be run again: a body was moved off the map")
-        chosen = [rows[body] for body in self.bodies.tolist()]
-        table.aim[chosen], table.aim_heading[chosen] = places, headings
+        body_rows = [rows[body] for body in self.bodies.tolist()]
+        table.aim[body_rows], table.aim_heading[body_rows] = places, headings
 
 
 def move_of(model: EngineModel, rows: np.ndarray, after: int) -> HandMove:
@@ -57,8 +57,8 @@ def move_of(model: EngineModel, rows: np.ndarray, after: int) -> HandMove:
 
 def moves_to_bytes(moves: Sequence[HandMove]) -> bytes:
     """Return moves as stored."""
-    heads = np.array([[one.step, one.after, len(one.bodies)] for one in moves], np.int64)
-    bodies, poses = (np.concatenate([getattr(one, name) for one in moves]) for name in ("bodies", "poses"))
+    heads = np.array([[move.step, move.after, len(move.bodies)] for move in moves], np.int64)
+    bodies, poses = (np.concatenate([getattr(move, name) for move in moves]) for name in ("bodies", "poses"))
     return to_bytes(Checkpoint(step=moves[0].step, state_hash="", facts={}, arrays=[heads, bodies, poses]))
 
 
@@ -80,6 +80,6 @@ def _check_stored(heads: np.ndarray, bodies: np.ndarray, poses: np.ndarray) -> N
     kinds = [(array.dtype.str, array.ndim) for array in (heads, bodies, poses)]
     if kinds != [("<i8", 2), ("<i8", 1), ("<f8", 2)] or heads.shape[1:] != (3,) or poses.shape != (len(bodies), 3):
         raise ValueError
-    ordered = (np.diff(heads[:, :2], axis=0) >= 0).all()
-    if not ordered or (heads < 0).any() or (heads[:, 2] > len(bodies)).any() or heads[:, 2].sum() != len(bodies):
+    is_ordered = (np.diff(heads[:, :2], axis=0) >= 0).all()
+    if not is_ordered or (heads < 0).any() or (heads[:, 2] > len(bodies)).any() or heads[:, 2].sum() != len(bodies):
         raise ValueError

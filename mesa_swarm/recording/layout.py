@@ -72,18 +72,18 @@ class Layout:
         self, model: EngineModel, columns: Sequence[str], exact: bool, widths: Mapping[str, int] = NO_WIDTHS
     ) -> None:
         self.real = np.float64 if exact else np.float32
-        pictures, found = pictures_of(model), robot_columns(model)
+        pictures, sources = pictures_of(model), robot_columns(model)
         pixels = {PIXELS + name: name for name in (*pictures, *widths)}
-        names = _checked_names(columns, (*found, *TABLES, *pixels))
-        chosen = tuple(pixels[name] for name in names if name in pixels)
-        self.fields = chosen or (tuple(pictures) if "fields" in names else ())
-        shapes = {name: found[name].shape[1:] for name in names if not is_table(name)}
+        names = _checked_names(columns, (*sources, *TABLES, *pixels))
+        field_names = tuple(pixels[name] for name in names if name in pixels)
+        self.fields = field_names or (tuple(pictures) if "fields" in names else ())
+        shapes = {name: sources[name].shape[1:] for name in names if not is_table(name)}
         self.columns = tuple(name for name in shapes if 0 not in shapes[name])
-        own = columns_of_parts(model)
-        self.of_parts = {name: self._row_of(own[name]) for name in self.columns if name in own}
+        part_columns = columns_of_parts(model)
+        self.of_parts = {name: self._row_of(part_columns[name]) for name in self.columns if name in part_columns}
         self.tables = tuple(name for name in names if name in TABLES and (name != "fields" or self.fields))
         self.has_readings = not READINGS.union(model.swarm.table.readings).isdisjoint(self.columns)
-        self.schema = self._schema(found, shapes, pictures, widths)
+        self.schema = self._schema(sources, shapes, pictures, widths)
 
     def prepare(self, model: EngineModel) -> None:
         """Update sensor readings for the current poses, if they are recorded; the next step reuses them."""
@@ -103,15 +103,15 @@ class Layout:
 
     def _schema(
         self,
-        found: Mapping[str, np.ndarray],
+        sources: Mapping[str, np.ndarray],
         shapes: dict[str, tuple],
         pictures: Mapping[str, ScalarField | PartPicture],
         widths: Mapping[str, int],
     ) -> pa.Schema:
         fields = list(FIRST_COLUMNS.items())
         for name in self.columns:
-            own = self.of_parts.get(name)
-            value = _arrow_type(name, self.stored_type(found[name].dtype) if own is None else own.dtype)
+            row = self.of_parts.get(name)
+            value = _arrow_type(name, self.stored_type(sources[name].dtype) if row is None else row.dtype)
             for width in reversed(shapes[name]):
                 value = pa.list_(value, width)
             fields.append((name, pa.list_(value)))
@@ -134,9 +134,9 @@ def default_columns(model: EngineModel) -> tuple[str, ...]:
     """Return the columns that are recorded if none are named: `DEFAULT`, and those of the model's looks and parts."""
     looks = looks_of(model)
     sources = () if looks is None else (getattr(looks.column, "source", None), looks.label)
-    named = [name for name in sources if isinstance(name, str) and name in model.swarm.columns]
-    own = (*narrow_columns(model), "shown") if model.parts.added() else ()
-    return tuple(dict.fromkeys((*DEFAULT, *named, *own)))
+    of_sources = [name for name in sources if isinstance(name, str) and name in model.swarm.columns]
+    of_parts = (*narrow_columns(model), "shown") if model.parts.added() else ()
+    return tuple(dict.fromkeys((*DEFAULT, *of_sources, *of_parts)))
 
 
 def is_table(column: str) -> bool:
@@ -171,11 +171,11 @@ class Chunk:
         self._pixels = [self._picture_rows(*pair) for pair in zip(layout.fields, self._fields, strict=True)]
         self._sums = np.zeros((capacity, len(self._fields), 2), layout.real)
         self._log = model.events
-        self._noted = [0] * (capacity + 1)  # how many events there were before each row, and after the last
+        self._event_counts = [0] * (capacity + 1)  # how many events there were before each row, and after the last
         standing = [name for name in layout.columns if name not in layout.of_parts]
         self._robot_rows = self._buffers(model.swarm.columns, standing)
         self._part_rows = self._buffers_of_parts(len(self._robots))
-        self._shown = [NO_DISCS] * capacity
+        self._drawn_discs = [NO_DISCS] * capacity
         self._shown_now = discs_of(model) if "shown" in layout.tables else NO_DISCS
         self._contact_rows = self._buffers(model.swarm.columns, CONTACT if "contacts" in layout.tables else ())
         fires = ("temperature", "robots", "out") if "fires" in layout.tables else ()
@@ -195,14 +195,14 @@ class Chunk:
         """Return whether the model still has the fields that rows of this chunk show, and no other of their names."""
         if not self._fields:
             return True
-        known = pictures_of(model)
-        return all(_is_same(known.get(n), field) for n, field in zip(self.layout.fields, self._fields, strict=True))
+        pictures = pictures_of(model)
+        return all(_is_same(pictures.get(n), field) for n, field in zip(self.layout.fields, self._fields, strict=True))
 
-    def put(self, model: EngineModel, row: int, state_hash: str | None, noted: int) -> None:
-        """Store the present state of the model as a row; `noted` events are in rows before the first one."""
+    def put(self, model: EngineModel, row: int, state_hash: str | None, event_count: int) -> None:
+        """Store the present state of the model as a row; `event_count` events are in rows before the first one."""
         if not row:
-            self._noted[0] = noted
-        self._noted[row + 1] = len(self._log)
+            self._event_counts[0] = event_count
+        self._event_counts[row + 1] = len(self._log)
         if len(self._heat):
             self._heat[:] = model.fires.temperature
         for source, rows in self._pairs:
@@ -222,34 +222,34 @@ class Chunk:
 
     def _put_parts(self, model: EngineModel, row: int) -> None:
         """Store columns and discs of added parts, which may have other arrays in every step."""
-        own = columns_of_parts(model) if self._part_rows else {}
+        columns = columns_of_parts(model) if self._part_rows else {}
         for name, rows in self._part_rows.items():
-            values = own.get(name, self.layout.of_parts[name])
-            if name in own and values.shape != rows.shape[1:]:
+            values = columns.get(name, self.layout.of_parts[name])
+            if name in columns and values.shape != rows.shape[1:]:
                 raise RecordingError(f"{name} has values of shape {values.shape}; expected {rows.shape[1:]} as before")
             rows[row] = values
         if "shown" in self.layout.tables:
-            self._shown[row] = discs_of(model)
+            self._drawn_discs[row] = discs_of(model)
 
     def batch(self, rows: int) -> pa.RecordBatch:
         """Return the first rows as an Arrow batch."""
         arrays = [pa.array(self.steps[:rows]), pa.array(self.hashes[:rows], pa.string())]
-        arrays.append(_listed(np.broadcast_to(self._robots, (rows, len(self._robots)))))
+        arrays.append(_as_lists(np.broadcast_to(self._robots, (rows, len(self._robots)))))
         values = {**{name: values for name, (_, values) in self._robot_rows.items()}, **self._part_rows}
-        arrays += [_listed(values[name][:rows]) for name in self.layout.columns]
+        arrays += [_as_lists(values[name][:rows]) for name in self.layout.columns]
         makers = {"fires": self._fire_table, "contacts": self._contact_table, "loads": self._load_table}
         makers |= {"fields": self._field_table, "events": self._event_table, "shown": self._shown_table}
         arrays += [makers[name](rows) for name in self.layout.tables]
-        arrays += [_listed(pixels[:rows]) for pixels in self._pixels]
+        arrays += [_as_lists(pixels[:rows]) for pixels in self._pixels]
         return pa.record_batch(arrays, schema=self.layout.schema)
 
     def _buffers(self, columns: dict[str, np.ndarray], names: Sequence[str]) -> dict[str, tuple]:
-        missing = [name for name in names if name not in columns]
-        if missing:
-            raise RecordingError(f"column {missing[0]!r} was removed after the recording began; start another one")
-        stored = self.layout.stored_type
+        absent = [name for name in names if name not in columns]
+        if absent:
+            raise RecordingError(f"column {absent[0]!r} was removed after the recording began; start another one")
+        type_of = self.layout.stored_type
         return {
-            name: (columns[name], np.zeros((self.capacity, *columns[name].shape), stored(columns[name].dtype)))
+            name: (columns[name], np.zeros((self.capacity, *columns[name].shape), type_of(columns[name].dtype)))
             for name in names
         }
 
@@ -269,11 +269,11 @@ class Chunk:
 
     def _check_widths(self) -> None:
         for name, (source, _) in self._robot_rows.items():
-            wanted = self.layout.schema.field(name).type.value_type
-            if source.ndim == 2 and source.shape[1] != wanted.list_size:
+            item_type = self.layout.schema.field(name).type.value_type
+            if source.ndim == 2 and source.shape[1] != item_type.list_size:
                 raise RecordingError(
-                    f"{name} has {source.shape[1]} values a robot; expected {wanted.list_size} as when the recording "
-                    "began; add robots of all designs before model.record(...)"
+                    f"{name} has {source.shape[1]} values a robot; expected {item_type.list_size} as when the "
+                    "recording began; add robots of all designs before model.record(...)"
                 )
 
     def _fire_table(self, rows: int) -> pa.Array:
@@ -285,10 +285,10 @@ class Chunk:
 
     def _contact_table(self, rows: int) -> pa.Array:
         columns = {name: values[:rows] for name, (_, values) in self._contact_rows.items()}
-        met = np.nonzero(columns["collided"])
-        kind, index, normal, depth = (columns[name][met] for name in CONTACT[1:])
+        at_contact = np.nonzero(columns["collided"])
+        kind, index, normal, depth = (columns[name][at_contact] for name in CONTACT[1:])
         values = {
-            "robot": self._robots[met[1]],
+            "robot": self._robots[at_contact[1]],
             "kind": kind,
             "other": self._ids_of(kind, index),
             "normal_x": normal[:, 0],
@@ -300,13 +300,13 @@ class Chunk:
     def _ids_of(self, kind: np.ndarray, index: np.ndarray) -> np.ndarray:
         """Return the unique_ids of the objects in contact: -1 for the border."""
         ids = np.full(len(kind), -1, np.int32)
-        known = index != BORDER
-        for of_kind, chosen in (
-            (self._robots, known & (kind == ROBOT)),
-            (self._fires, known & (kind == FIRE)),
-            (self._obstacles, known & (kind != ROBOT) & (kind != FIRE)),
+        is_body = index != BORDER
+        for of_kind, selection in (
+            (self._robots, is_body & (kind == ROBOT)),
+            (self._fires, is_body & (kind == FIRE)),
+            (self._obstacles, is_body & (kind != ROBOT) & (kind != FIRE)),
         ):
-            ids[chosen] = of_kind[index[chosen]]
+            ids[selection] = of_kind[index[selection]]
         return ids
 
     def _load_table(self, rows: int) -> pa.Array:
@@ -321,29 +321,29 @@ class Chunk:
         return self._table("fields", np.full(rows, count), values)
 
     def _shown_table(self, rows: int) -> pa.Array:
-        discs = np.concatenate([NO_DISCS, *self._shown[:rows]])
+        discs = np.concatenate([NO_DISCS, *self._drawn_discs[:rows]])
         values = dict(zip(TABLES["shown"], (discs[:, 0].astype(np.int32), *discs[:, 1:].T), strict=True))
-        return self._table("shown", np.array([len(table) for table in self._shown[:rows]]), values)
+        return self._table("shown", np.array([len(table) for table in self._drawn_discs[:rows]]), values)
 
     def _event_table(self, rows: int) -> pa.Array:
-        first, end = self._noted[0], self._noted[rows]
+        first, end = self._event_counts[0], self._event_counts[rows]
         columns = zip(*self._log.rows(first, end), strict=True) if end > first else ((),) * len(TABLES["events"])
         return self._table(
-            "events", np.diff(self._noted[: rows + 1]), dict(zip(TABLES["events"], columns, strict=True))
+            "events", np.diff(self._event_counts[: rows + 1]), dict(zip(TABLES["events"], columns, strict=True))
         )
 
     def _table(self, name: str, counts: np.ndarray, values: dict[str, Any]) -> pa.Array:
-        wanted = self.layout.schema.field(name).type.value_type
-        arrays = [pa.array(values[field.name], field.type) for field in wanted]
-        struct = pa.StructArray.from_arrays(arrays, fields=list(wanted))
+        row_type = self.layout.schema.field(name).type.value_type
+        arrays = [pa.array(values[field.name], field.type) for field in row_type]
+        struct = pa.StructArray.from_arrays(arrays, fields=list(row_type))
         return pa.ListArray.from_arrays(np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), struct)
 
 
-def _is_same(one: ScalarField | PartPicture | None, other: ScalarField | PartPicture | None) -> bool:
+def _is_same(first: ScalarField | PartPicture | None, second: ScalarField | PartPicture | None) -> bool:
     """Return whether rows of one field fit behind those of another: it is the same, or a part's of the same shape."""
-    if isinstance(one, PartPicture) and isinstance(other, PartPicture):
-        return one.values.shape == other.values.shape
-    return one is other
+    if isinstance(first, PartPicture) and isinstance(second, PartPicture):
+        return first.values.shape == second.values.shape
+    return first is second
 
 
 def population_of(model: EngineModel) -> tuple:
@@ -379,7 +379,7 @@ def _ids(agents: Sequence) -> np.ndarray:
     return np.array([agent.unique_id for agent in agents], np.int32)
 
 
-def _listed(rows: np.ndarray) -> pa.Array:
+def _as_lists(rows: np.ndarray) -> pa.Array:
     """Return an array of shape (k, n, ...) as k lists of n values, or of n lists of a fixed length."""
     count, length = rows.shape[:2]
     values = pa.array(np.ascontiguousarray(rows).reshape(-1))
@@ -388,12 +388,12 @@ def _listed(rows: np.ndarray) -> pa.Array:
     return pa.ListArray.from_arrays(np.arange(count + 1, dtype=np.int32) * np.int32(length), values)
 
 
-def _checked_names(columns: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+def _checked_names(columns: Sequence[str], known_names: Sequence[str]) -> tuple[str, ...]:
     if isinstance(columns, str) or not all(isinstance(name, str) for name in columns):
         raise InvalidValueError(f"columns is {shortened(columns)}; expected names such as ('position', 'fires')")
     for name in columns:
-        if name not in known:
-            raise UnknownNameError(unknown_name("column", name, known))
+        if name not in known_names:
+            raise UnknownNameError(unknown_name("column", name, known_names))
         if name in FIRST_COLUMNS:
             raise InvalidValueError(f"column {name} has the name of a field of every row; give it another one")
     return tuple(dict.fromkeys(columns))

@@ -85,19 +85,19 @@ def check_agent_class(kind: type, present: bool) -> None:
     _check_no_del(kind)
 
 
-def check_made(made: Any, names: Any, like: Any = None) -> None:
+def check_made(instance: Any, names: Any, like: Any = None) -> None:
     """Refuse attributes of an object made without its constructor that its class does not declare.
 
     Declared are what has an annotation or a value in the class or a base, and slots, besides what Mesa's own classes
     assign. Of agents permitted are also the attributes of one that the model's constructor makes, `like`, and what
     methods of such a class assign; of Mesa's own classes all.
     """
-    kind = type(made)
-    if isinstance(made, Agent) and _is_mesas(kind):
+    kind = type(instance)
+    if isinstance(instance, Agent) and _is_mesas(kind):
         return
-    known = declared_attributes(kind) | assigned_attributes(kind, like is None)  # type: ignore[arg-type]
-    known |= frozenset(getattr(like, "__dict__", ()))
-    odd = sorted(name for name in names if name not in known)
+    attributes = declared_attributes(kind) | assigned_attributes(kind, like is None)  # type: ignore[arg-type]
+    attributes |= frozenset(getattr(like, "__dict__", ()))
+    odd = sorted(name for name in names if name not in attributes)
     if odd:
         raise RecordingError(
             f"attribute {shortened(odd[0])} of {kind.__name__} is not declared by its class; annotate it there, as in "
@@ -119,9 +119,9 @@ def declared_attributes(kind: type) -> frozenset[str]:
     """
     names: set[str] = set()
     for base in kind.__mro__[:-1]:
-        own = vars(base)
-        names |= set(own.get("__annotations__", ()))
-        names |= {name for name, value in own.items() if not _is_code(value)}
+        members = vars(base)
+        names |= set(members.get("__annotations__", ()))
+        names |= {name for name, value in members.items() if not _is_code(value)}
     return frozenset(name for name in names if name not in OF_PROTOCOLS and not name.startswith("__"))
 
 
@@ -152,7 +152,7 @@ def classes_near(model: EngineModel) -> list[type]:
     """Return the classes in the modules that define the class of a model, which are loaded: nothing is imported."""
     names = dict.fromkeys(kind.__module__ for kind in type(model).__mro__ if issubclass(kind, EngineModel))
     modules = [sys.modules[name] for name in names if name in sys.modules]
-    return [one for module in modules for one in vars(module).values() if isinstance(one, type)]
+    return [kind for module in modules for kind in vars(module).values() if isinstance(kind, type)]
 
 
 def is_class(kind: type, module: str, name: str) -> bool:
@@ -172,4 +172,4 @@ def _last_word(module: str) -> str:
 def family(base: type) -> list[type]:
     """Return a class and all loaded classes that are derived from it."""
     children: list[type] = base.__subclasses__()
-    return [base, *(derived for child in children for derived in family(child))]
+    return [base, *(descendant for child in children for descendant in family(child))]

@@ -25,12 +25,12 @@ from mesa_swarm.world.statics import CARRIED, DRIVEN, FIXED, KINDS, MODES, MOST_
 MOST_OBJECTS = 10_000_000
 
 
-def stored_shape(shape: Shape) -> dict:
-    """Return a shape as stored states have it: `stored_outline`, and whether bodies bump into it."""
-    return {**stored_outline(shape.geometry, shape.radius), "contact": shape.contact}
+def store_shape(shape: Shape) -> dict:
+    """Return a shape as stored states have it: `store_outline`, and whether bodies bump into it."""
+    return {**store_outline(shape.geometry, shape.radius), "contact": shape.contact}
 
 
-def stored_outline(geometry: Point | Polygon, radius: float) -> dict:
+def store_outline(geometry: Point | Polygon, radius: float) -> dict:
     """Return the centre and radius of a disc, or the closed rings of a polygon."""
     outline = outline_to_json(geometry, radius)
     if "disc" in outline:
@@ -39,8 +39,8 @@ def stored_outline(geometry: Point | Polygon, radius: float) -> dict:
     return {"rings": [[*ring, ring[0]] for ring in outline["rings"]]}
 
 
-def restored_shape(value: Any) -> Shape:
-    """Return the shape that `stored_shape` wrote."""
+def restore_shape(value: Any) -> Shape:
+    """Return the shape that `store_shape` wrote."""
 
     def make() -> Shape:
         outline = {"rings": value["rings"]} if "rings" in value else {"disc": [*value["centre"], value["radius"]]}
@@ -49,9 +49,9 @@ def restored_shape(value: Any) -> Shape:
     return make_stored("shape", make, {})
 
 
-def restored_outline(value: Any) -> tuple[Point | Polygon, float]:
-    """Return the geometry and radius that `stored_outline` wrote, every bit of it, also of what is about the origin."""
-    shape = restored_shape(value)
+def restore_outline(value: Any) -> tuple[Point | Polygon, float]:
+    """Return the geometry and radius that `store_outline` wrote, every bit of it, also of what is about the origin."""
+    shape = restore_shape(value)
     if shape.is_disc:
         return Point(*value["centre"]), shape.radius
     outline, *holes = value["rings"]
@@ -76,7 +76,7 @@ def objects_to_json(model: EngineModel) -> dict:
     }
 
 
-def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True) -> dict[Agent, Agent | None]:
+def restore_objects(model: EngineModel, things: dict, *, from_file: bool = True) -> dict[Agent, Agent | None]:
     """Give a model the stored robots, obstacles, loads and fires: remove those that are not stored, add the others.
 
     An object with a stored unique_id stays, with all references to it, if it does not differ from the stored one.
@@ -84,19 +84,19 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
     that the model had before, if it had any. Where what is stored comes `from_file`, classes are checked.
     """
     before = {type(agent): agent for agent in other_agents(model)}
-    obstacles = {_id(body["id"]): body for body in stored["obstacles"]}
-    others = {_id(one[0]): one[1:] for one in stored.get("others", ())}
-    _check_ids(stored, obstacles, others)
-    _remove_others(model, {*stored["robots"], *obstacles, *stored["fires"], *others})
-    _set_kinds(model, _checked_kinds(stored.get("kinds", list(KINDS))))
-    designs = _designs(model, stored["designs"])
-    robots = dict(zip(stored["robots"], stored["designs_of_robots"], strict=True))
+    obstacles = {_id(body["id"]): body for body in things["obstacles"]}
+    others = {_id(item[0]): item[1:] for item in things.get("others", ())}
+    _check_ids(things, obstacles, others)
+    _remove_others(model, {*things["robots"], *obstacles, *things["fires"], *others})
+    _set_kinds(model, _checked_kinds(things.get("kinds", list(KINDS))))
+    designs = _designs(model, things["designs"])
+    robots = dict(zip(things["robots"], things["designs_of_robots"], strict=True))
     for unique_id, design in robots.items():
         if not 0 <= _id(design) < len(designs):
             raise RecordingError(f"robot {unique_id} has design {design}; expected one of {len(designs)}")
     makers: dict[int, Callable]
     makers = {unique_id: partial(_make_body, model, body) for unique_id, body in obstacles.items()}
-    makers |= {unique_id: partial(_make_fire, model) for unique_id in stored["fires"]}
+    makers |= {unique_id: partial(_make_fire, model) for unique_id in things["fires"]}
     makers |= {
         unique_id: partial(_make_other, model, before if from_file else None, *kind)
         for unique_id, (*kind, _) in others.items()
@@ -108,21 +108,21 @@ def restore_objects(model: EngineModel, stored: dict, *, from_file: bool = True)
             _make_robots(model, designs[robots[ids[0]]], len(ids))
         else:
             makers[ids[0]]()
-    set_next_id(model, _id(stored["next_id"]))
-    _check_same(model, stored, obstacles)
-    model.swarm.robots_created = _id(stored["created"])
-    model.swarm.groups = tuple(check_name("group", group) for group in stored.get("groups", ()))
+    set_next_id(model, _id(things["next_id"]))
+    _check_same(model, things, obstacles)
+    model.swarm.robots_created = _id(things["created"])
+    model.swarm.groups = tuple(check_name("group", group) for group in things.get("groups", ()))
     model.swarm.set_designs(designs)
     _restore_others(model, others)
     robots_by_id = {robot.unique_id: robot for robot in model.swarm.agents}
     agents = {agent.unique_id: agent for agent in model.agents}
     for body in model.obstacle_list:
-        one = obstacles[body.unique_id]
+        facts = obstacles[body.unique_id]
         if isinstance(body, Driven):
-            body.agent = _agent_of(model, _id(one["agent"]), agents) if "agent" in one else None
-            body.carrier = robots_by_id[_id(one["carrier"])] if "carrier" in one else None
+            body.agent = _agent_of(model, _id(facts["agent"]), agents) if "agent" in facts else None
+            body.carrier = robots_by_id[_id(facts["carrier"])] if "carrier" in facts else None
             body.table.mode[body.row] = DRIVEN if body.carrier is None else CARRIED
-        restore_state(body, one, model.map.bounds)  # earlier formats have it here
+        restore_state(body, facts, model.map.bounds)  # earlier formats have it here
     model.parts.bodies.table.sort()
     model.parts.bodies.changed()
     new = [agent for agent in other_agents(model) if agent.unique_id not in present]
@@ -136,9 +136,9 @@ def _agent_of(model: EngineModel, unique_id: int, agents: dict[int, Agent]) -> A
     """
     if unique_id in agents:
         return agents[unique_id]
-    gone = object.__new__(Agent)
-    gone.model, gone.unique_id, gone.pos = model, unique_id, None
-    return gone
+    agent = object.__new__(Agent)
+    agent.model, agent.unique_id, agent.pos = model, unique_id, None
+    return agent
 
 
 def _runs_of_alike(ids: Sequence[int], designs: dict[int, int]) -> Iterator[list[int]]:
@@ -154,8 +154,8 @@ def _runs_of_alike(ids: Sequence[int], designs: dict[int, int]) -> Iterator[list
 
 def other_agents(model: EngineModel) -> list[Agent]:
     """Return the agents of a model that are neither robots, obstacles, loads nor fires, in the model's order."""
-    known = {id(agent) for agents in (model.swarm.agents, model.obstacle_list, model.fires.agents) for agent in agents}
-    return [agent for agent in model.agents if id(agent) not in known] if len(model.agents) > len(known) else []
+    usual = {id(agent) for agents in (model.swarm.agents, model.obstacle_list, model.fires.agents) for agent in agents}
+    return [agent for agent in model.agents if id(agent) not in usual] if len(model.agents) > len(usual) else []
 
 
 def class_of_agent(agent: Agent) -> tuple[str, str]:
@@ -188,15 +188,15 @@ def _make_other(model: EngineModel, before: dict[type, Agent] | None, module: st
 
 def agent_class(module: object, name: object) -> type[Agent] | None:
     """Return the class of agents of this name that is loaded, None without one."""
-    alike = [one for one in family(Agent) if is_class(one, str(module), str(name))]
-    exact = [one for one in alike if one.__module__ == module]
+    alike = [kind for kind in family(Agent) if is_class(kind, str(module), str(name))]
+    exact = [kind for kind in alike if kind.__module__ == module]
     return (exact or alike)[0] if exact or len(alike) == 1 else None
 
 
-def _restore_others(model: EngineModel, stored: dict[int, list]) -> None:
+def _restore_others(model: EngineModel, facts: dict[int, list]) -> None:
     """Move the other agents to their places; refuse agents of other classes than those stored."""
     for agent in other_agents(model):
-        *kind, place = stored[agent.unique_id]
+        *kind, place = facts[agent.unique_id]
         if not is_class(type(agent), *map(str, kind)):
             raise RecordingError(
                 f"agent {agent.unique_id} is of {type(agent).__name__} in the model, of {shortened(kind[1])} in the "
@@ -214,13 +214,13 @@ def summary(model: EngineModel) -> list[list[int]]:
 
 def body_to_json(body: Body) -> dict:
     """Return what a body is, as stored states have it: its outline, its kind, the robot or agent that it goes with."""
-    form, made = body.form, "shape" if body.form is None else OUTLINES.get(body.added_as, body.added_as)
+    form, outline_name = body.form, "shape" if body.form is None else OUTLINES.get(body.added_as, body.added_as)
     shape = body.table.shape_of(body.row)  # of a removed one as well
-    outline = stored_shape(shape) if form is None else stored_outline(form.outline, form.radius)
+    outline = store_shape(shape) if form is None else store_outline(form.outline, form.radius)
     related = {name: getattr(body, name, None) for name in ("carrier", "agent")}
     return {
         "id": body.unique_id,
-        made: outline,
+        outline_name: outline,
         **({} if body.kind == body.usual_kind else {"kind": body.kind}),
         **{name: agent.unique_id for name, agent in related.items() if agent is not None},
     }
@@ -235,33 +235,33 @@ def state_to_json(body: Body) -> dict:
     return {"pose": list(table.pose_of(row)), "aim": aim, **unusual}
 
 
-def restore_state(body: Body, stored: dict, bounds: tuple[float, float, float, float]) -> None:
+def restore_state(body: Body, facts: dict, bounds: tuple[float, float, float, float]) -> None:
     """Take back what `state_to_json` has returned, or some of it, checked."""
     table, row, name = body.table, body.row, f"body {body.unique_id}"
-    if "pose" in stored:
-        table.put(row, stored_pose(name, stored["pose"], bounds))
-    if "aim" in stored:
-        *table.aim[row], table.aim_heading[row] = stored_pose(name, stored["aim"], bounds)
-    for column, checked in STATE.items():
-        if column in stored:
-            getattr(table, column)[row] = checked(stored[column])
+    if "pose" in facts:
+        table.put(row, read_pose(name, facts["pose"], bounds))
+    if "aim" in facts:
+        *table.aim[row], table.aim_heading[row] = read_pose(name, facts["aim"], bounds)
+    for column, check in STATE.items():
+        if column in facts:
+            getattr(table, column)[row] = check(facts[column])
 
 
-def _check_ids(stored: dict, obstacles: dict, others: dict) -> None:
-    kinds = (stored["robots"], list(obstacles), stored["fires"], sorted(others))
-    ids = [one for kind in kinds for one in kind]
-    first_free = _id(stored["next_id"])
+def _check_ids(things: dict, obstacles: dict, others: dict) -> None:
+    kinds = (things["robots"], list(obstacles), things["fires"], sorted(others))
+    ids = [number for kind in kinds for number in kind]
+    first_free = _id(things["next_id"])
     if any(kind != sorted(kind) for kind in kinds) or len(set(ids)) != len(ids):
         raise RecordingError("unique_ids are not ascending, or not unique")
-    if not all(0 < _id(one) < first_free for one in ids):
+    if not all(0 < _id(number) < first_free for number in ids):
         raise RecordingError("invalid unique_id: not below that of the next agent")
 
 
-def _checked_kinds(stored: Any) -> tuple[str, ...]:
-    valid = isinstance(stored, list) and all(isinstance(name, str) and name.isidentifier() for name in stored)
-    if not valid or tuple(stored[: len(KINDS)]) != KINDS or not len(set(stored)) == len(stored) <= MOST_KINDS + 1:
+def _checked_kinds(names: Any) -> tuple[str, ...]:
+    valid = isinstance(names, list) and all(isinstance(name, str) and name.isidentifier() for name in names)
+    if not valid or tuple(names[: len(KINDS)]) != KINDS or not len(set(names)) == len(names) <= MOST_KINDS + 1:
         raise RecordingError("invalid names of kinds")
-    return tuple(stored)
+    return tuple(names)
 
 
 def _set_kinds(model: EngineModel, kinds: tuple[str, ...]) -> None:
@@ -282,10 +282,10 @@ def _designs(model: EngineModel, stored: list) -> list[RobotDesign]:
     """Return the designs; those that the model has already unchanged, since a drive may be custom."""
     present = [(part_to_json(design), design) for design in model.swarm.designs]
     near = classes_near(model)
-    parts = [next((d for fields, d in present if fields == one), None) or part_from_json(one, near) for one in stored]
-    if not all(isinstance(part, RobotDesign) for part in parts):
+    designs = [next((d for f, d in present if f == facts), None) or part_from_json(facts, near) for facts in stored]
+    if not all(isinstance(design, RobotDesign) for design in designs):
         raise RecordingError("invalid stored designs")
-    return parts
+    return designs
 
 
 def _make_robots(model: EngineModel, design: RobotDesign, number: int) -> None:
@@ -299,9 +299,9 @@ def _make_body(model: EngineModel, body: dict) -> None:
     bodies, (name, mode) = model.parts.bodies, _form_of(body)
     body_class, form = handle_classes()[mode], None
     if mode == MODES[FIXED]:
-        shape = restored_shape(body[name])
+        shape = restore_shape(body[name])
     else:
-        form = Form.about_origin(*restored_outline(body[name]))
+        form = Form.about_origin(*restore_outline(body[name]))
         shape = form.shape_at((0.0, 0.0, 0.0))
     kind = bodies.checked_kind(body.get("kind"), body_class.usual_kind)
     bodies.take(body_class, shape, kind, form, mode=MODES.index(mode))
@@ -318,25 +318,25 @@ def _make_fire(model: EngineModel) -> None:
     model.parts.fires.take(disc(model.map.bounds[:2], 1.0), 1.0, 1.0)
 
 
-def _check_same(model: EngineModel, stored: dict, obstacles: dict) -> None:
+def _check_same(model: EngineModel, things: dict, obstacles: dict) -> None:
     """Refuse objects that differ from those stored with their unique_ids, as another constructor would make them."""
     present = {
         "robots": model.swarm.unique_ids.tolist(),
         "obstacles": [obstacle.unique_id for obstacle in model.obstacle_list],
         "fires": [fire.unique_id for fire in model.fires.agents],
     }
-    if present != {"robots": stored["robots"], "obstacles": list(obstacles), "fires": stored["fires"]}:
+    if present != {"robots": things["robots"], "obstacles": list(obstacles), "fires": things["fires"]}:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
-        now, then = body_to_json(obstacle), obstacles[obstacle.unique_id]
+        now, stored = body_to_json(obstacle), obstacles[obstacle.unique_id]
         form, _ = _form_of(now)
-        if now[form] != then.get(form) or now.get("kind") != then.get("kind"):
+        if now[form] != stored.get(form) or now.get("kind") != stored.get("kind"):
             raise RecordingError(f"obstacle {obstacle.unique_id} does not match the recording")
 
 
-def stored_pose(name: str, stored: Any, bounds: tuple[float, float, float, float]) -> Pose:
+def read_pose(name: str, numbers: Any, bounds: tuple[float, float, float, float]) -> Pose:
     """Return a stored pose, which has to be on the map."""
-    x, y, heading = map(float, stored)
+    x, y, heading = map(float, numbers)
     x_min, y_min, x_max, y_max = bounds
     if not (x_min <= x <= x_max and y_min <= y <= y_max and abs(heading) <= np.pi):
         raise RecordingError(f"{name} has out-of-range values: its pose is outside the map")

@@ -58,16 +58,16 @@ def scenery_of(model: EngineModel) -> dict:
     """
     layers, looks = () if model.control is None else model.control.names, looks_of(model)
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
-    own = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
+    kinds = {} if len(model.kinds) == len(KINDS) else {"kinds": list(model.kinds)}
     return {
-        "designs": [_written_design(design) for design in model.swarm.designs],
+        "designs": [_design_to_json(design) for design in model.swarm.designs],
         "robots": _runs(model.swarm.unique_ids.tolist(), model.swarm.design.tolist()),
         "shapes": [{**shape_to_json(body.shape), **_own_kind(body, OBSTACLE)} for body in still],
         "loads": [
             {"id": body.unique_id, **outline_to_json(body.form.outline, body.form.radius), **_own_kind(body, LOAD)}
             for body in model.displaced
         ],
-        **own,
+        **kinds,
         "layers": list(layers),
         "leave": model.fire_constants.leave,
         "join": model.fire_constants.join,
@@ -79,7 +79,7 @@ def scenery_of(model: EngineModel) -> dict:
 
 def drawn_parts(model: EngineModel) -> list[list[str]]:
     """Return the name and the colour of each added part that shows discs."""
-    return [[shown.name, shown.colour] for shown in with_discs(model)]
+    return [[part.name, part.colour] for part in with_discs(model)]
 
 
 def _own_kind(body: Body, usual: int) -> dict:
@@ -89,7 +89,7 @@ def _own_kind(body: Body, usual: int) -> dict:
 
 def shows(scenery: dict, other: dict) -> bool:
     """Return whether a scenery includes a later one of the same model, from which only robots may be missing."""
-    last, newest = (max((run[1] for run in one["robots"]), default=0) for one in (scenery, other))
+    last, newest = (max((run[1] for run in robots_of["robots"]), default=0) for robots_of in (scenery, other))
     return newest <= last and {**scenery, "robots": ()} == {**other, "robots": ()}
 
 
@@ -112,7 +112,7 @@ def join_sceneries(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, di
     return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
 
 
-def _written_design(design: RobotDesign) -> dict:
+def _design_to_json(design: RobotDesign) -> dict:
     return {
         "name": design.name,
         "radius": design.radius,
@@ -133,11 +133,11 @@ def _written_design(design: RobotDesign) -> dict:
 def _runs(ids: list[int], designs: list[int]) -> list[list[int]]:
     """Return ranges of robots of one design: [first id, last id, design]."""
     runs: list[list[int]] = []
-    for one, design in zip(ids, designs, strict=True):
+    for number, design in zip(ids, designs, strict=True):
         if runs and runs[-1][2] == design:
-            runs[-1][1] = one
+            runs[-1][1] = number
         else:
-            runs.append([one, one, design])
+            runs.append([number, number, design])
     return runs
 
 
@@ -149,11 +149,11 @@ def provenance_of(model: EngineModel, rerun: bool) -> dict:
     return {
         "format": FORMAT,
         "model": {"module": type(model).__module__, "name": type(model).__qualname__},
-        "parameters": {name: _written(name, value, rerun) for name, value in parameters.items()},
+        "parameters": {name: _parameter_to_json(name, value, rerun) for name, value in parameters.items()},
         "takes_map": has_map,
         "map": model.map.to_toml(),
         "scenery": scenery_of(model),
-        "seed": _written_seed(model, seed, rerun),
+        "seed": _seed_to_json(model, seed, rerun),
         "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         "platform": platform.platform(),
         "rerun": rerun,
@@ -162,18 +162,18 @@ def provenance_of(model: EngineModel, rerun: bool) -> dict:
 
 def parameters_of_run(model: EngineModel) -> dict:
     """Return the arguments of the model's constructor, defaults included."""
-    given, named = model.given
-    bound = whole_signature(type(model)).bind(*given, **named)
-    unshown = bound.signature.parameters.keys() - inspect.signature(type(model)).parameters.keys() - {*bound.arguments}
-    bound.apply_defaults()
-    parameters = {name: value for name, value in bound.arguments.items() if name not in unshown}
-    for parameter in bound.signature.parameters.values():
+    arguments, keywords = model.given
+    call = whole_signature(type(model)).bind(*arguments, **keywords)
+    unshown = call.signature.parameters.keys() - inspect.signature(type(model)).parameters.keys() - {*call.arguments}
+    call.apply_defaults()
+    parameters = {name: value for name, value in call.arguments.items() if name not in unshown}
+    for parameter in call.signature.parameters.values():
         if parameter.kind is parameter.VAR_KEYWORD:
             parameters.update(parameters.pop(parameter.name))
     return parameters
 
 
-def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> EngineModel:
+def rebuild_model(provenance: dict, model_class: type, /, **changes: object) -> EngineModel:
     """Return the model as its constructor made it, perhaps with other parameters.
 
     Parameters that did not exist yet have the values with which the model behaves as it did then: those in
@@ -184,11 +184,11 @@ def rebuilt(provenance: dict, model_class: type, /, **changes: object) -> Engine
         raise RecordingError("the recording was made with rerun=False: its model cannot be run again")
     arguments = {
         **getattr(model_class, "earlier_defaults", {}),
-        **{name: _read(value) for name, value in provenance["parameters"].items()},
+        **{name: _parameter_from_json(value) for name, value in provenance["parameters"].items()},
     }
     if provenance["takes_map"]:
         arguments["map"] = recorded_map(provenance)
-    arguments["rng"] = _read_seed(provenance["seed"])
+    arguments["rng"] = _seed_from_json(provenance["seed"])
     try:
         return model_class(**{**arguments, **changes})
     except Exception as error:  # anything that a constructor may raise on unexpected arguments
@@ -209,10 +209,10 @@ def recorded_map(provenance: dict) -> Map:
 
 def check_class(provenance: dict, model_class: type) -> None:
     """Refuse another class than the one that was recorded."""
-    recorded = provenance["model"]
+    recorded_class = provenance["model"]
     if not is_of(provenance, model_class):
         raise RecordingError(
-            f"the recording is of {recorded['module']}.{recorded['name']}, "
+            f"the recording is of {recorded_class['module']}.{recorded_class['name']}, "
             f"not of {model_class.__module__}.{model_class.__qualname__}; give its class"
         )
 
@@ -244,15 +244,15 @@ def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
             raise RecordingError(f"{source}: {shortened(name)} cannot be decoded, or is too long") from None
         facts = {}
     if facts.get("format") not in READABLE:
-        shown, known = shortened(facts.get("format")), ", ".join(map(str, READABLE))
-        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected one of {known}")
+        shown, formats = shortened(facts.get("format")), ", ".join(map(str, READABLE))
+        raise RecordingError(f"{source} has format {shown}, which this version cannot read; expected one of {formats}")
     facts = checked_provenance(facts, source)
     model = facts["model"]
     model["module"] = MOVED.get((model["module"], model["name"]), model["module"])
     return facts
 
 
-def _written(name: str, value: object, rerun: bool) -> object:
+def _parameter_to_json(name: str, value: object, rerun: bool) -> object:
     """Return a parameter as JSON."""
     if isinstance(value, np.generic):
         value = value.item()
@@ -266,23 +266,23 @@ def _written(name: str, value: object, rerun: bool) -> object:
         raise RecordingError(f"{name} is {shortened(value)}, which cannot be recorded; {CURE}") from None
 
 
-def _read(value: object) -> object:
-    """Return a value that `_written` wrote."""
+def _parameter_from_json(value: object) -> object:
+    """Return a value that `_parameter_to_json` wrote."""
     names = {part.__name__ for part in PARTS}
     return part_from_json(value) if isinstance(value, dict) and len(value) == 1 and names >= value.keys() else value
 
 
-def _read_seed(seed: Any) -> int | np.random.SeedSequence:
-    """Return a seed that `_written_seed` wrote."""
+def _seed_from_json(seed: Any) -> int | np.random.SeedSequence:
+    """Return a seed that `_seed_to_json` wrote."""
     return np.random.SeedSequence(seed["entropy"], spawn_key=seed["spawn_key"]) if isinstance(seed, dict) else seed
 
 
-def _written_seed(model: EngineModel, seed: object, rerun: bool) -> object:
+def _seed_to_json(model: EngineModel, seed: object, rerun: bool) -> object:
     if isinstance(seed, (int, np.integer)):
         return int(seed)
     if isinstance(seed, (np.random.Generator, np.random.BitGenerator)) and rerun:
         raise RecordingError(f"rng is {shortened(seed)}, which cannot be recorded; expected a whole number")
-    grown = model.streams.seed
-    given: Any = grown.entropy  # never None: a SeedSequence without entropy draws some
-    entropy = given if isinstance(given, int) else [int(word) for word in given]
-    return {"entropy": entropy, "spawn_key": [int(word) for word in grown.spawn_key]}
+    sequence = model.streams.seed
+    seed_entropy: Any = sequence.entropy  # never None: a SeedSequence without entropy draws some
+    entropy = seed_entropy if isinstance(seed_entropy, int) else [int(word) for word in seed_entropy]
+    return {"entropy": entropy, "spawn_key": [int(word) for word in sequence.spawn_key]}

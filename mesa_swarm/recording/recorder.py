@@ -17,7 +17,7 @@ from typing import Any
 import pyarrow as pa
 
 from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
-from mesa_swarm.base.files import shown_path
+from mesa_swarm.base.files import show_path
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.part import BURNING
 from mesa_swarm.model.bodies import POSES
@@ -34,14 +34,7 @@ from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
 from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.recording.objects import summary
-from mesa_swarm.recording.provenance import (
-    as_metadata,
-    drawn_parts,
-    from_metadata,
-    provenance_of,
-    scenery_of,
-    shows,
-)
+from mesa_swarm.recording.provenance import as_metadata, drawn_parts, from_metadata, provenance_of, scenery_of, shows
 from mesa_swarm.recording.schema import (
     MOST_EVERY,
     check_recorded_columns,
@@ -79,11 +72,11 @@ class RowBuffer:
         self._gap, self._newest = longest_gap(every), model.completed
         self.rows = 0
         self._layout = layout
-        self._seen, self._scenery = _seen(model), scenery_of(model)
+        self._signs, self._scenery = _signs_of_scenery(model), scenery_of(model)
         self._chunk: Chunk | None = None
         self._hashed = -1
         self._moves: list[HandMove] = []
-        self._noted = len(model.events)
+        self._event_count = len(model.events)
         self._written_at = self._synced_at = perf_counter()
 
     def put(self, model: EngineModel) -> None:
@@ -91,19 +84,20 @@ class RowBuffer:
         chunk, step = self._chunk, model.completed
         self._check_gap(step)
         self._layout.prepare(model)
-        seen = _seen(model)
-        if chunk is None or seen != self._seen or not chunk.has_fields_of(model):
+        signs = _signs_of_scenery(model)
+        if chunk is None or signs != self._signs or not chunk.has_fields_of(model):
             self.flush()
-            if seen != self._seen:
+            if signs != self._signs:
                 self._attach_change(model)
-                self._seen = seen
-            chunk = self._chunk = self._new_chunk(model)
+                self._signs = signs
+            row_bytes = Chunk(self._layout, model, 1).row_bytes
+            chunk = self._chunk = Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
         state_hash = None
         if step // HASH_EVERY != self._hashed:
             state_hash, self._hashed = model.state_hash(), step // HASH_EVERY
         row = self.rows - self.writer.sealed.rows
-        chunk.put(model, row, state_hash, self._noted)
-        self.rows, self._newest, self._noted = self.rows + 1, step, len(model.events)
+        chunk.put(model, row, state_hash, self._event_count)
+        self.rows, self._newest, self._event_count = self.rows + 1, step, len(model.events)
         if row + 1 == chunk.capacity or perf_counter() - self._written_at > MOST_SECONDS:
             self.flush()
 
@@ -120,7 +114,7 @@ class RowBuffer:
 
     def note(self, move: HandMove) -> None:
         """Store a move, which is written before the next rows."""
-        if sum(len(one.bodies) for one in self._moves) > MOST_POSES:
+        if sum(len(move.bodies) for move in self._moves) > MOST_POSES:
             self._write_moves()
         self._moves.append(move)
 
@@ -163,7 +157,7 @@ class RowBuffer:
         """Write the first rows of a chunk; if one has out-of-range values, write those before it and raise."""
         batch, first = chunk.batch(rows), int(chunk.steps[0])
         try:
-            check_values(batch, first, shown_path(self.writer.path))
+            check_values(batch, first, show_path(self.writer.path))
         except RecordingError:
             good = bisect_left(range(1, rows), True, key=lambda number: not _is_readable(chunk.batch(number)))
             if good:
@@ -182,23 +176,19 @@ class RowBuffer:
             checked_scenery(checked_content(CHANGE, content).get("scenery", scenery))
         except (RecordingError, ValueError) as error:
             raise RecordingError(
-                f"{shown_path(self.writer.path)} cannot store the objects of step {model.completed}: {error}"
+                f"{show_path(self.writer.path)} cannot store the objects of step {model.completed}: {error}"
             ) from None
         self.attach(CHANGE, content, model.completed)
 
     def _check_gap(self, step: int) -> None:
         if step > self._newest + self._gap:
             raise RecordingError(
-                f"{shown_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
+                f"{show_path(self.writer.path)} cannot continue at step {step} after step {self._newest}; "
                 f"expected at most {self._gap:,} steps from row to row; start another recording"
             )
 
-    def _new_chunk(self, model: EngineModel) -> Chunk:
-        row_bytes = Chunk(self._layout, model, 1).row_bytes
-        return Chunk(self._layout, model, max(1, min(MOST_ROWS, MOST_BYTES // row_bytes)))
 
-
-def _seen(model: EngineModel) -> tuple:
+def _signs_of_scenery(model: EngineModel) -> tuple:
     """Return what changes whenever the scenery may change."""
     return population_of(model), model.fire_constants, drawn_parts(model)
 
@@ -258,9 +248,9 @@ class Recorder(Observer):
             writer.abandon()
             raise
         self._detector = ChangeDetector(model)
-        self._replaced: list[str] = []  # what a model that has taken the place of another differs in
+        self._replacements: list[str] = []  # what a model that has taken the place of another differs in
         self._unwritten: EngineModel | None = None
-        self._begun = model.completed  # the steps that were completed when the present one began
+        self._first_step = model.completed  # the steps that were completed when the present one began
         self._observers = model.observers
         self._observers.append(self)
         self._finish = weakref.finalize(self, _close_silently, self._buffer)
@@ -287,14 +277,14 @@ class Recorder(Observer):
         """Store the state if it was changed by hand since the last step; called by the model before each step."""
         if self.closed:
             return
-        self._begun = model.completed
-        what, self._replaced = self._replaced or self._detector.changes(model), []
-        moved = self._detector.moved(model) if what == [POSES] else None
-        if moved is not None:
-            self._guarded(self._buffer.note, move_of(model, moved, len(self._checkpoints.steps)))
+        self._first_step = model.completed
+        what, self._replacements = self._replacements or self._detector.changes(model), []
+        moved_rows = self._detector.find_moved(model) if what == [POSES] else None
+        if moved_rows is not None:
+            self._write_or_stop(self._buffer.note, move_of(model, moved_rows, len(self._checkpoints.steps)))
         elif what:
             model.parts.robots.forget_readings()  # as without a recorder: columns may have been written directly
-            self._guarded(self._checkpoints.put_intervention, model, what)
+            self._write_or_stop(self._checkpoints.put_intervention, model, what)
 
     def after_step(self, model: EngineModel, step: int) -> None:
         """Note that a row is due; called by the model before a derived class may do more in this step.
@@ -307,12 +297,12 @@ class Recorder(Observer):
         """
         if self.closed:
             return
-        if self._begun != step - 1:
+        if self._first_step != step - 1:
             self._unwritten = None
             self._end(broken_off=True)
             raise RecordingError(
                 f"step {step} was not taken by a model.step() of its own, so that rows would be missing: {self.path} "
-                f"ends after step {self._begun}; a step() of your own may call super().step() once"
+                f"ends after step {self._first_step}; a step() of your own may call super().step() once"
             )
         if self._trigger.is_due(step):
             self._unwritten = model
@@ -328,32 +318,32 @@ class Recorder(Observer):
         if self.closed:
             return
         self._put_row()
-        if model.completed >= self._checkpoints.due:
-            self._guarded(self._checkpoints.put, model)
+        if model.completed >= self._checkpoints.next_step:
+            self._write_or_stop(self._checkpoints.put, model)
         self._detector = ChangeDetector(model)
 
     def after_run(self, model: EngineModel, steps: int) -> None:
         """Write the pending rows, so that they can be read, unless the run was short; called at the end of `run`."""
         if steps >= STEPS_WORTH_A_CHUNK and not self.closed:
-            self._guarded(self._buffer.flush)
+            self._write_or_stop(self._buffer.flush)
 
     def replaced(self, old: EngineModel, new: EngineModel, what: list[str]) -> None:
         """Continue with the model that has taken the place of another: a change by hand."""
         if self.closed:
             return
         self._observers = new.observers
-        self._replaced = [*self._replaced, *what]
-        self._guarded(self._buffer.end_chunk)
+        self._replacements = [*self._replacements, *what]
+        self._write_or_stop(self._buffer.end_chunk)
 
     def _put_row(self) -> None:
         model, self._unwritten = self._unwritten, None
         if model is not None:
-            self._guarded(self._buffer.put, model)
+            self._write_or_stop(self._buffer.put, model)
 
-    def _guarded(self, write: Callable, *given: object) -> None:
+    def _write_or_stop(self, write: Callable, *arguments: object) -> None:
         """Write, and stop recording if that fails."""
         try:
-            write(*given)
+            write(*arguments)
         except (RecordingError, OSError):
             self._abandon()
             raise
@@ -377,8 +367,8 @@ class Recorder(Observer):
     def flush(self) -> None:
         """Write all pending rows to the file and synchronise it to disk."""
         if not self.closed:
-            self._guarded(self._buffer.flush)
-            self._guarded(self._buffer.writer.sync)
+            self._write_or_stop(self._buffer.flush)
+            self._write_or_stop(self._buffer.writer.sync)
 
     def close(self) -> None:
         """Write the pending rows and end the file; a second call does nothing.
@@ -412,7 +402,7 @@ class _Checkpoints:
     def __init__(self, buffer: RowBuffer, every: int, model: EngineModel) -> None:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
-        self.due = 0 if every else sys.maxsize
+        self.next_step = 0 if every else sys.maxsize
         self._buffer = buffer
         self._every = every
         self._warned = False
@@ -428,7 +418,7 @@ class _Checkpoints:
 
     def postpone(self, model: EngineModel, why_not: str) -> None:
         """Do without a checkpoint of the present state, which cannot be stored."""
-        self.due, self.why_not = model.completed + self._every, why_not
+        self.next_step, self.why_not = model.completed + self._every, why_not
         self._warned = True  # by `record`
 
     def put_intervention(self, model: EngineModel, what: list[str]) -> None:
@@ -439,7 +429,7 @@ class _Checkpoints:
 
     def _content(self, model: EngineModel, steps: int) -> bytes:
         """Return a checkpoint as bytes; no bytes, and set `why_not`, if it cannot be stored."""
-        self.due = model.completed + self._every
+        self.next_step = model.completed + self._every
         try:
             self._check_control(model)
             self._check_classes(model)
@@ -465,10 +455,10 @@ class _Checkpoints:
     def _check_control(self, model: EngineModel) -> None:
         """Refuse a control with custom rules that it did not have when the recording began."""
         now = control_to_json(model.control)
-        own = own_code(now)
-        if own and now != self._control:
+        rules = own_code(now)
+        if rules and now != self._control:
             raise RecordingError(
-                f"its control has a custom rule ({own[0]}), which cannot be recorded: resume from an earlier "
+                f"its control has a custom rule ({rules[0]}), which cannot be recorded: resume from an earlier "
                 "step and set it again, or record a model whose class has the rule"
             )
 
@@ -624,10 +614,10 @@ def _checked_path(path: object) -> Path:
         raise RecordingError(f"path is {shortened(path)}; expected the name of a file such as 'run.arrow'")
     target = Path(path)
     suffix = target.suffix.lower()
-    kind, packed = MimeTypes().guess_type(f"_{suffix}")
-    if suffix in OTHER_KINDS or packed or (kind and suffix not in KINDS):
+    kind, compression = MimeTypes().guess_type(f"_{suffix}")
+    if suffix in OTHER_KINDS or compression or (kind and suffix not in KINDS):
         raise RecordingError(
-            f"{shown_path(target)} has the suffix of another kind of file; expected a name such as "
-            f"{shown_path(target.with_suffix('.arrow').name)}"
+            f"{show_path(target)} has the suffix of another kind of file; expected a name such as "
+            f"{show_path(target.with_suffix('.arrow').name)}"
         )
     return target

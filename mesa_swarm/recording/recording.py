@@ -33,7 +33,7 @@ from mesa_swarm.recording.schema import (
     checked_content,
     checked_rows,
     checked_scenery,
-    misplaced,
+    find_misplaced,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Piece, SealedReader
 
@@ -100,7 +100,7 @@ class Recording:
     def _check_order(self) -> None:
         """Refuse seals that are out of order; nothing after a damaged one is read."""
         pieces = sorted((*self._reader.pieces, *self._reader.attached))
-        piece = misplaced(pieces, self._start, self.provenance["every"])
+        piece = find_misplaced(pieces, self._start, self.provenance["every"])
         if piece is None:
             return
         if self._reader.is_whole(piece):
@@ -118,8 +118,8 @@ class Recording:
     @cached_property
     def intact(self) -> int:
         """The number of rows before the first damaged one; reading it checks all chunks."""
-        torn = (place for place, piece in enumerate(self._reader.pieces) if not self._reader.is_whole(piece))
-        damaged = next(torn, len(self._ends))
+        damaged_places = (place for place, piece in enumerate(self._reader.pieces) if not self._reader.is_whole(piece))
+        damaged = next(damaged_places, len(self._ends))
         return self._ends[damaged - 1] if damaged else 0
 
     @cached_property
@@ -127,11 +127,11 @@ class Recording:
         """What is damaged, as text to follow the file's name; empty if nothing is, even if it was not closed."""
         if self.intact < len(self) or self._reader.broken:
             step = self[self.intact - 1].step if self.intact else self._start
-            return f"is damaged after step {step}: {_counted(self.intact)} whole, the rest is not read"
-        torn = next((piece for piece in self._reader.attached if not self._reader.is_whole(piece)), None)
-        if torn is None:
+            return f"is damaged after step {step}: {_count_rows(self.intact)} whole, the rest is not read"
+        damaged_piece = next((piece for piece in self._reader.attached if not self._reader.is_whole(piece)), None)
+        if damaged_piece is None:
             return ""
-        return f"is damaged at the piece of step {torn.step}: {_counted(self.intact)} whole"
+        return f"is damaged at the piece of step {damaged_piece.step}: {_count_rows(self.intact)} whole"
 
     @property
     def why_short(self) -> str:
@@ -183,8 +183,8 @@ class Recording:
         for frame in self._chunk(place) if place >= 0 else ():
             if frame.step == step:
                 return frame
-        recorded = f"{len(self)} steps from {self[0].step} to {self[-1].step}" if len(self) else "no step"
-        raise InvalidValueError(f"step {step} was not recorded; the recording has {recorded}{self.why_short}")
+        extent = f"{len(self)} steps from {self[0].step} to {self[-1].step}" if len(self) else "no step"
+        raise InvalidValueError(f"step {step} was not recorded; the recording has {extent}{self.why_short}")
 
     def fields(self, step: int) -> dict[str, np.ndarray]:
         """Return the values of each field after one step, by name, shapes (rows, columns), row 0 at the bottom.
@@ -233,7 +233,7 @@ class Recording:
     @cached_property
     def checkpoints(self) -> tuple[int, ...]:
         """The steps of which the complete state was stored, from which `resume` continues."""
-        return tuple(piece.step for piece in self._attached(CHECKPOINT))
+        return tuple(piece.step for piece in self._find_pieces(CHECKPOINT))
 
     def checkpoint(self, place: int) -> Checkpoint:
         """Return one of the stored states.
@@ -243,7 +243,7 @@ class Recording:
         RecordingError
             If it is damaged.
         """
-        piece = self._attached(CHECKPOINT)[place]
+        piece = self._find_pieces(CHECKPOINT)[place]
         checkpoint = from_bytes(self._reader.content(piece))
         if checkpoint.step != piece.step:
             raise RecordingError(f"{self.path} has a checkpoint of step {checkpoint.step} instead of step {piece.step}")
@@ -258,16 +258,16 @@ class Recording:
         RecordingError
             If they are damaged.
         """
-        found, states = [], 0
+        interventions, states = [], 0
         for place, (name, piece) in enumerate(self._named):
             states += name == CHECKPOINT
             if name == INTERVENTION:
                 # A checkpoint of a later step is not the state after it.
-                following = [(known, other.step) for known, other in self._named[place + 1 : place + 2]]
-                stored = following == [(CHECKPOINT, piece.step)]
+                following = [(next_name, after.step) for next_name, after in self._named[place + 1 : place + 2]]
+                has_state = following == [(CHECKPOINT, piece.step)]
                 content = self._reader.content(piece)
-                found.append(intervention_from_json(piece.step, content, states if stored else None))
-        return tuple(found)
+                interventions.append(intervention_from_json(piece.step, content, states if has_state else None))
+        return tuple(interventions)
 
     @cached_property
     def hand_moves(self) -> tuple[HandMove, ...]:
@@ -278,9 +278,9 @@ class Recording:
         RecordingError
             If they are damaged.
         """
-        moves = (move for piece in self._attached(MOVES) for move in moves_from_bytes(self._reader.content(piece)))
-        known = {(move.step, move.after): move for move in moves}  # Ctrl-C may have had some written twice
-        return tuple(known[key] for key in sorted(known))
+        moves = (move for piece in self._find_pieces(MOVES) for move in moves_from_bytes(self._reader.content(piece)))
+        by_moment = {(move.step, move.after): move for move in moves}  # Ctrl-C may have had some written twice
+        return tuple(by_moment[key] for key in sorted(by_moment))
 
     @cached_property
     def changes(self) -> dict[int, list]:
@@ -294,7 +294,7 @@ class Recording:
             If it is damaged.
         """
         # Format 1 stored the population alone.
-        return {step: one["there"] if isinstance(one, dict) else one for step, one in self._changes.items()}
+        return {step: value["there"] if isinstance(value, dict) else value for step, value in self._changes.items()}
 
     @cached_property
     def sceneries(self) -> tuple[tuple[int, dict], ...]:
@@ -312,7 +312,7 @@ class Recording:
         if not first:
             return ()
         try:
-            return join_sceneries([(step, checked_scenery(one)) for step, one in [(self._start, first), *later]])
+            return join_sceneries([(step, checked_scenery(value)) for step, value in [(self._start, first), *later]])
         except RecordingError as error:
             raise RecordingError(f"{self.path} has an invalid scenery: {error}") from None
 
@@ -320,7 +320,7 @@ class Recording:
     def _changes(self) -> dict[int, Any]:
         try:
             return {
-                piece.step: checked_content(CHANGE, self._reader.content(piece)) for piece in self._attached(CHANGE)
+                piece.step: checked_content(CHANGE, self._reader.content(piece)) for piece in self._find_pieces(CHANGE)
             }
         except ValueError:
             raise RecordingError(f"{self.path} has a change of its population that cannot be decoded") from None
@@ -355,9 +355,9 @@ class Recording:
 
     def checked_table(self, table: str) -> str:
         """Return the name of a table if it was recorded, else raise UnknownNameError."""
-        known = ("robots", *(name for name in self.columns if name in TABLES))
-        if table not in known:
-            raise UnknownNameError(unknown_name("recorded table", table, known))
+        tables = ("robots", *(name for name in self.columns if name in TABLES))
+        if table not in tables:
+            raise UnknownNameError(unknown_name("recorded table", table, tables))
         return table
 
     @cached_property
@@ -398,8 +398,8 @@ class Recording:
         place = bisect_left(totals, (step,))
         return totals[place - 1][1] if place else begin
 
-    def _attached(self, name: str) -> list[Piece]:
-        return [piece for known, piece in self._named if known == name]
+    def _find_pieces(self, name: str) -> list[Piece]:
+        return [piece for piece_name, piece in self._named if piece_name == name]
 
     @cached_property
     def _named(self) -> list[tuple[str, Piece]]:
@@ -420,9 +420,9 @@ class Recording:
         if name not in self.columns:
             raise UnknownNameError(unknown_name("recorded column", name, self.columns))
         values = [frame[name] for frame in self]
-        if len({one.shape for one in values}) > 1 and name.startswith(PIXELS):
+        if len({value.shape for value in values}) > 1 and name.startswith(PIXELS):
             raise InvalidValueError(f"{name} was removed in {self.path}; read it frame by frame")
-        if len({one.shape for one in values}) > 1:
+        if len({value.shape for value in values}) > 1:
             raise InvalidValueError(f"robots were added or removed in {self.path}; read {name} frame by frame")
         return np.stack(values) if values else np.empty((0, 0))
 
@@ -469,5 +469,5 @@ def _checked_row(which: Any) -> int:
         ) from None
 
 
-def _counted(rows: int) -> str:
+def _count_rows(rows: int) -> str:
     return f"{rows} row{' is' if rows == 1 else 's are'}"

@@ -15,7 +15,7 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import FORMS, is_address, model_address, shipped_class
 from mesa_swarm.recording.making import family
-from mesa_swarm.recording.provenance import is_of, rebuilt
+from mesa_swarm.recording.provenance import is_of, rebuild_model
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.transfer import take_over
 from mesa_swarm.recording.verify import (
@@ -24,9 +24,9 @@ from mesa_swarm.recording.verify import (
     check_row,
     has_row,
     last_same,
-    restored,
+    restore_last,
     run_to,
-    started_again,
+    start_again,
     states_to,
 )
 
@@ -86,27 +86,27 @@ def resume(
     recording = Recording(path)
     step = _checked_step(recording, step)
     with progress_bar(step, "steps", progress) as bar:
-        return resumed(recording, base, step, changes, lambda model: bar.update(model.completed - bar.n))
+        return resume_watched(recording, base, step, changes, lambda model: bar.update(model.completed - bar.n))
 
 
-def resumed(
+def resume_watched(
     recording: Recording, base: type, step: int, changes: dict[str, Any], watch: Watch = lambda _: None
 ) -> EngineModel:
     """Return the same as `resume`, and call `watch` with the model after each step that is run again."""
     model_class = class_of(recording, base)
-    unknown = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
-    if unknown:
-        known = recording.provenance["parameters"]
-        raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", unknown[0], known))
+    odd = sorted(set(changes) - {*recording.provenance["parameters"], "map"})
+    if odd:
+        parameters = recording.provenance["parameters"]
+        raise UnknownNameError(unknown_name(f"parameter of {model_class.__name__}", odd[0], parameters))
     if "map" in changes:
         raise InvalidValueError("map cannot be changed during a run; resume with other parameters")
     model = state_at(recording, model_class, step, watch)
     if not changes:
         return model
-    fresh = rebuilt(recording.provenance, model_class)
-    changed = rebuilt(recording.provenance, model_class, **changes)
-    take_over(changed, model, fresh)
-    return changed
+    fresh = rebuild_model(recording.provenance, model_class)
+    continued_model = rebuild_model(recording.provenance, model_class, **changes)
+    take_over(continued_model, model, fresh)
+    return continued_model
 
 
 def state_at(recording: Recording, model_class: type, step: int, watch: Watch = lambda _: None) -> EngineModel:
@@ -121,7 +121,7 @@ def state_at(recording: Recording, model_class: type, step: int, watch: Watch = 
         rerun.move_by_hand()
     except RecordingError as error:
         steps = [last_same(_nearest(recording, model_class, begin, watch), step)]
-        steps = [*steps, *(one for one in recording.checkpoints if one > step)][:2]
+        steps = [*steps, *(place for place in recording.checkpoints if place > step)][:2]
         nearest = " and ".join(map(str, steps))
         raise RecordingError(f"{recording.path}: {error}; the nearest steps to resume from are {nearest}") from None
     return rerun.model
@@ -133,8 +133,8 @@ def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -
     A state that is not that of its row, or of the recording's start, is refused; one of a step without a row is not
     used. States after a change by hand have no row.
     """
-    by_hand = {one.checkpoint for one in recording.interventions}
-    usable = [place for place, one in enumerate(recording.checkpoints) if one <= step]
+    by_hand = {change.checkpoint for change in recording.interventions}
+    usable = [place for place, stored_step in enumerate(recording.checkpoints) if stored_step <= step]
     for place in reversed(usable):
         try:
             states = states_to(recording, place)
@@ -142,11 +142,11 @@ def _nearest(recording: Recording, model_class: type, step: int, watch: Watch) -
             continue
         if place not in by_hand and not has_row(recording, recording.checkpoints[place]):
             continue  # nothing proves that it is the state of its step
-        rerun = Rerun(recording, restored(recording, model_class, states), place, watch)
+        rerun = Rerun(recording, restore_last(recording, model_class, states), place, watch)
         if place not in by_hand:
             check_row(rerun)
         return rerun
-    return started_again(recording, model_class, watch)
+    return start_again(recording, model_class, watch)
 
 
 def _checked_step(recording: Recording, step: int | None) -> int:
@@ -164,27 +164,27 @@ def class_of(recording: Recording, base: type) -> type:
     """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm."""
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped_class(module, name)  # imports it
-    loaded = family(base)
-    for model_class in loaded:
+    classes = family(base)
+    for model_class in classes:
         if (model_class.__module__, model_class.__qualname__) == (module, name):
             return model_class
-    alike = [model_class for model_class in loaded if is_of(recording.provenance, model_class)]
+    alike = [model_class for model_class in classes if is_of(recording.provenance, model_class)]
     if len(alike) == 1:
         return alike[0]
-    shown = model_address(base) if base.__qualname__ == name else base.__name__
+    class_text = model_address(base) if base.__qualname__ == name else base.__name__
     raise RecordingError(
-        f"{recording.path} is of {shortened(name)}, which is neither {shown} nor a loaded subclass of it; "
+        f"{recording.path} is of {shortened(name)}, which is neither {class_text} nor a loaded subclass of it; "
         f"import its class ({address_in(recording)}) and call its resume"
     )
 
 
 def shipped_class_of(recording: Recording) -> type:
     """Return the recorded class, which must be part of mesa_swarm: importing any other would run its code."""
-    recorded = recording.provenance["model"]
-    model_class = shipped_class(recorded["module"], recorded["name"])
+    recorded_class = recording.provenance["model"]
+    model_class = shipped_class(recorded_class["module"], recorded_class["name"])
     if model_class is None:
         raise RecordingError(
-            f"{recording.path} is of {shortened(recorded['name'])}, which is not part of mesa_swarm; "
+            f"{recording.path} is of {shortened(recorded_class['name'])}, which is not part of mesa_swarm; "
             f"name it: mesa-swarm verify FILE --model {address_in(recording)}, or call its class's verify"
         )
     return model_class
@@ -192,7 +192,7 @@ def shipped_class_of(recording: Recording) -> type:
 
 def address_in(recording: Recording) -> str:
     """Return the address of the recorded class, or its form if it is that of a program or is odd."""
-    recorded = recording.provenance["model"]
-    address = f"{recorded['module']}:{recorded['name']}"
-    is_plain = is_address(address) and len(address) <= LONGEST_ADDRESS and recorded["module"] != "__main__"
+    recorded_class = recording.provenance["model"]
+    address = f"{recorded_class['module']}:{recorded_class['name']}"
+    is_plain = is_address(address) and len(address) <= LONGEST_ADDRESS and recorded_class["module"] != "__main__"
     return address if is_plain and "<" not in address else FORMS

@@ -55,7 +55,7 @@ def checked_provenance(facts: dict, source: object) -> dict:
             raise _FaultError("parameters", "contains a map or a seed, which a recording stores separately")
         _check_depth(facts["parameters"])
     except _FaultError as fault:
-        raise RecordingError(f"{_shown(source)} has invalid provenance: {fault}") from None
+        raise RecordingError(f"{_source_text(source)} has invalid provenance: {fault}") from None
     return facts
 
 
@@ -102,12 +102,15 @@ def check_recorded_columns(schema: pa.Schema, source: object) -> None:
     first = {field.name: field.type for field in list(schema)[: len(FIRST_COLUMNS)]}
     if first != FIRST_COLUMNS or len(set(names)) < len(names):
         raise RecordingError(
-            f"{_shown(source)} has columns {shortened(names)}; expected {', '.join(FIRST_COLUMNS)} first, no repeats"
+            f"{_source_text(source)} has columns {shortened(names)}; expected {', '.join(FIRST_COLUMNS)} first, no "
+            "repeats"
         )
     for field in list(schema)[len(FIRST_COLUMNS) :]:
         if not _is_known(field.name, field.type):
-            shown = " ".join(str(field.type).split())
-            raise RecordingError(f"{_shown(source)} has invalid column {shortened(field.name)}: type {shown:.{SHOWN}}")
+            words = " ".join(str(field.type).split())
+            raise RecordingError(
+                f"{_source_text(source)} has invalid column {shortened(field.name)}: type {words:.{SHOWN}}"
+            )
 
 
 def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) -> Rows:
@@ -122,22 +125,17 @@ def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) 
     except (pa.ArrowException, ValueError, MemoryError, OverflowError):
         wrong = "inconsistent lists"
     if wrong or rows is None:
-        raise RecordingError(f"{_shown(source)} has {wrong} in its rows from step {first} on")
+        raise RecordingError(f"{_source_text(source)} has {wrong} in its rows from step {first} on")
     check_values(batch, first, source)
     return rows
 
 
 def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
     """Refuse rows from this step on with out-of-range values; the writer checks them too."""
-    limits = {name: FINITE["fields" if name.startswith(PIXELS) else name] for name in batch.schema.names if _ends(name)}
-    for name, largest in limits.items():
-        if not _all_finite(batch.column(name).values, largest):
-            raise RecordingError(f"{_shown(source)} has out-of-range values of {name} from step {first} on")
-
-
-def _ends(name: str) -> bool:
-    """Return whether a column is never NaN or infinite."""
-    return name in FINITE or name.startswith(PIXELS)
+    for name in batch.schema.names:
+        largest = FINITE.get("fields" if name.startswith(PIXELS) else name)
+        if largest is not None and not _all_finite(batch.column(name).values, largest):
+            raise RecordingError(f"{_source_text(source)} has out-of-range values of {name} from step {first} on")
 
 
 def longest_gap(every: int) -> int:
@@ -145,7 +143,7 @@ def longest_gap(every: int) -> int:
     return max(every, min(MOST_MISSING * every, MOST_UNSEEN))
 
 
-def misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
+def find_misplaced(pieces: Sequence[Piece], start: int, every: int) -> Piece | None:
     """Return the first piece whose seal has a number of rows or a step that cannot follow those before it.
 
     The pieces, those without rows included, are in the order of the file; the recording began at step `start`.
@@ -247,7 +245,7 @@ def _is_column(name: str, kind: pa.DataType) -> bool:
     if name not in COLUMNS:
         return True
     shape, dtype, _ = COLUMNS[name]
-    fits = [isinstance(own, str) or own == width for own, width in zip(shape, widths, strict=False)]
+    fits = [isinstance(size, str) or size == width for size, width in zip(shape, widths, strict=False)]
     is_kind = {"f": REALS.__contains__, "i": pa.types.is_signed_integer, "b": pa.types.is_boolean}
     return len(shape) == len(widths) and all(fits) and is_kind[np.dtype(dtype).kind](kind)
 
@@ -272,9 +270,9 @@ def _check(value: Any, form: Any, where: str) -> None:
     elif isinstance(form, tuple):
         if type(value) is not list or len(value) != len(form):
             raise _unexpected(where, value)
-        for one, own in zip(value, form, strict=True):
-            _check(one, own, where)
-    elif not (any(_fits(value, one, where) for one in form) if isinstance(form, list) else type(value) is form):
+        for item, item_form in zip(value, form, strict=True):
+            _check(item, item_form, where)
+    elif not (any(_fits(value, choice, where) for choice in form) if isinstance(form, list) else type(value) is form):
         raise _unexpected(where, value)
 
 
@@ -303,14 +301,14 @@ def _unexpected(where: str, value: Any) -> _FaultError:
     return _FaultError(where, f"is a {kind.__name__}" if kind in (dict, list) else f"is {shortened(value)}")
 
 
-def _each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int = MOST_LISTS) -> Check:
+def _form_of_each(kind: type[list] | type[dict], form: Any, *, least: int = 0, most: int = MOST_LISTS) -> Check:
     """Return the form of a JSON list, or of an object, whose values have one form."""
 
     def check(value: Any, where: str) -> None:
         if type(value) is not kind or not least <= len(value) <= most:
             raise _unexpected(where, value)
-        for one in _inside(value):
-            _check(one, form, where)
+        for item in _inside(value):
+            _check(item, form, where)
 
     return check
 
@@ -345,7 +343,7 @@ def _check_depth(value: Any) -> None:
     """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
     for _ in range(DEEPEST):
-        level = [inner for one in level for inner in _inside(one)]
+        level = [inner for item in level for inner in _inside(item)]
     if level:
         raise _FaultError("parameters", f"are nested more than {DEEPEST} deep")
 
@@ -355,7 +353,7 @@ def _inside(value: Any) -> Iterable[Any]:
     return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 
 
-def _shown(source: object) -> str:
+def _source_text(source: object) -> str:
     text = str(source)
     return text if len(text) <= SHOWN * 2 else f"...{text[-2 * SHOWN :]}"
 
@@ -364,7 +362,7 @@ REALS = (pa.float32(), pa.float64())
 TABLE_TYPES = {name: [table_type(name, real) for real in REALS] for name in TABLES}
 NUMBER, NOT_NEGATIVE, POSITIVE = _number(-LARGEST), _number(0), _number(math.ulp(0.0))
 STEP, ID = _whole(MOST_STEPS), _whole(MOST_IDS)
-RINGS = _each(list, _each(list, (NUMBER, NUMBER)), least=1)
+RINGS = _form_of_each(list, _form_of_each(list, (NUMBER, NUMBER)), least=1)
 
 
 def _shape(**more: Any) -> list:
@@ -377,39 +375,39 @@ DESIGN = {
     "radius": POSITIVE,
     "max_speed": NOT_NEGATIVE,
     "holonomic": bool,
-    "sensors": _each(list, (NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
+    "sensors": _form_of_each(list, (NUMBER, NUMBER, NUMBER, NOT_NEGATIVE, POSITIVE), most=WIDEST),
 }
 LOOKS = {
-    "kinds_": _each(dict, (_colour, _colour)),
+    "kinds_": _form_of_each(dict, (_colour, _colour)),
     "column_": {
         "name": str,
         "label": str,
         "low": NUMBER,
         "high": NUMBER,
-        "colours": _each(list, (_colour, _colour), most=MOST_COLOURS),
+        "colours": _form_of_each(list, (_colour, _colour), most=MOST_COLOURS),
     },
     "label_": str,
 }
 SCENERY = {
-    "designs": _each(list, DESIGN),
-    "robots": _each(list, (ID, ID, ID)),
-    "shapes": _each(list, _shape()),
-    "loads": _each(list, _shape(id=ID)),
-    "kinds_": _each(list, str),
-    "layers": _each(list, str),
+    "designs": _form_of_each(list, DESIGN),
+    "robots": _form_of_each(list, (ID, ID, ID)),
+    "shapes": _form_of_each(list, _shape()),
+    "loads": _form_of_each(list, _shape(id=ID)),
+    "kinds_": _form_of_each(list, str),
+    "layers": _form_of_each(list, str),
     "leave": NUMBER,
     "join_": NUMBER,
     "looks_": LOOKS,
     "scale_": (_number(1e-9, 1e9), _number(1e-9, 1e9)),
-    "parts_": _each(list, (str, [_colour, _nothing]), most=WIDEST),
+    "parts_": _form_of_each(list, (str, [_colour, _nothing]), most=WIDEST),
 }
 POPULATION = ((ID, ID),) * 3
 CONTENTS = {
     CHANGE: [POPULATION, {"there": POPULATION, "scenery_": dict}],  # in format 1 the population alone
-    INTERVENTION: {"what": _each(list, str), "why_not": str},
+    INTERVENTION: {"what": _form_of_each(list, str), "why_not": str},
 }
 ENTROPY = _whole((1 << 4096) - 1)
-SEED = [ENTROPY, {"entropy": [ENTROPY, _each(list, ENTROPY)], "spawn_key": _each(list, ENTROPY)}]
+SEED = [ENTROPY, {"entropy": [ENTROPY, _form_of_each(list, ENTROPY)], "spawn_key": _form_of_each(list, ENTROPY)}]
 PROVENANCE = {
     "model": {"module": str, "name": str},
     "parameters": dict,
@@ -417,7 +415,7 @@ PROVENANCE = {
     "map": str,
     "scenery_": [dict, type(None)],
     "seed": SEED,
-    "versions": _each(dict, str),
+    "versions": _form_of_each(dict, str),
     "platform": str,
     "rerun": bool,
     "every": _whole(MOST_EVERY, 1),

@@ -31,9 +31,9 @@ from mesa_swarm.base.files import (
     is_locked,
     is_named,
     lock,
-    opened_draft,
+    open_draft,
     put_in_place,
-    shown_path,
+    show_path,
     unlock,
     unwritable,
 )
@@ -92,7 +92,7 @@ class SealedWriter:
         self._empty = pa.RecordBatch.from_pylist([], schema=self._bare)
         self._head = len(_stream_of(self._bare))
         self._last_seal = b""
-        self._file, self._place = _opened(path, overwrite)
+        self._file, self._place = _open_stream(path, overwrite)
         self._identity = _identity(os.fstat(self._file.fileno()))
         self._owner = os.getpid()
         OWN.add(self._identity)
@@ -166,7 +166,7 @@ class SealedWriter:
 
     def _message(self, batch: pa.RecordBatch, metadata: dict | None = None) -> bytes:
         message = _stream_of(self._bare, batch, metadata)[self._head :]
-        if batch is not None and batch.nbytes > _allowed(message):  # readers accept that much only uncompressed
+        if batch is not None and batch.nbytes > _find_most_bytes(message):  # readers accept that much only uncompressed
             return _stream_of(self._bare, batch, metadata, PLAIN)[self._head :]
         return message
 
@@ -175,9 +175,9 @@ class SealedWriter:
         try:
             self._file.seek(self.sealed.end)
             self._file.truncate()
-            left = memoryview(content)
-            while left:
-                left = left[self._file.write(left) :]
+            remaining = memoryview(content)
+            while remaining:
+                remaining = remaining[self._file.write(remaining) :]
         except OSError as error:
             with suppress(OSError):  # readers ignore a tail without a seal
                 self._file.truncate(self.sealed.end)
@@ -200,7 +200,7 @@ class SealedWriter:
                 put_in_place(self._file, place)
             elif not is_named(self._file, place):  # it is after Ctrl-C just after the renaming
                 raise RecordingError(
-                    f"{shown_path(self.path)} was not replaced: the draft beside it, with all rows of this recording, "
+                    f"{show_path(self.path)} was not replaced: the draft beside it, with all rows of this recording, "
                     "was deleted; record again"
                 )
         except OSError as error:
@@ -210,17 +210,17 @@ class SealedWriter:
             self._file = open(place, "r+b", buffering=0)  # noqa: SIM115 - closed by close
 
 
-def _opened(path: Path, overwrite: bool) -> tuple[FileIO, Path | None]:
+def _open_stream(path: Path, overwrite: bool) -> tuple[FileIO, Path | None]:
     """Return a new file, and the path of the older file that it is to replace."""
     try:
         place = checked_place(path)
         if overwrite and place.exists():
             _check_unused(path, place)
-            return opened_draft(place), place
+            return open_draft(place), place
         file = open(place if overwrite else path, "xb", buffering=0)  # noqa: SIM115 - closed by close
     except FileExistsError:
         raise RecordingError(
-            f"{shown_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
+            f"{show_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
         ) from None
     except OSError as error:
         raise unwritable(path, error, RecordingError, "choose another place") from None
@@ -232,7 +232,7 @@ def _check_unused(path: Path, place: Path) -> None:
     """Refuse to replace what another process is writing."""
     if is_locked(place) and _identity(place.stat()) not in OWN:
         raise RecordingError(
-            f"{shown_path(path)} is being recorded by another program; wait for its end, or choose another name"
+            f"{show_path(path)} is being recorded by another program; wait for its end, or choose another name"
         )
 
 
@@ -240,7 +240,7 @@ def _identity(status: os.stat_result) -> tuple[int, int]:
     return status.st_dev, status.st_ino
 
 
-def _allowed(message: bytes) -> int:
+def _find_most_bytes(message: bytes) -> int:
     """Return the bytes that a batch may take in memory, given its length in the file."""
     return max(ALWAYS_ALLOWED, MOST_PACKED * len(message)) - SLACK
 
@@ -268,27 +268,27 @@ class SealedReader:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._bytes = pa.py_buffer(_mapped(path))
-        found = list(self._found())
-        if not found or found[0].batch != 0 or not self.is_whole(found[0]):
+        self._bytes = pa.py_buffer(_map_file(path))
+        pieces = list(self._scan_pieces())
+        if not pieces or pieces[0].batch != 0 or not self.is_whole(pieces[0]):
             check_present_format(path, RecordingError)
             raise RecordingError(f"{path} is not a recording, or its beginning is damaged; choose another file")
         try:
             self.schema = pa.ipc.read_schema(self._message(0))
         except (pa.ArrowException, OSError, ValueError, MemoryError):
             raise RecordingError(f"{path} does not begin with an Arrow schema; choose another file") from None
-        if len(found) > 1 and not self.is_whole(found[-1]):  # a power cut may leave holes before the end
-            found.pop()
-        self.pieces = [piece for piece in found[1:] if piece.rows]
-        self.attached = [piece for piece in found[1:] if not piece.rows]
-        self._end = found[-1].end
+        if len(pieces) > 1 and not self.is_whole(pieces[-1]):  # a power cut may leave holes before the end
+            pieces.pop()
+        self.pieces = [piece for piece in pieces[1:] if piece.rows]
+        self.attached = [piece for piece in pieces[1:] if not piece.rows]
+        self._end = pieces[-1].end
         self.lost = self._bytes.size - self._end
         self.complete = self._bytes[self._end :].to_pybytes() == END_OF_STREAM
 
     def cut(self, piece: Piece) -> None:
         """Treat a piece and all that follow it as damaged."""
         self.pieces, self.attached = (
-            [one for one in pieces if one.begin < piece.begin] for pieces in (self.pieces, self.attached)
+            [other for other in pieces if other.begin < piece.begin] for pieces in (self.pieces, self.attached)
         )
         self._end = piece.batch
         self.lost, self.complete = self._bytes.size - self._end, False
@@ -298,8 +298,8 @@ class SealedReader:
         """Whether the bytes after the last piece are more than the torn end of a stream that was not closed."""
         if self.complete:
             return False
-        rest = memoryview(self._bytes)[self._end :].tobytes()
-        return rest.endswith(END_OF_STREAM) or _holds_whole_piece(rest)
+        tail = memoryview(self._bytes)[self._end :].tobytes()
+        return tail.endswith(END_OF_STREAM) or _holds_whole_piece(tail)
 
     def batch(self, piece: Piece) -> pa.RecordBatch:
         """Return the rows of a piece."""
@@ -346,7 +346,7 @@ class SealedReader:
             raise ValueError("a batch that is too large")
         return message
 
-    def _found(self) -> Iterator[Piece]:
+    def _scan_pieces(self) -> Iterator[Piece]:
         begin = 0
         batch: int | None = None
         for at, end, metadata in self._messages():
@@ -404,20 +404,20 @@ def _field(content: bytes, table: int, number: int) -> int:
     return table + offset if offset else 0
 
 
-def _holds_whole_piece(rest: bytes) -> bool:
+def _holds_whole_piece(tail: bytes) -> bool:
     """Return whether a seal matches the bytes between it and the one before, wherever the two are."""
     seals, after = [], 0
-    for seal in SEAL.finditer(rest):  # only between two seals, else the time is the square of their number
-        seals.append((max(rest.rfind(BEGIN_OF_MESSAGE, after, seal.start()), after), seal))
+    for seal in SEAL.finditer(tail):  # only between two seals, else the time is the square of their number
+        seals.append((max(tail.rfind(BEGIN_OF_MESSAGE, after, seal.start()), after), seal))
         after = seal.end()
-    return any(_fits(rest[begin:end], seal) for (begin, _), (end, seal) in pairwise(seals))
+    return any(_fits(tail[begin:end], seal) for (begin, _), (end, seal) in pairwise(seals))
 
 
 def _fits(content: bytes, seal: re.Match[bytes]) -> bool:
     return zlib.crc32(b"%b %b" % (seal[2], seal[3]), zlib.crc32(content)) == int(seal[1], 16)
 
 
-def _mapped(path: Path) -> mmap.mmap | bytes:
+def _map_file(path: Path) -> mmap.mmap | bytes:
     try:
         with open(path, "rb") as file:
             if not os.fstat(file.fileno()).st_size:

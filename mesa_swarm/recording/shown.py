@@ -38,8 +38,8 @@ def columns_of_parts(model: EngineModel) -> dict[str, np.ndarray]:
 
 def robot_columns(model: EngineModel) -> dict[str, np.ndarray]:
     """Return all columns that have a row a robot: those of the swarm, and those of added parts."""
-    own = columns_of_parts(model)
-    return {**own, **model.swarm.columns} if own else model.swarm.columns
+    of_parts = columns_of_parts(model)
+    return {**of_parts, **model.swarm.columns} if of_parts else model.swarm.columns
 
 
 def narrow_columns(model: EngineModel) -> list[str]:
@@ -54,42 +54,42 @@ def narrow_columns(model: EngineModel) -> list[str]:
 def shown_of(model: EngineModel) -> list[Shown]:
     """Return what each added part shows, checked, without those that show nothing."""
     pairs = [(part, part.shown()) for part in model.parts.added()]
-    return [_checked(part, shown) for part, shown in pairs if shown is not None]
+    return [_check_picture(part, picture) for part, picture in pairs if picture is not None]
 
 
 def with_discs(model: EngineModel) -> list[Shown]:
     """Return what is shown of the parts that have discs; their places in this list number them in tables."""
-    return [shown for shown in shown_of(model) if shown.discs is not None]
+    return [picture for picture in shown_of(model) if picture.discs is not None]
 
 
 def discs_of(model: EngineModel) -> np.ndarray:
     """Return the discs of all added parts, shape (k, 4): the place of the part in `with_discs`, x, y and radius."""
-    tables = [shown.discs for shown in with_discs(model) if shown.discs is not None]
+    tables = [picture.discs for picture in with_discs(model) if picture.discs is not None]
     numbered = [np.insert(discs, 0, place, axis=1) for place, discs in enumerate(tables)]
     return np.concatenate([np.empty((0, 4)), *numbered])
 
 
 def pictures_of(model: EngineModel) -> Mapping[str, ScalarField | PartPicture]:
     """Return the fields of a model by name, and after them the pictures that added parts show."""
-    found: dict[str, ScalarField | PartPicture] = dict(model.fields)
-    for shown in shown_of(model):
-        if shown.values is not None:
-            name = shown.name if shown.name not in found else f"{shown.name} of a part"
-            found[name] = PartPicture(shown.values)
-    return found
+    pictures: dict[str, ScalarField | PartPicture] = dict(model.fields)
+    for part_picture in shown_of(model):
+        if part_picture.values is not None:
+            name = part_picture.name if part_picture.name not in pictures else f"{part_picture.name} of a part"
+            pictures[name] = PartPicture(part_picture.values)
+    return pictures
 
 
-def _checked(part: Part, shown: Shown) -> Shown:
+def _check_picture(part: Part, picture: Shown) -> Shown:
     """Return what a part shows with arrays of floats; of discs those that can be drawn."""
-    if not isinstance(shown, Shown):
-        raise _unexpected(part, shown, "an object of mesa_swarm.kernels.part.Shown")
-    if not isinstance(shown.name, str) or not shown.name:
-        raise _unexpected(part, shown.name, "a name")
-    if not isinstance(shown.colour, str) or (shown.colour and not COLOUR.fullmatch(shown.colour)):
-        raise _unexpected(part, shown.colour, "a colour of # and six hexadecimal digits")
-    discs = None if shown.discs is None else _discs(part, shown.discs)
-    values = None if shown.values is None else _values(part, shown.values)
-    return shown._replace(discs=discs, values=values)
+    if not isinstance(picture, Shown):
+        raise _unexpected(part, picture, "an object of mesa_swarm.kernels.part.Shown")
+    if not isinstance(picture.name, str) or not picture.name:
+        raise _unexpected(part, picture.name, "a name")
+    if not isinstance(picture.colour, str) or (picture.colour and not COLOUR.fullmatch(picture.colour)):
+        raise _unexpected(part, picture.colour, "a colour of # and six hexadecimal digits")
+    discs = None if picture.discs is None else _discs(part, picture.discs)
+    values = None if picture.values is None else _values(part, picture.values)
+    return picture._replace(discs=discs, values=values)
 
 
 def _discs(part: Part, discs: np.ndarray) -> np.ndarray:
@@ -106,5 +106,5 @@ def _values(part: Part, values: np.ndarray) -> np.ndarray:
     return np.maximum(np.nan_to_num(picture, posinf=0.0), 0.0)
 
 
-def _unexpected(part: Part, value: object, expected: str) -> InvalidValueError:
-    return InvalidValueError(f"part {part.name} shows {shortened(value)}; expected {expected}")
+def _unexpected(part: Part, value: object, expectation: str) -> InvalidValueError:
+    return InvalidValueError(f"part {part.name} shows {shortened(value)}; expected {expectation}")

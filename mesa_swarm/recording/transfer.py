@@ -24,7 +24,7 @@ from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters
 from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of
 from mesa_swarm.recording.attributes import (
-    ModelPacked,
+    ModelPacker,
     attribute_from_json,
     attribute_to_json,
     own_attributes,
@@ -116,14 +116,14 @@ def _objects_of(model: EngineModel) -> dict[str, list[int]]:
 
 def _changed_objects(new: dict, old: dict, fresh: dict) -> dict:
     """Return the stored objects of `old`, but with those designs and shapes of `new` that the run did not change."""
-    designs = [_unless_changed(*three) for three in zip_longest(new["designs"], old["designs"], fresh["designs"])]
+    designs = [_unless_changed(*designs) for designs in zip_longest(new["designs"], old["designs"], fresh["designs"])]
     mine, first = ({body["id"]: body for body in model["obstacles"]} for model in (new, fresh))
-    bodies = [_merged(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
+    bodies = [_merge_bodies(mine.get(body["id"], {}), body, first.get(body["id"], {})) for body in old["obstacles"]]
     kinds = [*dict.fromkeys(kind for model in (old, new) for kind in model.get("kinds", KINDS))]
     return {**old, "designs": designs[: len(old["designs"])], "obstacles": bodies, "kinds": kinds}
 
 
-def _merged(new: dict, old: dict, fresh: dict) -> dict:
+def _merge_bodies(new: dict, old: dict, fresh: dict) -> dict:
     return {name: _unless_changed(new.get(name), value, fresh.get(name)) for name, value in old.items()}
 
 
@@ -140,9 +140,9 @@ def _take_kinds(new: EngineModel, old: EngineModel) -> None:
 def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Put bodies where they are, and agents of other classes as well."""
     mine, table = new.parts.bodies.table, old.parts.bodies.table
-    begun = {body.unique_id for body in fresh.parts.bodies.table.agents}
-    added = np.array([body.unique_id not in begun for body in table.agents], bool)
-    moving, burns = (table.mode != FIXED) | added, table.kind == FIRE
+    first_ids = {body.unique_id for body in fresh.parts.bodies.table.agents}
+    is_added = np.array([body.unique_id not in first_ids for body in table.agents], bool)
+    moving, burns = (table.mode != FIXED) | is_added, table.kind == FIRE
     for name in CHANGING:
         if name in BY_HAND:
             rows = _changed_by_hand(name, table, fresh.parts.bodies.table) | (burns & (name == "temperature"))
@@ -161,9 +161,9 @@ def _take_bodies(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None
 
 def _changed_by_hand(name: str, table: BodyTable, first: BodyTable) -> np.ndarray:
     """Return which bodies have another value in a column than they began with; those that were added later have."""
-    begun = {body.unique_id: getattr(first, name)[body.row].tobytes() for body in first.agents}
+    at_start = {body.unique_id: getattr(first, name)[body.row].tobytes() for body in first.agents}
     column = getattr(table, name)
-    return np.array([column[body.row].tobytes() != begun.get(body.unique_id) for body in table.agents], bool)
+    return np.array([column[body.row].tobytes() != at_start.get(body.unique_id) for body in table.agents], bool)
 
 
 # ---- settings and control
@@ -203,13 +203,13 @@ def _take_settings(new: EngineModel, old: EngineModel, fresh: EngineModel) -> No
             setattr(new, name, values[part, name])
     if CONTROL in by_hand:
         _keep_fields(new.control, old.control)
-    stored, effect = old.parts.imperfections.store(), new.parts.imperfections.effect
-    if effect is None and stored["imperfections"] != PERFECT and not stored["failing"]:
-        stored["key"] = None  # robots are ideal by the new parameters
-    new.parts.imperfections.restore({"failing": stored["failing"], "key": stored["key"]})
-    for name, declared in old.swarm.memory_columns.items():
+    imperfections, effect = old.parts.imperfections.store(), new.parts.imperfections.effect
+    if effect is None and imperfections["imperfections"] != PERFECT and not imperfections["failing"]:
+        imperfections["key"] = None  # robots are ideal by the new parameters
+    new.parts.imperfections.restore({"failing": imperfections["failing"], "key": imperfections["key"]})
+    for name, declaration in old.swarm.memory_columns.items():
         if not name[:1].isdigit() and not name.startswith(LASTING):  # of no layer, arbiter or imperfection
-            new.swarm.remember(name, *declared)
+            new.swarm.remember(name, *declaration)
 
 
 def _keep_fields(control: Any, old: Any) -> None:
@@ -274,17 +274,17 @@ def _take_states(new: EngineModel, old: EngineModel, by_label: bool) -> None:
         was = others.get(key)
         if isinstance(machine, StateMachine) and isinstance(was, StateMachine):
             now, fired = (new.swarm.columns[name] for name in machine.noted)
-            now[:] = _numbered(now, was.state_names, machine.state_names)
+            now[:] = _renumber_states(now, was.state_names, machine.state_names)
             if machine.transitions != was.transitions:
                 fired.fill(-1)
 
 
-def _numbered(now: np.ndarray, before: tuple[str, ...], after: tuple[str, ...]) -> np.ndarray:
+def _renumber_states(now: np.ndarray, before: tuple[str, ...], after: tuple[str, ...]) -> np.ndarray:
     """Return the states, given as indices of names, as indices of other names."""
-    gone = [before[number] for number in np.unique(now).tolist() if before[number] not in after]
-    if gone:
+    lacking = [before[number] for number in np.unique(now).tolist() if before[number] not in after]
+    if lacking:
         raise InvalidValueError(
-            f"the change makes a machine without the state {shortened(gone[0])}, in which there are robots; change "
+            f"the change makes a machine without the state {shortened(lacking[0])}, in which there are robots; change "
             "only parameters that leave it"
         )
     return np.array([after.index(name) if name in after else -1 for name in before], np.int64)[now]
@@ -308,9 +308,9 @@ def _by_label(new: EngineModel, old: EngineModel) -> bool:
 def _take_fires(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
     """Have fires that were added where they are, and the history, of which the interval may follow the parameters."""
     first = {fire.unique_id for fire in fresh.fires}
-    added = [row for row, fire in enumerate(old.fires.agents) if fire.unique_id not in first]
+    added_rows = [row for row, fire in enumerate(old.fires.agents) if fire.unique_id not in first]
     for name, column in old.fires.own.items():
-        new.fires.own[name][added] = column[added]
+        new.fires.own[name][added_rows] = column[added_rows]
     every = old if old.fires.history.every != fresh.fires.history.every else new
     interval = every.fires.history.every
     new.fires.history = deepcopy(old.fires.history)
@@ -348,7 +348,7 @@ def _take_values(new: EngineModel, old: EngineModel, fresh: EngineModel, carrier
             mine.pop(name, None)
         for name, value in values.items():
             if name not in first or _differ(value, first[name]):
-                mine[name] = carrier.carried(name, value, mine.get(name))
+                mine[name] = carrier.carry(name, value, mine.get(name))
 
 
 def _take_processes(new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
@@ -372,15 +372,15 @@ def _take_added_parts(new: EngineModel, old: EngineModel, fresh: EngineModel, ca
             kind: Any = type(was)
             part = kind.__new__(kind)
             for name, value in list_attributes(was).items():
-                object.__setattr__(part, name, carrier.carried(name, value, None))
+                object.__setattr__(part, name, carrier.carry(name, value, None))
             carrier.memo[id(was)] = new.add_part(part)
         _take_part(new.parts[was.name], was, fresh.parts.get(was.name), carrier)
 
 
 def _take_part(part: Part, was: Part, first: Part | None, carrier: "_Carrier") -> None:
     now, before = part.store(), {} if first is None else first.store()
-    changed = {n: v for n, v in was.store().items() if n not in before or _differ(v, before[n])}
-    part.restore({name: carrier.carried(name, value, now.get(name)) for name, value in changed.items()})
+    changes = {n: v for n, v in was.store().items() if n not in before or _differ(v, before[n])}
+    part.restore({name: carrier.carry(name, value, now.get(name)) for name, value in changes.items()})
     _take_columns(part, was, all_of_them=True)
 
 
@@ -388,8 +388,8 @@ class _Carrier:
     """Values of one model as values of another: with its agents, columns, streams and parts in their places."""
 
     def __init__(self, new: EngineModel, old: EngineModel, fresh: EngineModel) -> None:
-        self._there = ModelPacked(old)
-        self._here, self._there.removed = ModelPacked(new, self._there.arrays), {}
+        self._there = ModelPacker(old)
+        self._here, self._there.removed_agents = ModelPacker(new, self._there.arrays), {}
         self._here.present = None
         by_label = _by_label(new, old)
         self.new, self.old, self.fresh = (_by_place(model, by_label) for model in (new, old, fresh))
@@ -401,12 +401,12 @@ class _Carrier:
             if key in self.new[kind]
         }
 
-    def carried(self, name: str, value: Any, now: Any) -> Any:
+    def carry(self, name: str, value: Any, now: Any) -> Any:
         """Return a value of the old model as one of the new one; of what cannot be stored a copy."""
         try:
             content = attribute_to_json(value, name, self._there)
         except RecordingError:
-            return self._copied(name, value)
+            return self._copy(name, value)
         if "column" in content:  # type: ignore[operator]
             if id(value) not in self.memo:
                 column = shortened(content["column"])  # type: ignore[index]
@@ -419,7 +419,7 @@ class _Carrier:
         """Restore the attributes of agents that were removed."""
         restore_removed(self._here, removed_to_json(self._there))
 
-    def _copied(self, name: str, value: Any) -> Any:
+    def _copy(self, name: str, value: Any) -> Any:
         try:
             return deepcopy(value, self.memo)
         except Exception as error:  # an object of a user's may raise anything
@@ -487,9 +487,9 @@ class _Attributes:
         object.__setattr__(self.owner, name, value)
 
 
-def _differ(one: Any, other: Any) -> bool:
+def _differ(first: Any, second: Any) -> bool:
     """Return whether two values differ, objects of any class by all their attributes."""
-    return one is not other and _deep_digest(one) != _deep_digest(other)
+    return first is not second and _deep_digest(first) != _deep_digest(second)
 
 
 def _deep_digest(value: Any) -> bytes:
@@ -498,16 +498,16 @@ def _deep_digest(value: Any) -> bytes:
     return digest.digest()
 
 
-def _add_deeply(digest: Any, value: Any, seen: set[int]) -> None:
+def _add_deeply(digest: Any, value: Any, entered: set[int]) -> None:
     """Add a value to a digest, and the attributes of objects of any class, each once; of agents the unique_id."""
     kind = type(value)
     if kind in ATOMS or isinstance(value, (np.ndarray, np.generic, Agent, np.random.Generator)):
         add_to(digest, value)
         return
-    if id(value) in seen or isinstance(value, (Model, Swarm, type)):
+    if id(value) in entered or isinstance(value, (Model, Swarm, type)):
         digest.update(f"{kind.__name__};".encode())
         return
-    seen.add(id(value))
+    entered.add(id(value))
     if isinstance(value, Mapping):
         parts: list[Any] = [part for pair in value.items() for part in pair]
     elif isinstance(value, (list, tuple, deque)):
@@ -518,7 +518,7 @@ def _add_deeply(digest: Any, value: Any, seen: set[int]) -> None:
         parts = [part for pair in sorted(attributes_of(value).items()) for part in pair]
     digest.update(f"{kind.__qualname__} {len(parts)};".encode())
     for part in parts:
-        _add_deeply(digest, part, seen)
+        _add_deeply(digest, part, entered)
 
 
 # ---- collected data

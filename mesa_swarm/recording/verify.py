@@ -19,7 +19,7 @@ from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout, is_table
 from mesa_swarm.recording.objects import summary
-from mesa_swarm.recording.provenance import hash_in_format, rebuilt
+from mesa_swarm.recording.provenance import hash_in_format, rebuild_model
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.schema import MOST_UNSEEN
 
@@ -52,18 +52,20 @@ class Rerun:
         states: Sequence[Checkpoint] = (),
     ) -> None:
         self.recording, self.model, self._watch = recording, model, watch
-        self.taken: tuple[Intervention, ...] = ()
+        self.interventions: tuple[Intervention, ...] = ()
         self.begin = "" if checkpoint < 0 else f", from the stored state of step {model.completed}"
         self.states = list(states)
         self._layout = _layout_of(recording, model)
         self._format = recording.provenance["format"]
         first, has = model.completed, checkpoint
         # Where a step failed and was taken again there are several: the last one includes all changes.
-        last = {one.step: one for one in recording.interventions}.values()
-        self._ahead = [one for one in last if one.step >= first and (one.checkpoint is None or one.checkpoint > has)]
-        self._moves = deque(one for one in recording.hand_moves if one.step >= first and one.after > has)
+        last = {change.step: change for change in recording.interventions}.values()
+        self._ahead = [
+            change for change in last if change.step >= first and (change.checkpoint is None or change.checkpoint > has)
+        ]
+        self._moves = deque(move for move in recording.hand_moves if move.step >= first and move.after > has)
         self.moved: set[int] = set()
-        by_hand = {one.checkpoint for one in recording.interventions}
+        by_hand = {change.checkpoint for change in recording.interventions}
         steps = enumerate(recording.checkpoints)
         self.unseen = deque((k, step) for k, step in steps if k > has and step >= first and k not in by_hand)
 
@@ -113,26 +115,26 @@ class Rerun:
             place, at = self.unseen.popleft()
             self.to(at)
             try:
-                name = differing_part(self._restored(place), self.model)
+                name = differing_part(self._restore_state(place), self.model)
             except RecordingError as error:
                 return f"its stored state cannot be read: {error}"
             if name:
                 return f"its stored state differs in {name}"
         return ""
 
-    def _restored(self, place: int) -> EngineModel:
+    def _restore_state(self, place: int) -> EngineModel:
         """Return a new model with a stored state, by its index; each is read once, in their order."""
         if len(self.states) <= place:
             self.states = states_to(self.recording, place, self.states)
-        return restored(self.recording, type(self.model), self.states)
+        return restore_last(self.recording, type(self.model), self.states)
 
     def _take(self, intervention: Intervention) -> None:
         """Continue from the state that was stored after an intervention."""
         if intervention.checkpoint is None:
             why = f"{intervention.why_not:.{2 * LONGEST_DESCRIPTION}}"
             raise RecordingError(f"{intervention!s:.{LONGEST_DESCRIPTION}}; the state then was not stored ({why})")
-        self.model = self._restored(intervention.checkpoint)
-        self.taken += (self._ahead.pop(0),)
+        self.model = self._restore_state(intervention.checkpoint)
+        self.interventions += (self._ahead.pop(0),)
         while self._moves and self._moves[0].after <= intervention.checkpoint:
             self._moves.popleft()  # the state includes them
 
@@ -157,7 +159,7 @@ def run_on(model: EngineModel, step: int, watch: Watch) -> None:
         watch(model)
 
 
-def started_again(recording: Recording, model_class: type, watch: Watch = lambda _: None) -> Rerun:
+def start_again(recording: Recording, model_class: type, watch: Watch = lambda _: None) -> Rerun:
     """Return the model at the start of a recording: from its parameters, else from the state stored then.
 
     A recording that began late is not run again from step 0: its rows do not prove that there were that many steps.
@@ -166,14 +168,14 @@ def started_again(recording: Recording, model_class: type, watch: Watch = lambda
     """
     facts = recording.provenance
     start = facts["start"]
-    model, is_near = rebuilt(facts, model_class), start["step"] <= MOST_UNSEEN
+    model, is_near = rebuild_model(facts, model_class), start["step"] <= MOST_UNSEEN
     if is_near:
         run_on(model, start["step"], watch)
         if model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]:
             return _unless_stored_differs(Rerun(recording, model, watch=watch), watch)
     if recording.checkpoints[:1] == (start["step"],):
         states = states_to(recording, 0)
-        model = restored(recording, model_class, states)
+        model = restore_last(recording, model_class, states)
         if hash_in_format(model, facts["format"]) == start["state_hash"]:
             return Rerun(recording, model, 0, watch, states)
     if not is_near:
@@ -194,7 +196,7 @@ def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
         return rerun
     try:
         states = states_to(recording, 0)
-        model = restored(recording, type(rerun.model), states)
+        model = restore_last(recording, type(rerun.model), states)
         name = differing_part(model, rerun.model)
     except RecordingError:  # which `Rerun.check_states` reports
         return rerun
@@ -204,21 +206,21 @@ def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
         rerun.unseen.popleft()
         rerun.states = states
         return rerun
-    stored = Rerun(recording, model, 0, watch, states)
-    stored.begin += f" (its {name} is not what the parameters make)"
-    return stored
+    from_state = Rerun(recording, model, 0, watch, states)
+    from_state.begin += f" (its {name} is not what the parameters make)"
+    return from_state
 
 
-def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
+def states_to(recording: Recording, checkpoint: int, earlier: Sequence[Checkpoint] = ()) -> list[Checkpoint]:
     """Return the stored states up to one of `Recording.checkpoints`, by index: each builds on those before.
 
-    Only the last one is whole. The others are reduced to their collected data: memory has room for one state. `known`
+    Only the last one is whole. The others are reduced to their collected data: memory has room for one state. `earlier`
     are the first ones, as returned before.
     """
-    states = [*known[:-1], *map(without_rest, known[-1:])]
+    states = [*earlier[:-1], *map(without_rest, earlier[-1:])]
     size, file = sum(map(size_of_collected, states)), recording.path.stat().st_size
     try:
-        for place in range(len(known), checkpoint + 1):
+        for place in range(len(earlier), checkpoint + 1):
             state = recording.checkpoint(place)
             size += size_of_collected(state)
             check_collected(size, file)
@@ -228,10 +230,10 @@ def states_to(recording: Recording, checkpoint: int, known: Sequence[Checkpoint]
     return states
 
 
-def restored(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
+def restore_last(recording: Recording, model_class: type, states: list[Checkpoint]) -> EngineModel:
     """Return a new model with the last of these states."""
     facts = recording.provenance
-    return restore(rebuilt(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
+    return restore(rebuild_model(facts, model_class), states[-1], states[:-1], written_in=facts["format"])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -267,7 +269,7 @@ class Verification:
     moved: int = 0
 
     def __str__(self) -> str:
-        return self.text + as_remark(self.interventions) + _moved_by_hand(self.moved)
+        return self.text + as_remark(self.interventions) + _describe_moves(self.moved)
 
 
 def verify(recording: Recording | str | os.PathLike[str], model_class: type, progress: bool = False) -> Verification:
@@ -308,15 +310,15 @@ def verify(recording: Recording | str | os.PathLike[str], model_class: type, pro
     rows = recording.intact
     last = recording[rows - 1].step if rows else recording.provenance["start"]["step"]
     with progress_bar(last, "steps", progress) as bar:
-        rerun = started_again(recording, model_class, lambda model: bar.update(model.completed - bar.n))
+        rerun = start_again(recording, model_class, lambda model: bar.update(model.completed - bar.n))
         verdict = _all_compared(rerun, rows)
     verdict = replace(verdict, text=verdict.text + rerun.begin)
     if recording.damage:
         verdict = replace(verdict, same=False, text=f"{verdict.text}; {recording.path} {recording.damage}")
-    return replace(verdict, interventions=rerun.taken, moved=len(rerun.moved))
+    return replace(verdict, interventions=rerun.interventions, moved=len(rerun.moved))
 
 
-def _moved_by_hand(steps: int) -> str:
+def _describe_moves(steps: int) -> str:
     """Return what a verdict adds about moves, an empty text if there were none."""
     if not steps:
         return ""
@@ -403,7 +405,7 @@ def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
     for name in frame.columns:
         differing = _differing(name, frame, again)
         if differing is not None:
-            return _verdict(row, frame.step, name, f"{name} differs{_named(differing)}", differing)
+            return _verdict(row, frame.step, name, f"{name} differs{_name_robots(differing)}", differing)
     if frame.state_hash != again.state_hash:
         text = "the state differs in a value that was not recorded, since the last state hash"
         return _verdict(row, frame.step, None, text)
@@ -420,12 +422,12 @@ def _differing(name: str, frame: Frame, again: Frame) -> tuple[int, ...] | None:
     return tuple(frame.robots[wrong].tolist()) if wrong.any() else None
 
 
-def _named(robots: tuple[int, ...]) -> str:
+def _name_robots(robots: tuple[int, ...]) -> str:
     if not robots:
         return ""
-    shown = ", ".join(map(str, robots[:MOST_NAMED]))
+    numbers = ", ".join(map(str, robots[:MOST_NAMED]))
     more = f" and {len(robots) - MOST_NAMED} more" if len(robots) > MOST_NAMED else ""
-    return f" for robot{'s' if len(robots) > 1 else ''} {shown}{more}"
+    return f" for robot{'s' if len(robots) > 1 else ''} {numbers}{more}"
 
 
 def _verdict(row: int, step: int, column: str | None, what: str, robots: tuple[int, ...] = ()) -> Verification:

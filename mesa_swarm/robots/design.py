@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, asked, check_count, check_name, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_name, check_number, read_attribute, shortened
 from mesa_swarm.geometry.sector import half_angle
 from mesa_swarm.robots.actuators import ACT, Actuator, check_actions, check_actuator
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, Drive
@@ -103,7 +103,7 @@ class RobotDesign:
         for actuator in self.actuators:
             check_actuator(actuator)
         check_actions(self.actuators)
-        methods = [asked(self.drive, name) for name in ("motion", "wheels")]
+        methods = [read_attribute(self.drive, name) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
         check_count("numbers of drive", self.numbers, minimum=1, maximum=MOST_NUMBERS)

@@ -14,8 +14,8 @@ from mesa_swarm.base.errors import (
     InvalidValueError,
     UncompiledBehaviourWarning,
     UnknownKindWarning,
-    asked,
     check_count,
+    read_attribute,
     shortened,
 )
 from mesa_swarm.kernels.compiled import compile_custom, is_refused
@@ -111,8 +111,8 @@ def check_device(what: str, device: Any, function: str, taken_names: Container[s
     InvalidValueError
     """
     kind = type(device).__name__
-    check_identifier(f"name of {what} {kind}", asked(device, "name"), taken_names)
-    check_count(f"width of {what} {kind}", asked(device, "width"), minimum=1, maximum=MOST_NUMBERS)
+    check_identifier(f"name of {what} {kind}", read_attribute(device, "name"), taken_names)
+    check_count(f"width of {what} {kind}", read_attribute(device, "width"), minimum=1, maximum=MOST_NUMBERS)
     try:
         hash(device)
     except Exception:  # of a class of the user's

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.base.extras import need
+from mesa_swarm.base.extras import require_extra
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import (
@@ -361,7 +361,7 @@ def _number(mean: float | None) -> float:
 
 def need_optuna() -> None:
     """Check that Optuna is installed; if not, the error gives the command that installs it."""
-    need("optuna", "calibration", "calibration needs", "Optuna")
+    require_extra("optuna", "calibration", "calibration needs", "Optuna")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

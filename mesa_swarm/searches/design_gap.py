@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import LearningError, check_choice, check_count
-from mesa_swarm.base.files import check_writable, shown_path, write_whole
+from mesa_swarm.base.files import check_writable, show_path, write_whole
 from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.figures import COLOURS
@@ -310,7 +310,7 @@ class ControllerFiles:
         changed = sorted(name for name, now in self.settings.items() if before.get(name) != now)
         if changed:
             raise LearningError(
-                f"{shown_path(file)} is of controllers with other {', '.join(changed)}; "
+                f"{show_path(file)} is of controllers with other {', '.join(changed)}; "
                 "use its settings or another folder"
             )
         return Outcome(results={name: stored[name] for name in ("controller", "scores")})

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number
-from mesa_swarm.base.extras import need
+from mesa_swarm.base.extras import require_extra
 from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Streams
@@ -46,7 +46,7 @@ SOURCES = tuple(f"searches/{name}.py" for name in ("diversity", "driving", "evol
 
 def need_ribs() -> None:
     """Check that pyribs is installed; if not, the error gives the command that installs it."""
-    need("ribs", "diversity", "quality-diversity search needs", "pyribs")
+    require_extra("ribs", "diversity", "quality-diversity search needs", "pyribs")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.base.extras import need
+from mesa_swarm.base.extras import require_extra
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import Experiment, checked_class, checked_experiment
@@ -356,7 +356,7 @@ def sensitivity(
 
 def need_salib() -> None:
     """Check that SALib is installed; if not, the error gives the command that installs it."""
-    need("SALib", "sensitivity", "sensitivity needs", "SALib")
+    require_extra("SALib", "sensitivity", "sensitivity needs", "SALib")
 
 
 def _checked_plan(

@@ -37,9 +37,9 @@ from mesa_swarm.teaching.verdicts import (
     NOT_JUDGED,
     Criterion,
     Verdict,
+    format_number,
     rounding,
     seeds_in_words,
-    shown,
     verdict_on,
 )
 
@@ -149,10 +149,10 @@ def code_of(thing: Any) -> set[CodeType]:
     (2, set())
     """
     if isinstance(thing, FunctionType):
-        return set(_nested(thing.__code__))
+        return set(_list_codes(thing.__code__))
     if isinstance(thing, type):
-        own = thing.__module__.partition(".")[0] not in ("builtins", "mesa_swarm")
-        return set().union(*map(code_of, vars(thing).values())) if own else set()
+        is_users = thing.__module__.partition(".")[0] not in ("builtins", "mesa_swarm")
+        return set().union(*map(code_of, vars(thing).values())) if is_users else set()
     within = _function_within(thing)
     if within is not None:
         return code_of(within)
@@ -169,11 +169,11 @@ def _function_within(thing: Any) -> Any:
     return thing.fget if isinstance(thing, property) else within
 
 
-def _nested(code: CodeType) -> Iterator[CodeType]:
+def _list_codes(code: CodeType) -> Iterator[CodeType]:
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _nested(constant)
+            yield from _list_codes(constant)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,16 +216,17 @@ class Authors:
 
     def is_learners(self, place: Place) -> bool | None:
         """Return whether the learner wrote the code of a place; None if that is not known, as of helper functions."""
-        own, checks = code_of(self.answer), set().union(*map(code_of, self.check))
-        if place.code in own or place.code in checks:
-            return place.code in own
-        in_own, in_checks = (place.code.co_filename in {code.co_filename for code in codes} for codes in (own, checks))
+        answers, checks = code_of(self.answer), set().union(*map(code_of, self.check))
+        if place.code in answers or place.code in checks:
+            return place.code in answers
+        file = place.code.co_filename
+        in_own, in_checks = (file in {code.co_filename for code in codes} for codes in (answers, checks))
         return None if in_own == in_checks else in_own
 
     def is_last_learners(self, error: BaseException) -> bool | None:
         """Return whether the learner wrote the last place of an error of which that is known."""
-        known = map(self.is_learners, places_of_traceback(error.__traceback__))
-        return next((learners for learners in known if learners is not None), None)
+        verdicts = map(self.is_learners, places_of_traceback(error.__traceback__))
+        return next((learners for learners in verdicts if learners is not None), None)
 
     def in_words(self, error: BaseException, *, surely: bool = False) -> str:
         """Return an error of an answer in words, with the line of the learner's own code where it happened.
@@ -236,8 +237,8 @@ class Authors:
         text = " ".join(str(error).split())
         places = [place for place in places_of_traceback(error.__traceback__) if place.line]
         if not isinstance(error, SwarmError):
-            own = next((place.line for place in places if self.is_learners(place)), "")
-            text = f"it stopped with {type(error).__name__}: {text or 'no details'}{own and f', at the line: {own}'}"
+            line = next((place.line for place in places if self.is_learners(place)), "")
+            text = f"it stopped with {type(error).__name__}: {text or 'no details'}{line and f', at the line: {line}'}"
         if surely or not places or self.is_learners(places[0]):
             return text
         return (
@@ -287,7 +288,7 @@ def is_missing(answer: object) -> bool:
     return answer is None or answer is ...
 
 
-def _hinted(verdict: Verdict, hint: str | Sequence[str], answer: object) -> Verdict:
+def _add_hint(verdict: Verdict, hint: str | Sequence[str], answer: object) -> Verdict:
     """Return a verdict with the next stage of its exercise's hint, if it did not pass."""
     if verdict.passed:
         forget(stages_of(hint))
@@ -305,8 +306,8 @@ def _broken(error: CheckError) -> Verdict:
     return Verdict(False, error_report(error, version("mesa-swarm")), status=CHECK_FAILED)
 
 
-def _refused(answer: object, expected: str) -> Verdict:
-    return _not_judged(f"your answer is {shortened(answer)}; expected {expected}")
+def _refuse_answer(answer: object, expectation: str) -> Verdict:
+    return _not_judged(f"your answer is {shortened(answer)}; expected {expectation}")
 
 
 def _refusal(answer: object, expects: str, accepts: Callable[[Any], bool] | None) -> Verdict | None:
@@ -322,7 +323,7 @@ def _refusal(answer: object, expects: str, accepts: Callable[[Any], bool] | None
         return _broken(error)
     except Exception:  # an answer of any type may be given
         accepted = False
-    return None if accepted else _refused(answer, expects)
+    return None if accepted else _refuse_answer(answer, expects)
 
 
 # Other seeds than the notebooks show: an answer is tested on seeds that it was not made for.
@@ -372,9 +373,9 @@ def check_model(
     """
     refusal = _refusal(make, "a function that takes a seed", callable) or _refusal(answer, expects, accepts)
     is_answer = answer is GIVEN
-    checked = make if is_answer else answer
-    trial = _Trial(make, criteria, checked, () if is_answer else (make,), steps=steps, makes_outcome=is_answer)
-    return _hinted(refusal or _model_verdict(trial, seeds), hint, checked)
+    subject = make if is_answer else answer
+    trial = _Trial(make, criteria, subject, () if is_answer else (make,), steps=steps, makes_outcome=is_answer)
+    return _add_hint(refusal or _model_verdict(trial, seeds), hint, subject)
 
 
 @dataclass(frozen=True, slots=True)
@@ -459,9 +460,9 @@ def _run(model: Any, steps: int) -> None:
     except SwarmError as error:
         ids = [robot.unique_id for robot in getattr(model, "robots", ())]
 
-        def place(named: re.Match[str]) -> str:
-            number = int(named[1])
-            return f"robot {ids.index(number) + 1} of {len(ids)}" if number in ids else named[0]
+        def place(match: re.Match[str]) -> str:
+            number = int(match[1])
+            return f"robot {ids.index(number) + 1} of {len(ids)}" if number in ids else match[0]
 
         text = re.sub(r"\brobot (\d+)\b", place, str(error))
         raise SwarmError(text).with_traceback(error.__traceback__) from error
@@ -501,23 +502,23 @@ def check_rule(
     >>> print(check_rule(..., Criterion("total_collisions", at_most=0), world=world))
     Not yet. There is no answer yet; put yours where the dots are.
     """
-    others = (*above, *below)
+    layers = (*above, *below)
 
     def make(seed: int) -> SwarmModel:
         with part_of_check(Authors(rule, (world,)), seed):
             model = world(seed)
-            Subsumption(*others)
+            Subsumption(*layers)
         model.control = Subsumption(*above, _layer(rule), *below)
         return model
 
     def without(seed: int, steps: int) -> None:
         model = world(seed)
-        model.control = Subsumption(*others)
+        model.control = Subsumption(*layers)
         model.run(steps)
 
     refusal = _refusal(rule, "a function of me with @behaviour, or a layer such as Avoid()", _is_rule)
-    trial = _Trial(make, criteria, rule, (world, *others), steps=steps, without=without)
-    return _hinted(refusal or _model_verdict(trial, seeds), hint, rule)
+    trial = _Trial(make, criteria, rule, (world, *layers), steps=steps, without=without)
+    return _add_hint(refusal or _model_verdict(trial, seeds), hint, rule)
 
 
 def _is_rule(rule: Any) -> bool:
@@ -558,7 +559,7 @@ def check_settings(
     >>> print(check_settings(find_model("boids"), {"memry": 5}, Criterion("alignment", at_least=0), only=["memory"]))
     Not yet. Unknown parameter 'memry'; did you mean 'memory'? known: memory.
     """
-    known = [name for name in parameters_of(model) if not only or name in only]
+    names = [name for name in parameters_of(model) if not only or name in only]
 
     def make(seed: int) -> Any:
         return model(**settings, rng=seed)
@@ -571,7 +572,7 @@ def check_settings(
     has_defaults = _has_defaults(model)
     defaults = without if has_defaults else None
     trial = _Trial(make, criteria, settings, (model,), steps=steps, without=defaults, decisive=has_defaults)
-    return _hinted(_settings_refusal(settings, known) or _model_verdict(trial, seeds), hint, settings)
+    return _add_hint(_settings_refusal(settings, names) or _model_verdict(trial, seeds), hint, settings)
 
 
 def _has_defaults(model: Callable[..., Any]) -> bool:
@@ -583,13 +584,13 @@ def _has_defaults(model: Callable[..., Any]) -> bool:
     return True
 
 
-def _settings_refusal(settings: Any, known: Sequence[str]) -> Verdict | None:
+def _settings_refusal(settings: Any, names: Sequence[str]) -> Verdict | None:
     if is_missing(settings) or (isinstance(settings, Mapping) and any(map(is_missing, settings.values()))):
         return _not_judged(NO_ANSWER)
     if not isinstance(settings, Mapping):
-        return _refused(settings, f"settings by name, such as dict({known[0]}=...)")
-    unknown = [name for name in settings if name not in known]
-    return _not_judged(unknown_name("parameter", unknown[0], known)) if unknown else None
+        return _refuse_answer(settings, f"settings by name, such as dict({names[0]}=...)")
+    odd = [name for name in settings if name not in names]
+    return _not_judged(unknown_name("parameter", odd[0], names)) if odd else None
 
 
 def check_estimate(
@@ -621,7 +622,7 @@ def check_estimate(
     Not yet. You expected 3 for it; the mean of seeds 1 and 2 is 1.5 (1 to 2); required: within 1.
     """
     verdict = _refusal(guess, "a number", _is_number) or _estimate_verdict(float(guess), run, within, what, seeds)
-    return _hinted(verdict, hint, guess)
+    return _add_hint(verdict, hint, guess)
 
 
 def _is_number(guess: Any) -> bool:
@@ -638,12 +639,13 @@ def _estimate_verdict(
                 numbers.append(float(run(seed)))
     except CheckError as error:
         return _broken(error)
-    measured = np.array(numbers)
+    means = np.array(numbers)
+    mean, least, largest = map(format_number, (means.mean(), means.min(), means.max()))
     text = (
-        f"you expected {shown(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {shown(measured.mean())} "
-        f"({shown(measured.min())} to {shown(measured.max())}); required: within {within:g}"
+        f"you expected {format_number(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {mean} "
+        f"({least} to {largest}); required: within {within:g}"
     )
-    near = bool(abs(expected - measured.mean()) <= within + rounding(within))
+    near = bool(abs(expected - means.mean()) <= within + rounding(within))
     return Verdict(near, f"  {text}" if near else text)
 
 
@@ -682,7 +684,7 @@ def check_function(
     refusal = _refusal(function, "a function", callable) or _refusal(answer, expects, accepts)
     authors = Authors(function, (twin, inputs)) if answer is GIVEN else Authors(answer, (function, twin, inputs))
     verdict = refusal or _function_verdict(_Twins(function, twin, inputs, tolerance), authors, seeds)
-    return _hinted(verdict, hint, function if answer is GIVEN else answer)
+    return _add_hint(verdict, hint, function if answer is GIVEN else answer)
 
 
 @dataclass(frozen=True, slots=True)
@@ -707,9 +709,9 @@ def _function_verdict(twins: _Twins, authors: Authors, seeds: Sequence[int]) -> 
     try:
         for seed in seeds_of_check(seeds):
             with part_of_check(authors, seed):
-                expected, given = twins.twin(*twins.inputs(seed)), twins.inputs(seed)
+                expected, arguments = twins.twin(*twins.inputs(seed)), twins.inputs(seed)
             with part_of_check(authors, seed, uses_answer=True):
-                got = twins.function(*given)
+                got = twins.function(*arguments)
             if not twins.same(got, expected):
                 text = f"it returned {_short(got)} where {_short(expected)} was expected, with {seeds_in_words([seed])}"
                 return Verdict(False, text, status=NOT_JUDGED if is_missing(got) else JUDGED)

@@ -102,13 +102,12 @@ class Verdict:
             return f"{PASSED}\n{self.text}"
         if self.status == CHECK_FAILED:
             return f"{FAILED_CHECK}\n{self.text}"
-        text = f"{NOT_YET}\n{self.text}" if "\n" in self.text or self.text.startswith(" ") else self._sentence()
+        text = f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
+        if "\n" in self.text or self.text.startswith(" "):
+            text = f"{NOT_YET}\n{self.text}"
         return f"{text}\nHint: {self.hint}{'' if self.hint.endswith(('.', '?')) else '.'}" if self.hint else text
 
     __str__ = __repr__
-
-    def _sentence(self) -> str:
-        return f"{NOT_YET} {self.text[:1].upper()}{self.text[1:].rstrip('.')}."
 
 
 def verdict_on(
@@ -116,18 +115,18 @@ def verdict_on(
 ) -> Verdict:
     """Return the verdict on measured numbers, a row a criterion."""
     rows = list(zip(criteria, numbers, strict=True))
-    passed = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
-    return Verdict(passed, "\n".join(_line(criterion, row, seeds) for criterion, row in rows))
+    passes = all(sum(not criterion.is_met(number) for number in row) <= criterion.misses for criterion, row in rows)
+    return Verdict(passes, "\n".join(_line(criterion, row, seeds) for criterion, row in rows))
 
 
 def _line(criterion: Criterion, row: Sequence[float | None], seeds: Sequence[int]) -> str:
-    met, runs = sum(map(criterion.is_met, row)), len(row)
-    measured = ", ".join(map(shown, row))
+    successes, runs = sum(map(criterion.is_met, row)), len(row)
+    numbers = ", ".join(map(format_number, row))
     enough = f" ({runs - criterion.misses} required)" if criterion.misses else ""
-    return f"  {criterion}; measured {measured} with {seeds_in_words(seeds)}; {met} of {runs} seeds pass{enough}"
+    return f"  {criterion}; measured {numbers} with {seeds_in_words(seeds)}; {successes} of {runs} seeds pass{enough}"
 
 
-def shown(number: float | None) -> str:
+def format_number(number: float | None) -> str:
     """Return a number for a reader, "undefined" for None and NaN."""
     if number is None or math.isnan(number):
         return "undefined"

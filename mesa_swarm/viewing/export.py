@@ -26,7 +26,7 @@ from mesa_swarm.base.files import (
     check_writable,
     checked_place,
     draft_of,
-    shown_path,
+    show_path,
     unwritable,
     write_whole,
 )
@@ -401,9 +401,9 @@ def _check_free(paths: Sequence[Path], overwrite: bool, recording: Recording) ->
             raise unwritable(path, error, ExportError, "choose another name") from None
         if os.path.lexists(path) and not overwrite:
             raise ExportError(
-                f"{shown_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
+                f"{show_path(path)} exists already; choose another name, or replace it with overwrite=True (--force)"
             )
     for folder in {path.parent for path in paths}:
         if not folder.is_dir():
-            raise ExportError(f"folder {shown_path(folder)} does not exist; make it first, or choose another place")
+            raise ExportError(f"folder {show_path(folder)} does not exist; make it first, or choose another place")
         check_writable(folder)

@@ -4,7 +4,7 @@ import sys
 import threading
 import traceback
 
-from mesa_swarm.base.errors import SwarmError, error_line, located, place_of_error
+from mesa_swarm.base.errors import SwarmError, error_line, locate_error, place_of_error
 
 # Different tracebacks after which those that were printed before are printed anew.
 MOST_KNOWN = 1000
@@ -13,7 +13,7 @@ _lock = threading.Lock()
 
 
 def reported(error: BaseException) -> str:
-    """Return the line about an error that a page shows, see `located`, and print its traceback unless that was done.
+    """Return the line about an error that a page shows, see `locate_error`; print its traceback unless that was done.
 
     Of a value that we refuse nothing is printed, unless it came from a user's code: only then a program has to change.
 
@@ -24,7 +24,7 @@ def reported(error: BaseException) -> str:
     """
     if place_of_error(error) or not isinstance(error, SwarmError):
         _print_once(error)
-    return located(error)
+    return locate_error(error)
 
 
 def _print_once(error: BaseException) -> None:

@@ -12,7 +12,7 @@ from mesa_swarm.base.errors import ExportError, ExportWarning, RecordingError, S
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout
-from mesa_swarm.recording.provenance import hash_in_format, rebuilt, scenery_of
+from mesa_swarm.recording.provenance import hash_in_format, rebuild_model, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import shipped_class_of
 from mesa_swarm.viewing.scene import UNKNOWN, Scene, scene_of_recording, usual_scenery
@@ -118,7 +118,7 @@ def hot_robots(frames: Iterator[Frame], scene: Scene) -> Iterator[np.ndarray]:
 def _first_state(recording: Recording) -> EngineModel | None:
     """Return the model as the recording began, None if its constructor does not make that."""
     try:
-        model = rebuilt(recording.provenance, shipped_class_of(recording))
+        model = rebuild_model(recording.provenance, shipped_class_of(recording))
     except SwarmError:
         return None
     facts, start = recording.provenance, recording.provenance["start"]

@@ -17,7 +17,7 @@ from mesa_swarm.base.errors import (
     check_flag,
     check_number,
     error_line,
-    located,
+    locate_error,
     place_of_error,
     shortened,
     unknown_name,
@@ -147,7 +147,7 @@ def test_the_place_of_an_error_is_the_innermost_call_in_a_user_s_code():
     assert place_of_error(failure(of_user, "/home/me/mine.py")) == "mine.py, line 3"
     in_ours = "from mesa_swarm import SwarmModel\n\nSwarmModel(rng=1, engine='fast')"
     refused = failure(in_ours, "/home/me/mine.py")
-    assert located(refused) == f"mine.py, line 3: {error_line(refused)}"
+    assert locate_error(refused) == f"mine.py, line 3: {error_line(refused)}"
     of_python = "import json\njson.loads('{')"
     assert place_of_error(failure(of_python, "/home/me/mine.py")) == "mine.py, line 2"
     with pytest.raises(InvalidValueError) as refused_by_us:
@@ -165,10 +165,10 @@ def test_an_installed_package_is_a_user_s_code_if_it_imports_mesa_swarm():
 def test_the_place_of_an_error_is_that_of_its_cause_and_is_named_once():
     source = "def f():\n    raise KeyError('a')\ntry:\n    f()\nexcept KeyError as e:\n    raise ValueError('b') from e"
     error = failure(source, "/home/me/mine.py")
-    assert located(error) == "mine.py, line 2: ValueError: b"
-    again = InvalidValueError(f"it failed: {located(error)}")
+    assert locate_error(error) == "mine.py, line 2: ValueError: b"
+    again = InvalidValueError(f"it failed: {locate_error(error)}")
     again.__cause__ = error
-    assert located(again) == "it failed: mine.py, line 2: ValueError: b"
+    assert locate_error(again) == "it failed: mine.py, line 2: ValueError: b"
     error.__cause__.__cause__ = error
     assert place_of_error(error) == "mine.py, line 2", "causes in a circle end too"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm.base import extras
-from mesa_swarm.base.extras import install_command, need
+from mesa_swarm.base.extras import install_command, require_extra
 
 ROOT = Path(__file__).parents[2]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
@@ -87,4 +87,4 @@ def test_the_published_package_is_installed_by_its_name(tmp_path, monkeypatch):
 
 
 def test_a_package_that_is_there_is_no_error():
-    need("numpy", "rl", "this test needs")
+    require_extra("numpy", "rl", "this test needs")

@@ -28,7 +28,7 @@ from mesa_swarm.base.files import (
     draft_of,
     is_locked,
     lock,
-    opened_draft,
+    open_draft,
     write_all,
     write_whole,
 )
@@ -167,7 +167,7 @@ def test_a_link_is_followed_and_permissions_stay(tmp_path):
 
 @POSIX
 def test_a_draft_is_locked_while_it_is_open(tmp_path):
-    with opened_draft(tmp_path / "a.txt") as draft:
+    with open_draft(tmp_path / "a.txt") as draft:
         assert is_locked(tmp_path / draft.name)
     assert not is_locked(tmp_path / draft.name)
 

@@ -10,7 +10,7 @@ import termios
 import pytest
 
 from mesa_swarm.base.progress import progress_bar
-from mesa_swarm.base.work_done import WorkDone, one_line, report_work
+from mesa_swarm.base.work_done import WorkDone, report_work, summarise_work
 
 RUN = [sys.executable, "-m", "mesa_swarm", "run", "collision_avoidance", "--steps", "40"]
 
@@ -37,27 +37,27 @@ def test_a_command_in_a_terminal_draws_a_bar_and_no_line():
 
 
 def test_several_bars_of_a_command_are_one_line_by_unit(capsys):
-    with one_line():
+    with summarise_work():
         for unit, total, done in (("runs", 3, 2), ("steps", 40, 40), ("runs", 4, 4)):
-            with progress_bar(total, unit, shown=True) as bar:
+            with progress_bar(total, unit, is_shown=True) as bar:
                 bar.update(done)
         assert capsys.readouterr().err == ""
     assert re.fullmatch(r"6 of 7 runs, 40 of 40 steps in [\d.]+ s\n", capsys.readouterr().err)
 
 
 def test_work_done_before_is_named_and_no_work_is_no_line(capsys):
-    with progress_bar(1_200, "runs", shown=True) as bar:
+    with progress_bar(1_200, "runs", is_shown=True) as bar:
         bar.initial = bar.n = 1_000
         bar.update(200)
     assert capsys.readouterr().err.startswith("1,200 of 1,200 runs (1,000 done before) in ")
-    with one_line(), progress_bar(3, "runs", shown=False) as bar:
+    with summarise_work(), progress_bar(3, "runs", is_shown=False) as bar:
         bar.update(3)
     assert capsys.readouterr().err == ""
 
 
 def test_a_run_that_ends_in_an_error_has_the_work_so_far_above_the_error(capsys):
     def fail():
-        with one_line(), progress_bar(3, "steps", shown=True) as bar:
+        with summarise_work(), progress_bar(3, "steps", is_shown=True) as bar:
             bar.update()
             raise ArithmeticError
 
@@ -67,7 +67,7 @@ def test_a_run_that_ends_in_an_error_has_the_work_so_far_above_the_error(capsys)
 
 
 def test_a_bar_that_is_closed_twice_is_one_line(capsys):
-    bar = progress_bar(1, "runs", shown=True)
+    bar = progress_bar(1, "runs", is_shown=True)
     bar.update()
     bar.close()
     bar.close()

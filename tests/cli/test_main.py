@@ -202,7 +202,7 @@ def test_a_reader_that_closes_the_output_is_not_an_error():
 
 def test_an_unknown_rate_gives_no_finishing_time():
     assert finishing_time(10, 0.0, None) == "measuring"
-    with progress_bar(5, "runs", shown=False) as bar:
+    with progress_bar(5, "runs", is_shown=False) as bar:
         bar.update(5)
 
 

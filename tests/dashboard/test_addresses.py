@@ -146,7 +146,7 @@ def test_an_experiment_with_a_model_of_a_file_has_a_job_for_the_folder_of_the_fi
     assert experimenting.faults == {}
     for thread in threads("many runs"):
         thread.join(60)
-    found = experimenting.found
+    found = experimenting.grid
     assert [cell.counted for cell in found.cells(experimenting.measure, "mean")] == [2, 2, 2, 2]
     name, content = found.job_file(experimenting.measure)
     assert str(folder).encode() not in content

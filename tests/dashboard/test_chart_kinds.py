@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from mesa_swarm import AGENT9, ColourMap, Looks, SwarmModel
-from mesa_swarm.dashboard.page.robot_columns import RobotValues, binned, values_of_session
+from mesa_swarm.dashboard.page.robot_columns import RobotValues, bin_values, values_of_session
 from mesa_swarm.dashboard.page.series import Series, row_until
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.run.charts import (
@@ -29,7 +29,7 @@ from mesa_swarm.dashboard.run.charts import (
     message_of,
     phase_csv,
     phase_figure,
-    thinned,
+    thin_places,
 )
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -104,7 +104,7 @@ def test_groups_state_of_which_steps_they_are_means(flock):
 @given(VALUES, st.booleans())
 def test_the_counts_of_a_histogram_sum_to_the_robots_that_have_a_value(numbers, is_direction):
     values = np.array(numbers, float)
-    bins = binned(values, is_direction=is_direction)
+    bins = bin_values(values, is_direction=is_direction)
     assert bins.counts.sum() + bins.without == len(values)
     assert (np.diff(bins.edges) > 0).all()
     assert len(bins.counts) == len(bins.edges) - 1
@@ -112,13 +112,13 @@ def test_the_counts_of_a_histogram_sum_to_the_robots_that_have_a_value(numbers, 
 
 @given(st.lists(st.floats(1e-300, 1e300), min_size=1, max_size=40))
 def test_logarithmic_bins_count_every_value_too(numbers):
-    bins = binned(np.array(numbers), log=True)
+    bins = bin_values(np.array(numbers), log=True)
     assert bins.counts.sum() == len(numbers)
     assert (np.diff(bins.edges) > 0).all()
 
 
 def test_whole_numbers_of_a_small_range_have_a_bin_each():
-    bins = binned(np.array([3.0, 5.0, 5.0]))
+    bins = bin_values(np.array([3.0, 5.0, 5.0]))
     assert (bins.edges.tolist(), bins.counts.tolist()) == ([2.5, 3.5, 4.5, 5.5], [1, 0, 2])
 
 
@@ -204,7 +204,7 @@ def test_the_points_of_a_phase_plot_are_those_of_both_series(flock):
 
 @given(st.integers(0, 5000), st.integers(1, 300))
 def test_points_are_left_out_evenly_and_the_last_one_stays(count, most):
-    places = thinned(count, most)
+    places = thin_places(count, most)
     assert len(places) <= most + 1
     assert (np.diff(places[:-1]) == places[1] - places[0]).all() if len(places) > 2 else True
     assert count == 0 or (places[0], places[-1]) == (0, count - 1)

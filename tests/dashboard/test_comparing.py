@@ -288,7 +288,7 @@ from mesa_swarm.dashboard.experiment import many_runs
 from mesa_swarm.dashboard.compare.comparing import ComparedRuns
 from mesa_swarm.experiments.plan import checked_plan
 many_runs.cpu_count = lambda: 3
-process = many_runs._begun(ComparedRuns(checked_plan("fire_fighting", seeds=2, steps=1_000_000)))
+process = many_runs._begin_process(ComparedRuns(checked_plan("fire_fighting", seeds=2, steps=1_000_000)))
 print(process.pid, flush=True)
 time.sleep(1000)
 """

@@ -7,7 +7,7 @@ from hypothesis import given
 
 from mesa_swarm import SwarmModel, disc, polygon
 from mesa_swarm.base.errors import InvalidValueError, SwarmError
-from mesa_swarm.dashboard.page.edits import EDITS, MOST_EDITS, SET, Edit, apply_edit, as_text, edits_from, thing_at
+from mesa_swarm.dashboard.page.edits import EDITS, MOST_EDITS, SET, Edit, apply_edit, as_text, edits_from, find_thing_at
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.run.editing import edited_map
 from mesa_swarm.maps.map import Map
@@ -56,14 +56,14 @@ def model():
 
 def test_what_is_at_a_place_is_a_robot_before_a_body_and_nothing_on_free_ground(model):
     robot = model.robots[3]
-    assert thing_at(model, *robot.position) is robot
-    assert thing_at(model, *model.fires[2].position) is model.fires[2]
+    assert find_thing_at(model, *robot.position) is robot
+    assert find_thing_at(model, *model.fires[2].position) is model.fires[2]
     x, y = np.add(robot.position, (0, robot.radius + 3))
-    assert thing_at(model, x, y, near=9.0) is robot
+    assert find_thing_at(model, x, y, near=9.0) is robot
     open_model = SwarmModel(map="openspace", rng=1)
-    assert thing_at(open_model, 400, 300) is None
+    assert find_thing_at(open_model, 400, 300) is None
     load = open_model.add_load(polygon([(380, 280), (420, 280), (400, 320)]), resistance=1.0)
-    assert thing_at(open_model, 400, 290) is load
+    assert find_thing_at(open_model, 400, 290) is load
 
 
 def test_a_robot_is_moved_to_free_ground_and_not_onto_anything(model):

@@ -24,7 +24,7 @@ from mesa_swarm.dashboard.experiment.experiment_view import (
     experiment_values,
     picture_of,
 )
-from mesa_swarm.dashboard.experiment.experimenting import Experimenting, checked_values, spaced, usual_values
+from mesa_swarm.dashboard.experiment.experimenting import Experimenting, checked_values, space_values, usual_values
 from mesa_swarm.dashboard.experiment.many_runs import do_task
 from mesa_swarm.dashboard.page.controls import ControlPanel
 from mesa_swarm.dashboard.page.session import Session
@@ -60,8 +60,8 @@ def choose(experimenting, **choices):
 
 def done_here(experimenting, folder, most=None):
     """Do the runs of what is chosen in this process, and return the results; stop after some of them."""
-    found = experimenting.found if experimenting.is_current else experimenting._results(experimenting._experiment())
-    experimenting.found, heard = found, []
+    found = experimenting.grid if experimenting.is_current else experimenting._results(experimenting._experiment())
+    experimenting.grid, heard = found, []
 
     def send(kind, value):
         if kind in ("before", "run"):
@@ -225,7 +225,7 @@ def test_an_experiment_of_which_nothing_can_be_built_is_refused_with_the_reason(
     choose(experimenting, q_values="7, 8")
     experimenting.start()
     assert "noise is 7" in experimenting.faults["runs"]
-    assert (experimenting.runs.running, experimenting.found) == (False, None)
+    assert (experimenting.runs.running, experimenting.grid) == (False, None)
 
 
 def test_too_many_runs_settings_values_seeds_and_steps_are_refused(experimenting):
@@ -264,9 +264,9 @@ def test_too_many_runs_settings_values_seeds_and_steps_are_refused(experimenting
 
 def test_values_are_spaced_ticked_and_typed_as_the_parameters_type():
     count, share = Parameter("count", 3, int, Slider(0, 10, 1)), Parameter("share", 0.5, float, Slider(0, 1, 0.1))
-    assert spaced(count, 0, 4, 3) == [0, 2, 4]
-    assert spaced(share, 0, 0.3, 4) == [0.0, 0.1, 0.2, 0.3]
-    assert spaced(share, 0.5, 1, 1) == [0.5]
+    assert space_values(count, 0, 4, 3) == [0, 2, 4]
+    assert space_values(share, 0, 0.3, 4) == [0.0, 0.1, 0.2, 0.3]
+    assert space_values(share, 0.5, 1, 1) == [0.5]
     assert usual_values(Parameter("flag", True, bool, None), []) == [False, True]
     assert usual_values(Parameter("rule", "a", str, Choice(("a", "b"))), []) == ["a", "b"]
     assert usual_values(Parameter("note", "", str, None), []) == [""]
@@ -308,7 +308,7 @@ def test_a_cell_has_the_mean_with_a_bootstrap_interval_or_the_share_with_wilsons
     assert math.isnan(second.interval.estimate)
     first, second = found.cells("all fires out at", SHARE)
     assert (first.interval.estimate, second.interval.estimate, second.counted) == (2 / 3, 0.0, 3)
-    experimenting.found = found
+    experimenting.grid = found
     assert [cell[3] for cell in picture_of(experimenting)["cells"]] == ["67 % [21-94 %]", "0 % [0-56 %]"]
     experimenting.set("summary", MEAN)
     note = picture_of(experimenting)["note"]
@@ -444,14 +444,14 @@ def test_the_runs_in_the_background_are_stopped_and_go_on(experimenting):
     experimenting.start()
     wait_until(lambda: experimenting.runs.done >= 3)
     experimenting.stop()
-    found = experimenting.found
+    found = experimenting.grid
     stopped = len(found.outcomes)
     assert (experimenting.runs.running, experimenting.runs.error, 3 <= stopped < 80) == (False, "", True)
     assert "at the last pace" in experimenting.size_in_words()
     folder = Path(experimenting._folder.name)
     experimenting.start()
     wait_until(lambda: not experimenting.runs.running)
-    assert (experimenting.runs.error, experimenting.found is found, found.is_complete) == ("", True, True)
+    assert (experimenting.runs.error, experimenting.grid is found, found.is_complete) == ("", True, True)
     assert experimenting.runs.before >= stopped
     experimenting.session.close()
     assert not folder.exists()

@@ -9,7 +9,7 @@ import pytest
 from mesa_swarm.base.errors import InvalidValueError, RecordingError, UnknownNameError
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.run import exporting as module
-from mesa_swarm.dashboard.run.exporting import ExportDesk, Exporter, Exporting, RecordingSwitch, Wanted
+from mesa_swarm.dashboard.run.exporting import ExportDesk, Exporter, Exporting, ExportRequest, RecordingSwitch
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from support.waiting import wait_until
@@ -231,7 +231,7 @@ def test_before_the_first_step_there_is_nothing_to_export_but_a_picture(desk):
 
 @pytest.mark.slow
 def test_an_error_of_the_command_is_shown(desk, monkeypatch):
-    monkeypatch.setattr(Wanted, "options", lambda self: ["--table", "robbots"])
+    monkeypatch.setattr(ExportRequest, "options", lambda self: ["--table", "robbots"])
     make(desk, kind="robots.csv")
     assert "unknown recorded table 'robbots'" in desk.fault
     assert not desk.fault.startswith("mesa-swarm")
@@ -260,12 +260,12 @@ def test_what_was_made_while_another_page_was_shown_is_handed_over_when_one_come
 
 def test_wrong_requests_are_refused():
     with pytest.raises(UnknownNameError):
-        Wanted(kind="exe")
+        ExportRequest(kind="exe")
     with pytest.raises(UnknownNameError):
-        Wanted(kind="png", source="moon")
+        ExportRequest(kind="png", source="moon")
     with pytest.raises(InvalidValueError):
-        Wanted(kind="robots.csv", every=0)
-    assert Wanted(kind="mp4", trails=True, sectors=True).options() == ["--sectors", "--trails", "60"]
+        ExportRequest(kind="robots.csv", every=0)
+    assert ExportRequest(kind="mp4", trails=True, sectors=True).options() == ["--sectors", "--trails", "60"]
 
 
 def test_the_page_receives_the_status():

@@ -10,8 +10,8 @@ from mesa_swarm.dashboard.info import info_view
 from mesa_swarm.dashboard.info.info_view import (
     SCROLLED,
     Info,
-    drawn_equation,
-    drawn_listing,
+    draw_equation,
+    draw_listing,
     is_built,
     play_with,
     prose,
@@ -115,22 +115,22 @@ class Tags(HTMLParser):
 @pytest.mark.parametrize("name", [*HOSTILE_NAMES, "<img src=x onerror=alert(1)>", "</code><script>alert(1)</script>"])
 def test_texts_equations_and_code_make_no_markup(name):
     text = Tags(prose(f"{name} `{name}`")).found
-    code = Tags(drawn_listing(Listing(name=name, module=name, code=f"x = 1  # {name}"))).found
-    latex = Tags(drawn_equation(Equation(latex=rf"\text{{{name}}} + x_{{{name}}}", text=name))).found
+    code = Tags(draw_listing(Listing(name=name, module=name, code=f"x = 1  # {name}"))).found
+    latex = Tags(draw_equation(Equation(latex=rf"\text{{{name}}} + x_{{{name}}}", text=name))).found
     assert (text | code | latex) <= ALLOWED | {tag for tag in latex if tag.startswith("m")}
     assert "src" not in latex | code | text
 
 
 def test_equations_are_mathml_and_stay_latex_where_they_cannot_be_drawn(monkeypatch):
-    assert "<math" in drawn_equation(Equation(latex=r"\frac{a}{b}", text="a over b"))
+    assert "<math" in draw_equation(Equation(latex=r"\frac{a}{b}", text="a over b"))
     monkeypatch.setattr(info_view, "convert", lambda *_, **__: 1 / 0)
-    drawn = drawn_equation(Equation(latex=r"x < \y", text="letters"))
+    drawn = draw_equation(Equation(latex=r"x < \y", text="letters"))
     box = f'<div class="swarm-equation" {SCROLLED} aria-label="equation">'
     assert drawn == rf"{box}<p><code>x &lt; \y</code></p></div><p>letters</p>"
 
 
 def test_code_is_highlighted_by_classes_and_escaped():
-    drawn = drawn_listing(Listing(name="<Rule>", module="mine", code="def rule(me):\n    return 1 < 2"))
+    drawn = draw_listing(Listing(name="<Rule>", module="mine", code="def rule(me):\n    return 1 < 2"))
     assert '<span class="k">def</span>' in drawn
     assert "&lt;Rule&gt;" in drawn
     assert "style=" not in drawn

@@ -142,7 +142,7 @@ def test_a_change_of_a_model_that_cannot_be_stored_is_not_undone_with_an_earlier
     def refuse(run):
         raise RecordingError("a custom part cannot be stored")
 
-    monkeypatch.setattr(LiveRun, "stored", refuse)
+    monkeypatch.setattr(LiveRun, "store", refuse)
     session.edit("obstacle", 200, 100, 20)
     assert session.undoable is None
 

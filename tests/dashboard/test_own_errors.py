@@ -9,7 +9,7 @@ import solara
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.dashboard import MODEL_VARIABLE, app
 from mesa_swarm.dashboard.compare.comparing import Comparing
-from mesa_swarm.dashboard.experiment.experiment_results import failed_run
+from mesa_swarm.dashboard.experiment.experiment_results import describe_failure
 from mesa_swarm.dashboard.experiment.experimenting import Experimenting
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.replay.replay_view import Replay
@@ -144,7 +144,7 @@ def test_runs_of_an_experiment_that_fail_state_where_and_print_one_traceback(own
     capfd.readouterr()
     experimenting.start()
     wait_until(lambda: not experimenting.runs.running, 120)
-    errors = set(experimenting.found.errors().values())
+    errors = set(experimenting.grid.errors().values())
     session.close()
     assert errors == {PLACE.format("step")}
     assert tracebacks(capfd) == ["KeyError: 'step'"]
@@ -169,7 +169,7 @@ def test_the_first_of_many_processes_prints_the_traceback_of_a_run(tmp_path, cap
     try:
         raise ZeroDivisionError("division by zero")
     except ZeroDivisionError as problem:
-        lines = {failed_run(tmp_path, problem) for _ in range(5)}
+        lines = {describe_failure(tmp_path, problem) for _ in range(5)}
     (line,) = lines
     assert line.startswith("test_own_errors.py, line ")
     assert line.endswith(": ZeroDivisionError: division by zero")

@@ -106,7 +106,7 @@ def test_long_recordings_are_thinned_to_exact_rows(fires):
     assert recorded.every > 1
     live_steps, numbers = live.rows("total_collisions")
     assert rows.tolist() == numbers[np.isin(live_steps, steps)].tolist()
-    assert recorded.collisions_of(np.array([1]), STEPS - 1) is not None or recorded._met is None
+    assert recorded.collisions_of(np.array([1]), STEPS - 1) is not None or recorded._colliding is None
 
 
 def test_events_of_a_recording_are_counted_by_name(tmp_path):

@@ -206,7 +206,7 @@ def test_events_are_found_and_jumped_to(replaying):
 def test_a_recording_is_handed_over_in_pieces_and_deleted_afterwards(replaying, folder):
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content, piece=10_000)
-    place = replaying._own.path.parent
+    place = replaying._upload.path.parent
     assert (replaying.fault, replaying.name, replaying.player.step_shown) == ("", "mine.arrow", 1)
     wait_until(lambda: replaying.events is not None)
     replaying.open_listed("fires.arrow")
@@ -217,7 +217,7 @@ def test_a_recording_stays_open_until_another_one_could_be_opened(replaying, fol
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content)
     wait_until(lambda: replaying.events is not None)
-    open_one, events, place = replaying.player, replaying.events, replaying._own.path.parent
+    open_one, events, place = replaying.player, replaying.events, replaying._upload.path.parent
     open_one.look_at(60)
     replaying.set_parameter("strategy", "B")
     wrong = (
@@ -438,7 +438,7 @@ def test_recorded_parameters_that_no_model_takes_do_not_reach_the_controls(repla
 def test_closing_lets_go_of_file_folder_and_threads(replaying, folder):
     content = (folder / "fires.arrow").read_bytes()
     hand_over(replaying, "mine.arrow", content)
-    place, player = str(replaying._own.path.parent), replaying.player
+    place, player = str(replaying._upload.path.parent), replaying.player
     player.play()
     replaying.session.close()
     del player

@@ -7,7 +7,7 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.dashboard.compare.pair import Pair
-from mesa_swarm.dashboard.page.series import MOST_NUMBERS, Series, charts_of, grouped
+from mesa_swarm.dashboard.page.series import MOST_NUMBERS, Series, charts_of, group_rows
 from mesa_swarm.dashboard.page.session import MOST_WATCHED_STEPS, Session
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
@@ -63,20 +63,20 @@ def test_long_runs_are_thinned_to_exact_numbers_of_every_so_many_steps():
 def test_groups_have_mean_least_and_greatest_of_all_rows():
     rng = np.random.default_rng(1)
     rows = rng.normal(size=(1000, 3))
-    curves = grouped(np.arange(1, 1001), rows, 8)
+    curves = group_rows(np.arange(1, 1001), rows, 8)
     assert curves.mean.shape == (3, 125)
     assert curves.mean[:, 7] == pytest.approx(rows[56:64].mean(axis=0))
     assert curves.low.min(axis=1) == pytest.approx(rows.min(axis=0))
     assert curves.high.max(axis=1) == pytest.approx(rows.max(axis=0))
     assert curves.steps[-1] == 1000
-    few = grouped(np.arange(1, 6), np.array([[1.0], [3.0], [5.0], [np.nan], [7.0]]), 2)
+    few = group_rows(np.arange(1, 6), np.array([[1.0], [3.0], [5.0], [np.nan], [7.0]]), 2)
     assert few.steps.tolist() == [2, 4, 5]
     assert (few.mean.tolist(), few.high.tolist()) == ([[2.0, 5.0, 7.0]], [[3.0, 5.0, 7.0]])
 
 
 def test_what_was_drawn_stays_as_it_is_while_rows_are_added():
     rows = np.random.default_rng(2).normal(size=(900, 1))
-    before, after = (grouped(np.arange(n), rows[:n], 4).mean[0] for n in (800, 900))
+    before, after = (group_rows(np.arange(n), rows[:n], 4).mean[0] for n in (800, 900))
     assert after[:200].tolist() == before.tolist()
 
 

@@ -435,7 +435,7 @@ def test_a_roster_numbers_robots_by_their_first_rows():
     roster = Roster(world.swarm)
     world.robots[3].remove()
     world.robots[0].remove()
-    gone = roster.gone(world.swarm)
+    gone = roster.find_gone(world.swarm)
     assert gone.tolist() == [0, 3]
     roster.drop(gone)
     assert roster.numbers.tolist() == [1, 2, 4]

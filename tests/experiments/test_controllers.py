@@ -295,7 +295,9 @@ DEFLATED = zipfile.ZIP_DEFLATED
 def test_an_archive_that_only_looks_like_one_of_stable_baselines_is_not_given_to_it(
     tmp_path, monkeypatch, options, why
 ):
-    monkeypatch.setattr("mesa_swarm.experiments.controllers.need", lambda *_: pytest.fail("it was given to it"))
+    monkeypatch.setattr(
+        "mesa_swarm.experiments.controllers.require_extra", lambda *_: pytest.fail("it was given to it")
+    )
     file = sb3_file(tmp_path, **options)
     with pytest.raises(
         LearningError, match=rf"is not a file that Stable-Baselines3 saved: .*{re.escape(why)}"
@@ -331,7 +333,7 @@ def test_whatever_loading_raises_is_one_line(tmp_path, monkeypatch, error):
         raise error
 
     foreign = SimpleNamespace(PPO=SimpleNamespace(load=load), A2C=SimpleNamespace(load=load))
-    monkeypatch.setattr("mesa_swarm.experiments.controllers.need", lambda *_: None)
+    monkeypatch.setattr("mesa_swarm.experiments.controllers.require_extra", lambda *_: None)
     monkeypatch.setattr("mesa_swarm.experiments.controllers.import_module", lambda name: foreign)
     with pytest.raises(LearningError, match="cannot be loaded as A2C") as caught:
         load_controller(sb3_file(tmp_path))

@@ -6,7 +6,7 @@ import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
 from mesa_swarm.base.errors import InvalidValueError, SwarmError
-from mesa_swarm.base.files import opened_draft
+from mesa_swarm.base.files import open_draft
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.experiments.sweep import sweep
@@ -114,7 +114,7 @@ def test_what_a_kill_interrupted_has_whole_files_and_ends_in_the_same_ones(tmp_p
     swept(cut)
     *_, last = sorted((cut / "series/agents").iterdir())
     last.unlink()  # as if its run had been under way
-    draft = opened_draft(last)
+    draft = open_draft(last)
     draft.write(b"PAR1 half")
     draft.close()
     made, *found = swept(cut)

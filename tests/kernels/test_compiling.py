@@ -121,7 +121,7 @@ def test_a_subclass_needs_at_least_what_its_model_of_the_gallery_needs():
 
 def test_a_text_stands_in_place_of_the_innermost_bar_until_work_is_done(capsys, monkeypatch):
     monkeypatch.setattr(work_done, "always_drawn", True)
-    with progress_bar(3, "runs", shown=True), progress_bar(4, "steps", shown=True) as bar:
+    with progress_bar(3, "runs", is_shown=True), progress_bar(4, "steps", is_shown=True) as bar:
         compiling.note(compiling_progress(34, 60))
         assert "\rcompiling, once per installation: 34 of 60" in capsys.readouterr().err
         assert str(bar) == "compiling, once per installation: 34 of 60"
@@ -133,7 +133,7 @@ def test_a_text_stands_in_place_of_the_innermost_bar_until_work_is_done(capsys, 
 
 
 def test_without_a_bar_nothing_is_shown(capsys):
-    with progress_bar(3, "runs", shown=False):
+    with progress_bar(3, "runs", is_shown=False):
         compiling.note(compiling_progress(34, 60))
     assert capsys.readouterr() == ("", "")
 

@@ -11,7 +11,7 @@ from mesa_swarm import SwarmModel
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.model.info import info_file, model_info
-from mesa_swarm.model.parameters import Slider, parsed_settings
+from mesa_swarm.model.parameters import Slider, parse_settings
 from mesa_swarm.models.agglomeration import Agglomeration
 from support.own_models import write_model
 
@@ -71,7 +71,7 @@ def test_the_command_of_a_preset_sets_what_the_preset_sets(name, preset):
     words = info.command(preset).split()
     assert words[:3] == ["mesa-swarm", "run", name]
     assert words[3::2] == ["--set"] * len(preset.settings)
-    assert parsed_settings(info.model_class, words[4::2]) == preset.settings
+    assert parse_settings(info.model_class, words[4::2]) == preset.settings
 
 
 @pytest.mark.parametrize("latex", EQUATIONS)

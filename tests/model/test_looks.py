@@ -14,7 +14,7 @@ from mesa_swarm import AGENT9, Chart, ColourMap, Looks, Recording, SwarmModel, d
 from mesa_swarm.base.errors import InvalidValueError, RecordingError, SwarmError, UnknownNameError
 from mesa_swarm.dashboard.page.series import Series
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.model.looks import LABEL_BYTES, label_bytes, looks_of, themed
+from mesa_swarm.model.looks import LABEL_BYTES, label_bytes, looks_of, pair_colours
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.schema import checked_scenery
 from mesa_swarm.viewing.export import export
@@ -264,10 +264,10 @@ def test_the_colour_of_a_value_rises_with_it_and_ends_at_the_range(low, width, s
 
 
 def test_a_colour_may_differ_between_themes():
-    assert themed("load", "#A0b1C2") == ("#A0b1C2", "#A0b1C2")
-    assert themed("load", ("#000000", "#ffffff")) == ("#000000", "#ffffff")
+    assert pair_colours("load", "#A0b1C2") == ("#A0b1C2", "#A0b1C2")
+    assert pair_colours("load", ("#000000", "#ffffff")) == ("#000000", "#ffffff")
     with pytest.raises(SwarmError):
-        themed("load", "#fff")
+        pair_colours("load", "#fff")
     assert len(LIGHT.values) == VALUE_STEPS
 
 

@@ -9,7 +9,7 @@ from mesa_swarm.dashboard.page.controls import control_values
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.models.q_learning import QLearning
-from mesa_swarm.recording.provenance import provenance_of, rebuilt
+from mesa_swarm.recording.provenance import provenance_of, rebuild_model
 
 
 @pytest.mark.parametrize(("answer", "meant"), [("yes", True), ("no", False), (True, True), (np.False_, False)])
@@ -51,9 +51,9 @@ def test_a_model_without_a_learner_names_its_drivers():
 
 def test_a_recording_of_before_the_state_was_rewarded_is_run_again_with_the_next_state():
     provenance = provenance_of(QLearning(n_robots=2, critical=0.4, actions=4, rng=1), rerun=True)
-    assert rebuilt(provenance, QLearning).learner.reward_of == "state"
+    assert rebuild_model(provenance, QLearning).learner.reward_of == "state"
     del provenance["parameters"]["reward_of"]
-    older = rebuilt(provenance, QLearning)
+    older = rebuild_model(provenance, QLearning)
     assert (older.learner.reward_of, older.learner.critical, older.learner.actions) == ("next state", 0.4, 4)
 
 

@@ -7,8 +7,8 @@ from datetime import date
 import yaml
 
 import mesa_swarm
-from mesa_swarm.learning.hebbian import WITHOUT_EFFECT
 from mesa_swarm.base.moved import HOMES, NAMES
+from mesa_swarm.learning.hebbian import WITHOUT_EFFECT
 from support.installing import ROOT
 
 TEXT = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")

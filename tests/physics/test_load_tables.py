@@ -30,10 +30,10 @@ def test_the_tables_are_made_anew_only_when_a_load_has_moved_by_several_radii():
     scenes = set()
     for _ in range(100):
         model.step()
-        scenes.add(id(model.parts.bodies.made.scene))
+        scenes.add(id(model.parts.bodies.cache.scene))
         model.scenes = [
             *getattr(model, "scenes", []),
-            model.parts.bodies.made.scene,
+            model.parts.bodies.cache.scene,
         ]  # kept, so that no id is used twice
     assert 3 <= len(scenes) <= 7
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from mesa_swarm.base.errors import RecordingError
-from mesa_swarm.recording.container import LENGTH, MAGIC, Checkpoint, Packed, from_bytes, to_bytes
+from mesa_swarm.recording.container import LENGTH, MAGIC, Checkpoint, Packer, from_bytes, to_bytes
 
 DTYPES = st.one_of(
     hnp.boolean_dtypes(),
@@ -30,11 +30,11 @@ VALUES = st.recursive(
 
 
 def through_bytes(value):
-    packed = Packed()
-    checkpoint = Checkpoint(step=7, state_hash="ab", facts={"value": packed.pack(value)}, arrays=packed.arrays)
+    packer = Packer()
+    checkpoint = Checkpoint(step=7, state_hash="ab", facts={"value": packer.pack(value)}, arrays=packer.arrays)
     again = from_bytes(to_bytes(checkpoint))
     assert (again.step, again.state_hash) == (7, "ab")
-    return Packed(again.arrays).unpack(again.facts["value"])
+    return Packer(again.arrays).unpack(again.facts["value"])
 
 
 def assert_same(value, again):
@@ -90,13 +90,13 @@ def test_geometries_are_restored_with_their_types_and_coordinates(geometry):
 @pytest.mark.parametrize("name", ["geometry", "ring"])
 def test_a_damaged_geometry_is_refused_in_one_line(name, content):
     with pytest.raises(RecordingError, match="cannot be decoded"):
-        Packed().unpack({name: content})
+        Packer().unpack({name: content})
 
 
 @pytest.mark.parametrize("value", [object(), np.array([object()]), np.zeros(2, "i4,f8"), len, type, (1).__add__])
 def test_what_is_not_plain_is_refused(value):
     with pytest.raises(RecordingError, match="cannot be stored"):
-        Packed().pack(value)
+        Packer().pack(value)
 
 
 def test_what_claims_to_be_larger_than_it_is_is_refused_before_memory_is_spent():

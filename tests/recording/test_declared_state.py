@@ -10,7 +10,7 @@ from mesa_swarm.fire import Spreading
 from mesa_swarm.model.scattering import scatter
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.recording.container import Packed
+from mesa_swarm.recording.container import Packer
 from support.scenes import blind
 
 
@@ -104,9 +104,9 @@ def test_arrays_that_were_separated_during_the_run_stay_separate():
 def test_views_of_one_array_remain_views_of_it():
     grid = np.arange(24.0).reshape(4, 6)
     values = [grid, grid[1:3, ::2], grid.T, grid[::-1], np.asfortranarray(grid), grid[:0]]
-    packed = Packed()
-    again = Packed(packed.arrays)
-    content = packed.pack(values)
+    packer = Packer()
+    again = Packer(packer.arrays)
+    content = packer.pack(values)
     views = again.unpack(content)
     for value, view in zip(values, views, strict=True):
         assert (view == value).all()
@@ -115,7 +115,7 @@ def test_views_of_one_array_remain_views_of_it():
     grid[2, 3] = -1
     for value, view in zip(values, views, strict=True):
         assert (view == value).all()
-    assert len(packed.arrays) == 3
+    assert len(packer.arrays) == 3
 
 
 def test_a_stored_view_that_reaches_beyond_its_array_is_refused():
@@ -128,14 +128,14 @@ def test_a_stored_view_that_reaches_beyond_its_array_is_refused():
         [0, ["x"], [8]],
     ):
         with pytest.raises(RecordingError, match="cannot be decoded"):
-            Packed([np.zeros(4)]).unpack({"array": 0, "view": view})
+            Packer([np.zeros(4)]).unpack({"array": 0, "view": view})
 
 
 def test_a_view_of_another_type_is_refused_in_one_line():
-    grid, packed = np.zeros(4), Packed()
-    packed.pack(grid, "a")
+    grid, packer = np.zeros(4), Packer()
+    packer.pack(grid, "a")
     with pytest.raises(RecordingError, match=r"^b is a view of an array with another type or shape, which"):
-        packed.pack(grid.view(np.int64), "b")
+        packer.pack(grid.view(np.int64), "b")
 
 
 def test_a_view_of_a_column_is_a_view_of_the_column_when_resumed(tmp_path):

@@ -14,7 +14,7 @@ from mesa_swarm.model.state import refuse_attributes
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording import Recording, sealed_stream, verify
 from mesa_swarm.recording.container import CODEC, LENGTH, MAGIC, from_bytes, to_bytes
-from mesa_swarm.recording.resume import resumed, shipped_class_of
+from mesa_swarm.recording.resume import resume_watched, shipped_class_of
 from mesa_swarm.recording.sealed_stream import SealedReader, SealedWriter
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from support.forging import changed, put_together, taken_apart
@@ -263,7 +263,7 @@ def test_running_again_shows_how_far_it_is_and_ends_when_its_owner_goes(parts, t
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        resumed(Recording(path), SwarmModel, STEPS, {}, watch)
+        resume_watched(Recording(path), SwarmModel, STEPS, {}, watch)
     assert seen == [1, 2, 3]
 
 

@@ -10,7 +10,7 @@ from mesa_swarm.base.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, collected, container, verify
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.recording.container import Checkpoint, Packed, from_bytes, to_bytes
+from mesa_swarm.recording.container import Checkpoint, Packer, from_bytes, to_bytes
 from mesa_swarm.recording.schema import longest_gap
 from mesa_swarm.recording.verify import states_to
 from support.forging import put_together, taken_apart
@@ -187,9 +187,9 @@ def test_series_that_are_more_as_lists_than_as_arrays_are_refused(tmp_path, of, 
 
 
 def test_an_array_that_many_values_name_takes_the_memory_of_one():
-    packed = Packed()
-    content = packed.pack(np.zeros(9))
-    values = Packed(packed.arrays).unpack([content] * 1000)
+    packer = Packer()
+    content = packer.pack(np.zeros(9))
+    values = Packer(packer.arrays).unpack([content] * 1000)
     assert all(value is values[0] for value in values)
 
 

@@ -180,8 +180,8 @@ def test_a_copied_model_with_loads_goes_on_as_the_model_does(duplicate, engine):
     assert twin.state_hash() == model.state_hash()
     assert twin.loads[0] is not load
     assert twin.loads[0].pose == load.pose
-    assert twin.parts.bodies.made.scene.bodies is twin.parts.bodies.table
-    assert (twin.parts.bodies.made.scene.statics.edges == model.parts.bodies.made.scene.statics.edges).all()
+    assert twin.parts.bodies.cache.scene.bodies is twin.parts.bodies.table
+    assert (twin.parts.bodies.cache.scene.statics.edges == model.parts.bodies.cache.scene.statics.edges).all()
 
 
 @pytest.mark.parametrize(("loads", "turns"), [("always", True), ("never", False)])

@@ -64,17 +64,17 @@ def series_of_pair(pair: Pair) -> tuple[Reports, Reports]:
 def _reports_of(side: Side) -> Reports:
     if side.model is None:
         return {}
-    found: Reports = {}
+    reports: Reports = {}
     for label, (key, k) in side.series.labels().items():
         (steps, numbers), chart = side.series.rows(key), side.series.chart(key)
-        found[label if len(chart.names) > 1 else key] = steps, numbers[:, k], label, chart.unit
+        reports[label if len(chart.names) > 1 else key] = steps, numbers[:, k], label, chart.unit
     # A report that was never a number is left out.
-    return {name: line for name, line in found.items() if not len(line[0]) or np.isfinite(line[1]).any()}
+    return {name: line for name, line in reports.items() if not len(line[0]) or np.isfinite(line[1]).any()}
 
 
-def curves_png(series: Sequence[Reports], labels: Sequence[str], chosen: Sequence[str] = ()) -> bytes:
+def curves_png(series: Sequence[Reports], labels: Sequence[str], chosen_names: Sequence[str] = ()) -> bytes:
     """Return a chart as PNG: a panel for each chosen report, by default the first three, with a line for each world."""
-    names = main_reports(series, chosen)
+    names = main_reports(series, chosen_names)
     with _DRAWING:
         figure = Figure(figsize=SIZE)
         panels = figure.subplots(1, max(len(names), 1), squeeze=False)[0]
@@ -86,10 +86,10 @@ def curves_png(series: Sequence[Reports], labels: Sequence[str], chosen: Sequenc
         return png(figure, DOTS_PER_INCH)
 
 
-def main_reports(series: Sequence[Reports], chosen: Sequence[str] = ()) -> list[str]:
+def main_reports(series: Sequence[Reports], chosen_names: Sequence[str] = ()) -> list[str]:
     """Return the names of the reports to draw: the chosen ones, or the first ones of all."""
-    names = order_reports(dict.fromkeys(name for one in series for name in one))
-    return [name for name in names if name in chosen] or names[:MOST_PANELS]
+    names = order_reports(dict.fromkeys(name for reports in series for name in reports))
+    return [name for name in names if name in chosen_names] or names[:MOST_PANELS]
 
 
 def order_reports(names: Iterable[str]) -> list[str]:
@@ -99,16 +99,16 @@ def order_reports(names: Iterable[str]) -> list[str]:
 
 def names_of(pair: Pair) -> dict[str, str]:
     """Return the titles of all reports of both worlds by name, in order."""
-    found = {name: line[2] for reports in series_of_pair(pair) for name, line in reports.items()}
-    return {name: found[name] for name in order_reports(found)}
+    labels = {name: line[2] for reports in series_of_pair(pair) for name, line in reports.items()}
+    return {name: labels[name] for name in order_reports(labels)}
 
 
 def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]) -> None:
     """Draw one report of both worlds into a panel."""
-    lines = [one[name] for one in series if name in one]
-    for one, label, (colour, style) in zip(series, labels, STYLES, strict=True):
-        if name in one:
-            middles, means = (window_means(part.astype(float), CORNERS)[1] for part in one[name][:2])
+    lines = [reports[name] for reports in series if name in reports]
+    for reports, label, (colour, style) in zip(series, labels, STYLES, strict=True):
+        if name in reports:
+            middles, means = (window_means(part.astype(float), CORNERS)[1] for part in reports[name][:2])
             axes.plot(middles, means, style, color=colour, linewidth=1.8, label=literal(label))
     title, unit = lines[0][2:] if lines else (name, "")
     axes.set_title(literal(title), fontsize=11, loc="left", color=LIGHT.ink)
@@ -116,14 +116,14 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
     axes.set_xlabel("step", fontsize=9, labelpad=1)
     axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    known = [numbers[np.isfinite(numbers)] for _, numbers, *_ in lines]
-    counts = all((numbers == np.round(numbers)).all() for numbers in known)
+    finite = [numbers[np.isfinite(numbers)] for _, numbers, *_ in lines]
+    counts = all((numbers == np.round(numbers)).all() for numbers in finite)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=counts, min_n_ticks=1))
     axes.tick_params(labelsize=9)
     axes.grid(axis="y", color=LIGHT.line, linewidth=0.7)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlim(0, max([1, *(steps[-1] for steps, *_ in lines if len(steps))]))
-    if all(numbers.min(initial=0.0) >= 0.0 for numbers in known):
+    if all(numbers.min(initial=0.0) >= 0.0 for numbers in finite):
         axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)
 
 
@@ -137,7 +137,7 @@ class CurveThread:
         take: Callable[[bytes], None],
         chosen: Callable[[], Sequence[str]] = tuple,
     ) -> None:
-        self._pair, self._labels, self._take, self._chosen = pair, labels, take, chosen
+        self._pair, self._labels, self._take, self._choose = pair, labels, take, chosen
         self._stop = threading.Event()
         threading.Thread(target=self._run, name="curves", daemon=True).start()
 
@@ -146,13 +146,13 @@ class CurveThread:
         self._stop.set()
 
     def _run(self) -> None:
-        drawn: tuple = ()
+        pictured: tuple = ()
         while not self._stop.is_set():
-            labels, chosen = tuple(self._labels()), tuple(self._chosen())
-            now = labels, chosen, *((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
-            if now != drawn:
-                drawn = now
-                self._take(curves_png(series_of_pair(self._pair), labels, chosen))
+            labels, names = tuple(self._labels()), tuple(self._choose())
+            now = labels, names, *((id(side.model), side.model and side.model.completed) for side in self._pair.sides)
+            if now != pictured:
+                pictured = now
+                self._take(curves_png(series_of_pair(self._pair), labels, names))
             self._stop.wait(EVERY)
 
 
@@ -165,16 +165,16 @@ class ComparePanel(Link):
 
     def __init__(self, widget: ControlPanel, comparing: Comparing) -> None:
         self.widget, self.comparing = widget, comparing
-        self._shown: tuple = ()
+        self._content: tuple = ()
         self.connect(widget, comparing.pair.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
         """Show all values."""
         comparing = self.comparing
-        shown = comparing.name, comparing.parameter, tuple(comparing.session.map_names())
-        if shown != self._shown:
-            self._shown = shown
+        content = comparing.name, comparing.parameter, tuple(comparing.session.map_names())
+        if content != self._content:
+            self._content = content
             self.widget.groups = comparison_groups(comparing)
         self.widget.values = comparison_values(comparing)
 
@@ -309,8 +309,8 @@ def Compare(session: Session) -> None:
 
 def captions(comparing: Comparing) -> tuple[str, str]:
     """Return the names of the two worlds as built."""
-    parameter, built = parameter_label(comparing.parameter), comparing.built
-    first, second = (f"{name}: {parameter} {value_text(built[name])}" for name in NAMES)
+    parameter, settings = parameter_label(comparing.parameter), comparing.built
+    first, second = (f"{name}: {parameter} {value_text(settings[name])}" for name in NAMES)
     return first, second
 
 
@@ -329,25 +329,25 @@ def Curves(comparing: Comparing) -> None:
     picture, take = solara.use_state(b"")
     _, draw_anew = solara.use_state(0)
     use_changes(comparing.pair.changed)
-    stored = comparing.session.chosen_charts
+    charts = comparing.session.chosen_charts
 
     def chosen() -> list[str]:
-        return stored.get(f"compare {comparing.name}", [])
+        return charts.get(f"compare {comparing.name}", [])
 
     def choose(name: str) -> None:
-        others = [one for one in shown if one != name]
-        stored[f"compare {comparing.name}"] = others if name in shown else [*others, name]
+        others = [other for other in names if other != name]
+        charts[f"compare {comparing.name}"] = others if name in names else [*others, name]
         draw_anew(lambda count: count + 1)
 
     solara.use_effect(lambda: CurveThread(comparing.pair, lambda: captions(comparing), take, chosen).close, [])
     titles = names_of(comparing.pair)
-    shown = main_reports(series_of_pair(comparing.pair), chosen())
+    names = main_reports(series_of_pair(comparing.pair), chosen())
     with rv.Html(tag="details", class_="swarm-reports"):
         rv.Html(tag="summary", children=[f"Choose up to {MOST_PANELS} reports"])
         with solara.Div():
             for name, title in titles.items():
-                has_room = name in shown or len(shown) < MOST_PANELS
-                Button(title, partial(choose, name), pressed=name in shown, enabled=has_room).key(name)
+                has_room = name in names or len(names) < MOST_PANELS
+                Button(title, partial(choose, name), pressed=name in names, enabled=has_room).key(name)
     Image(picture, "Reports of both worlds over time", "swarm-curves")
 
 

@@ -88,8 +88,8 @@ class Comparing:
     @property
     def choices(self) -> dict[str, Parameter]:
         """The parameters that can be compared, by name."""
-        known, named = self.parameters.values(), ("map", getattr(self.model_class, "compares", (None,))[0])
-        return {one.name: one for one in known if one.name in named or isinstance(one.control, (Choice, Slider))}
+        parameters, always = self.parameters.values(), ("map", getattr(self.model_class, "compares", (None,))[0])
+        return {p.name: p for p in parameters if p.name in always or isinstance(p.control, (Choice, Slider))}
 
     @property
     def shared_settings(self) -> dict[str, Any]:
@@ -97,14 +97,14 @@ class Comparing:
         session = self.session
         if session.name != self.name:
             return {}
-        requested = {name: value for name, value in session.settings.items() if value != self.parameters[name].default}
-        requested.pop(self.parameter, None)
-        return {name: self._meant(name, value) for name, value in requested.items()}
+        settings = {name: value for name, value in session.settings.items() if value != self.parameters[name].default}
+        settings.pop(self.parameter, None)
+        return {name: self._find_map(name, value) for name, value in settings.items()}
 
     @property
     def waiting(self) -> frozenset[str]:
         """Of "A", "B" and "seed" those that will be as requested only after a reset."""
-        return frozenset(name for name, value in self._requested().items() if self.built.get(name) != value)
+        return frozenset(name for name, value in self._request_settings().items() if self.built.get(name) != value)
 
     def choose_model(self, name: str) -> None:
         """Compare another model, in the parameter that it suggests."""
@@ -126,7 +126,7 @@ class Comparing:
     def set_value(self, side: str, value: Any) -> None:
         """Set the value in world A or B, from the next reset on."""
         try:
-            self.values[NAMES.index(side)] = self._checked(value)
+            self.values[NAMES.index(side)] = self._check_setting(value)
             self.faults.pop(side, None)
         except Exception as problem:  # shown beside the control
             self.faults[side] = reported(problem)
@@ -144,7 +144,7 @@ class Comparing:
 
     def reset(self) -> None:
         """Stop, and build both worlds as requested."""
-        self.built, models = self._requested(), (None, None)
+        self.built, models = self._request_settings(), (None, None)
         self.faults.pop("worlds", None)
         try:
             models = self._models()
@@ -154,7 +154,7 @@ class Comparing:
 
     def plan(self) -> ComparisonPlan:
         """Return the plan of the comparison over many seeds."""
-        values = [self._meant(self.parameter, value) for value in self.values]
+        values = [self._find_map(self.parameter, value) for value in self.values]
         return checked_plan(
             self.model_class, self.parameter, values, self.seeds, steps=self.steps, settings=self.shared_settings
         )
@@ -215,22 +215,22 @@ class Comparing:
         self.runs.close()
         self.pair.close()
 
-    def _requested(self) -> dict[str, Any]:
+    def _request_settings(self) -> dict[str, Any]:
         first, second = self.values
         return {"A": first, "B": second, "seed": self.seed}
 
     def _models(self) -> tuple:
         settings = self.shared_settings
         return tuple(
-            self.model_class(**settings, **{self.parameter: self._meant(self.parameter, value)}, rng=self.seed)
+            self.model_class(**settings, **{self.parameter: self._find_map(self.parameter, value)}, rng=self.seed)
             for value in self.values
         )
 
-    def _meant(self, name: str, value: Any) -> Any:
+    def _find_map(self, name: str, value: Any) -> Any:
         """Return the uploaded map of this name, or the value itself."""
         return self.session.uploads.get(value, value) if name == "map" else value
 
-    def _checked(self, value: Any) -> Any:
+    def _check_setting(self, value: Any) -> Any:
         parameter = self.choices[self.parameter]
         if parameter.name == "map":
             return check_choice("map", value, self.session.map_names(parameter))
@@ -242,8 +242,8 @@ def two_values(model_class: type, parameter: Parameter, maps: list[str]) -> list
 
     Those that the model suggests; else the first two of a list, or the default and the farther end of the slider.
     """
-    named, values = getattr(model_class, "compares", (None, ()))
-    if parameter.name == named and len(values) >= 2:
+    name, values = getattr(model_class, "compares", (None, ()))
+    if parameter.name == name and len(values) >= 2:
         return list(values[:2])
     control = parameter.control
     if isinstance(control, Slider):

@@ -60,23 +60,23 @@ class GridRuns:
     def do(self, workers: int, send: Send) -> None:
         """Send the number of each run and its outcome: those done earlier at once, each other one when it is done."""
         places = {run.key: number for number, run in enumerate(self.experiment.runs())}
-        stored = stored_runs(self.experiment, self.folder)
-        known = [(run, outcome) for run, outcome in stored if not (self.retry_failed and outcome.error is not None)]
-        send("before", [(places[run.key], outcome) for run, outcome in known])
+        results = stored_runs(self.experiment, self.folder)
+        outcomes = [(run, outcome) for run, outcome in results if not (self.retry_failed and outcome.error is not None)]
+        send("before", [(places[run.key], outcome) for run, outcome in outcomes])
 
-        def heard(run: Run, outcome: Outcome) -> None:
+        def send_run(run: Run, outcome: Outcome) -> None:
             send("run", (places[run.key], outcome))
 
         how: dict[str, Any] = {
             "retry_failed": self.retry_failed,
-            "heard": heard,
-            "words": partial(failed_run, self.folder),
+            "heard": send_run,
+            "words": partial(describe_failure, self.folder),
         }
-        made = run_experiment(self.experiment, self.folder, workers, **how)
-        send("report", made)
+        report = run_experiment(self.experiment, self.folder, workers, **how)
+        send("report", report)
 
 
-def failed_run(folder: Path, error: BaseException) -> str:
+def describe_failure(folder: Path, error: BaseException) -> str:
     """Return one line about the error of a run, with its place; the first of all processes prints the traceback."""
     place, line = place_of_error(error), error_in_words(error)
     about = blake2b(f"{place} {line}".encode(), digest_size=8).hexdigest()
@@ -115,8 +115,8 @@ class GridResults:
         """Store the outcome of a run."""
         number, outcome = numbered
         # Names arrive anew with each outcome: thousands of runs share them.
-        shared = {intern(name): value for name, value in outcome.numbers.items()}
-        self.outcomes[number] = replace(outcome, results=None if outcome.results is None else shared)
+        numbers = {intern(name): value for name, value in outcome.numbers.items()}
+        self.outcomes[number] = replace(outcome, results=None if outcome.results is None else numbers)
 
     @property
     def signature(self) -> tuple:
@@ -150,25 +150,25 @@ class GridResults:
     def cells(self, measure: str, summary: str) -> list[GridCell]:
         """Return the estimate of a measure at each point."""
         numbers: list[list[float]] = [[] for _ in self.experiment.points]
-        done, failed = np.zeros((2, len(numbers)), int)
+        finished_runs, failures = np.zeros((2, len(numbers)), int)
         for number, outcome in sorted(self.outcomes.items()):
             place = number % len(numbers)
-            done[place] += 1
-            failed[place] += outcome.error is not None
+            finished_runs[place] += 1
+            failures[place] += outcome.error is not None
             if (value := outcome.numbers.get(measure)) is not None:
                 numbers[place].append(value)
-        counts = zip(numbers, done.tolist(), failed.tolist(), strict=True)
+        counts = zip(numbers, finished_runs.tolist(), failures.tolist(), strict=True)
         if summary == SHARE:
-            return [GridCell(_share(len(one), runs - wrong), runs - wrong, runs, wrong) for one, runs, wrong in counts]
-        return [GridCell(_mean(tuple(one)), len(one), runs, wrong) for one, runs, wrong in counts]
+            return [GridCell(_share(len(n), runs - wrong), runs - wrong, runs, wrong) for n, runs, wrong in counts]
+        return [GridCell(_mean(tuple(n)), len(n), runs, wrong) for n, runs, wrong in counts]
 
     def errors(self) -> dict[int, str]:
         """Return the first error at each point that has one."""
-        found: dict[int, str] = {}
+        errors: dict[int, str] = {}
         for number, outcome in sorted(self.outcomes.items()):
             if outcome.error is not None:
-                found.setdefault(number % len(self.experiment.points), outcome.error)
-        return dict(sorted(found.items()))
+                errors.setdefault(number % len(self.experiment.points), outcome.error)
+        return dict(sorted(errors.items()))
 
     def columns(self, measure: str) -> list[str]:
         """Return the measures of tables: the model's results, and this one if it is another."""
@@ -203,15 +203,17 @@ class GridResults:
 
     def job(self, measure: str) -> str:
         """Return the job file that repeats the experiment."""
-        columns = self.columns(measure)
+        columns, remarks = self.columns(measure), [f"An experiment of the dashboard; run it with: {self.command}"]
+        if ".py" in self.model:
+            remarks.append("The file of the model must be in the folder of this file.")
         return job_text(
             _in_the_same_folder(self.model),
-            [f"An experiment of the dashboard; run it with: {self.command}", *self._beside()],
+            remarks,
             steps=self.experiment.steps,
             seeds=len(self.experiment.seeds),
             measure=[] if columns == self.results else columns,
-            parameters={name: self._stored(value) for name, value in self.settings.items()},
-            grid={name: [self._stored(value) for value in values] for name, values in self.values.items()},
+            parameters={name: self._to_job_value(value) for name, value in self.settings.items()},
+            grid={name: [self._to_job_value(value) for value in values] for name, values in self.values.items()},
         )
 
     def job_file(self, measure: str) -> tuple[str, bytes]:
@@ -219,18 +221,14 @@ class GridResults:
         job = self.job(measure).encode()
         if not self.maps:
             return f"{self.job_name}.toml", job
-        packed = io.BytesIO()
-        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr(f"{self.job_name}.toml", job)
             for name, chart in self.maps.items():
                 archive.writestr(self._map_file(name), chart.to_toml())
-        return f"{self.job_name}.zip", packed.getvalue()
+        return f"{self.job_name}.zip", content.getvalue()
 
-    def _beside(self) -> list[str]:
-        """Return a remark on the file of the model, which must be there too."""
-        return ["The file of the model must be in the folder of this file."] if ".py" in self.model else []
-
-    def _stored(self, value: Any) -> Any:
+    def _to_job_value(self, value: Any) -> Any:
         """Return a value as a job file has it: of an uploaded map the name of its file."""
         return self._map_file(value) if isinstance(value, str) and value in self.maps else value
 

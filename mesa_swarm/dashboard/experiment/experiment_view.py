@@ -40,15 +40,15 @@ class ExperimentPanel(Link):
 
     def __init__(self, widget: ControlPanel, experimenting: Experimenting) -> None:
         self.widget, self.experimenting = widget, experimenting
-        self._shown: list = []
+        self._groups: list = []
         self.connect(widget, experimenting.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
         """Show all values."""
         groups = experiment_groups(self.experimenting)
-        if groups != self._shown:
-            self._shown = self.widget.groups = groups
+        if groups != self._groups:
+            self._groups = self.widget.groups = groups
         self.widget.values = experiment_values(self.experimenting)
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
@@ -85,13 +85,13 @@ def measure_named(option: str, experimenting: Experimenting) -> str:
 
 def experiment_groups(experimenting: Experimenting) -> list[dict[str, Any]]:
     """Return all controls in groups, in the format of the panel."""
-    others = [name for name in experimenting.choices if name != experimenting.p]
+    names = [name for name in experimenting.choices if name != experimenting.p]
     all_others = "all other parameters are as on the Watch page"
     grid = [
         _choice("model", "model", page_models()),
         _choice("p", "parameter", list(experimenting.choices)),
         _values_field("values", experimenting.p, experimenting),
-        _choice("q", "second parameter", [NO_OTHER, *others], all_others),
+        _choice("q", "second parameter", [NO_OTHER, *names], all_others),
     ]
     if experimenting.q:
         grid.append(_values_field("q_values", experimenting.q, experimenting))
@@ -126,9 +126,9 @@ def _values_field(name: str, parameter_name: str, experimenting: Experimenting) 
 
 def _measure_fields(experimenting: Experimenting) -> list[dict[str, Any]]:
     reports = [split_measure(name) for name in experimenting.measures]
-    own = [name for name, parts in zip(experimenting.measures, reports, strict=True) if not parts]
+    measures = [name for name, parts in zip(experimenting.measures, reports, strict=True) if not parts]
     reporters = dict.fromkeys(f"{parts[1]}{EACH_STEP}" for parts in reports if parts)
-    fields = [_choice("measure", "measure", [*own, *reporters], "may be changed after the runs")]
+    fields = [_choice("measure", "measure", [*measures, *reporters], "may be changed after the runs")]
     if split_measure(experimenting.measure):
         fields.append(_choice("reduction", "over the run", list(REDUCTIONS)))
     if experimenting.can_be_missing:
@@ -151,11 +151,11 @@ def experiment_values(experimenting: Experimenting) -> dict[str, dict[str, Any]]
     }
     values: dict[str, dict[str, Any]] = {name: {"text": str(text)} for name, text in texts.items()}
     values["seeds"]["place"] = min(experimenting.seeds, MOST_SLID)
-    for name, listed in (("values", experimenting.values), ("q_values", experimenting.q_values)):
-        numbers = [value for value in listed if isinstance(value, (int, float))]
+    for name, listing in (("values", experimenting.values), ("q_values", experimenting.q_values)):
+        numbers = [value for value in listing if isinstance(value, (int, float))]
         span = [min(numbers), max(numbers), len(numbers)] if numbers else ["", "", ""]
-        about = {"ticked": list(map(str, listed)), "span": [values_in_words([end]) for end in span]}
-        values[name] = {"text": values_in_words(listed), **about}
+        about = {"ticked": list(map(str, listing)), "span": [values_in_words([end]) for end in span]}
+        values[name] = {"text": values_in_words(listing), **about}
     return with_faults(values, experimenting)
 
 
@@ -172,15 +172,11 @@ class PictureLink(Link):
     """Connects a picture and an experiment; it is drawn anew at most every `EVERY` seconds during the runs."""
 
     def __init__(
-        self,
-        widget: ExperimentPicture,
-        experimenting: Experimenting,
-        *,
-        clock: Callable[[], float] = time.monotonic,
+        self, widget: ExperimentPicture, experimenting: Experimenting, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.widget, self.experimenting, self._clock = widget, experimenting, clock
         self._downloads = Downloads(widget)
-        self._sent = 0.0
+        self._sent_at = 0.0
         self._lock = threading.Lock()
         leave = [experimenting.changed.add(self.refresh), experimenting.runs.changed.add(self._on_run)]
         self.connect(widget, *leave, self._downloads.close)
@@ -189,36 +185,36 @@ class PictureLink(Link):
     def refresh(self) -> None:
         """Show the results so far."""
         with self._lock:
-            self._sent = self._clock()
+            self._sent_at = self._clock()
             self.widget.picture = picture_of(self.experimenting)
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
-        experimenting, found = self.experimenting, self.experimenting.found
+        experimenting, results = self.experimenting, self.experimenting.grid
         match message.get("do"):
             case "watch":
                 experimenting.watch(int(message.get("value", -1)))
-            case "csv" if found is not None:
-                self._downloads.send(f"{found.job_name}.csv", found.csv(shown_measure(experimenting)).encode())
+            case "csv" if results is not None:
+                self._downloads.send(f"{results.job_name}.csv", results.csv(shown_measure(experimenting)).encode())
             case "job":
                 self._downloads.send(*shown_results(experimenting).job_file(shown_measure(experimenting)))
             case _:
                 self._downloads.hear(message)
 
     def _on_run(self) -> None:
-        if not self.experimenting.runs.running or self._clock() - self._sent >= EVERY:
+        if not self.experimenting.runs.running or self._clock() - self._sent_at >= EVERY:
             self.refresh()
 
 
 def shown_results(experimenting: Experimenting) -> GridResults:
     """Return the last results, without any those of what is chosen, which are empty."""
-    return experimenting.preview() if experimenting.found is None else experimenting.found
+    return experimenting.preview() if experimenting.grid is None else experimenting.grid
 
 
 def shown_measure(experimenting: Experimenting) -> str:
     """Return the chosen measure, or the first one of the results if they do not have it."""
-    known, chosen = shown_results(experimenting).experiment.measures, experimenting.measure
-    return chosen if chosen in known or not known else known[0]
+    measures, measure = shown_results(experimenting).experiment.measures, experimenting.measure
+    return measure if measure in measures or not measures else measures[0]
 
 
 def picture_of(experimenting: Experimenting) -> dict[str, Any]:
@@ -226,12 +222,13 @@ def picture_of(experimenting: Experimenting) -> dict[str, Any]:
     results, measure = shown_results(experimenting), shown_measure(experimenting)
     summary = experimenting.summary if measure.endswith(TIME) else MEAN
     cells, seeds = results.cells(measure, summary), len(results.experiment.seeds)
-    known = parameters_of(results.experiment.model_class)
-    axes = [_axis(known[name], values) for name, values in results.values.items()]
+    parameters = parameters_of(results.experiment.model_class)
+    axes = [_axis(parameters[name], values) for name, values in results.values.items()]
+    what = f"{measure}: {summary}" if summary == SHARE else f"{measure}: {summary} over seeds"
     return {
-        "title": f"{experiment_title(measure, summary)}, by {' and '.join(axis['name'] for axis in axes)}",
+        "title": f"{what}, by {' and '.join(axis['name'] for axis in axes)}",
         "about": about_of(results),
-        "stale": "" if experimenting.found is None or experimenting.is_current else STALE,
+        "stale": "" if experimenting.grid is None or experimenting.is_current else STALE,
         "axes": axes,
         "measure": _measure_axis(measure, summary),
         "share": summary == SHARE,
@@ -264,11 +261,6 @@ def _measure_axis(measure: str, summary: str) -> str:
     if summary == SHARE:
         return f"{measure}: share of runs, %"
     return f"{measure}, steps" if measure.endswith(TIME) else measure
-
-
-def experiment_title(measure: str, summary: str) -> str:
-    """Return what is shown."""
-    return f"{measure}: {summary}" if summary == SHARE else f"{measure}: {summary} over seeds"
 
 
 def about_of(results: GridResults) -> str:

@@ -59,7 +59,7 @@ class Experimenting:
         What is shown of a measure: the mean over seeds, or the share of runs in which it has a value.
     faults : dict of str
         Why a choice was refused, by its name or "runs".
-    found : GridResults or None
+    grid : GridResults or None
         Results of the last experiment that was started, whatever was chosen since.
     """
 
@@ -71,7 +71,7 @@ class Experimenting:
         self.runs.changed.add(self._note_pace)
         self.seeds = USUAL_SEEDS
         self.faults: dict[str, str] = {}
-        self.found: GridResults | None = None
+        self.grid: GridResults | None = None
         self._folder: TemporaryDirectory | None = None
         self._follows = True
         self.choose_model(session.name)
@@ -80,9 +80,7 @@ class Experimenting:
     @property
     def choices(self) -> dict[str, Parameter]:
         """The parameters that can be varied, by name."""
-        return {
-            name: one for name, one in self.parameters.items() if one.control or one.kind in (bool, int, float, str)
-        }
+        return {name: p for name, p in self.parameters.items() if p.control or p.kind in (bool, int, float, str)}
 
     @property
     def linked(self) -> Listeners:
@@ -103,7 +101,7 @@ class Experimenting:
 
     def words(self) -> dict[str, str]:
         """Return the choices as text, which `set` reads back."""
-        chosen = {
+        texts = {
             "model": self.name,
             "p": self.p,
             "values": values_in_words(self.values),
@@ -113,7 +111,7 @@ class Experimenting:
             "steps": str(self.steps),
             "measure": self.measure,
         }
-        return {name: text for name, text in chosen.items() if self.q or name not in ("q", "q_values")}
+        return {name: text for name, text in texts.items() if self.q or name not in ("q", "q_values")}
 
     @property
     def varied(self) -> dict[str, list]:
@@ -145,7 +143,7 @@ class Experimenting:
     @property
     def is_current(self) -> bool:
         """Whether the results are of what is chosen now."""
-        return self.found is not None and self.found.signature == self._results(None).signature
+        return self.grid is not None and self.grid.signature == self._results(None).signature
 
     def follow(self) -> None:
         """Continue with the model of the Watch page, unless another one was chosen here."""
@@ -162,11 +160,11 @@ class Experimenting:
         self.steps = min(getattr(self.model_class, "steps_to_compare", DEFAULT_STEPS), MOST_STEPS)
         self.faults, self.q = {}, ONLY_ONE
         self.q_values: list = []
-        self.measures = self._known_measures()
+        self.measures = self._list_measures()
         headline = getattr(self.model_class, "headline", ("",))[0]
         self.measure = headline if headline in self.measures else next(iter(self.measures), "")
         self.summary = SHARE if self.measure == headline else MEAN
-        sliders = [one for one, parameter in self.choices.items() if isinstance(parameter.control, Slider)]
+        sliders = [option for option, parameter in self.choices.items() if isinstance(parameter.control, Slider)]
         first = next(iter(["n_robots"] * ("n_robots" in sliders) + sliders + list(self.choices)), "")
         self.choose_parameter("p", first)
 
@@ -224,7 +222,7 @@ class Experimenting:
         parameter = self.choices[self.p if name == "values" else self.q]
         try:
             count = whole_number("number of values", number, 1, MOST_VALUES)
-            self.set_values(name, spaced(parameter, low, high, count))
+            self.set_values(name, space_values(parameter, low, high, count))
             self.faults.pop(name, None)
         except Exception as problem:  # as in `set`
             self.faults[name] = reported(problem)
@@ -240,16 +238,16 @@ class Experimenting:
         """Do all runs, or those that are left, or after the last one those that failed, in the background."""
         try:
             self._check_size()
-            found = self.found if self.found is not None and self.is_current else self._results(self._experiment())
+            results = self.grid if self.grid is not None and self.is_current else self._results(self._experiment())
             self._folder = self._folder or TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
-            failed = {number: found.outcomes.pop(number) for number in (found.failed if found.is_complete else ())}
+            retried = {run: results.outcomes.pop(run) for run in (results.failed if results.is_complete else ())}
             try:
-                runs = GridRuns(found.experiment, Path(self._folder.name), retry_failed=bool(failed))
-                self.runs.start(runs, found.take)
+                runs = GridRuns(results.experiment, Path(self._folder.name), retry_failed=bool(retried))
+                self.runs.start(runs, results.take)
             except Exception:
-                found.outcomes |= failed
+                results.outcomes |= retried
                 raise
-            self.found = found
+            self.grid = results
             self.faults.pop("runs", None)
         except Exception as problem:  # a model may raise anything
             self.faults["runs"] = reported(problem)
@@ -268,36 +266,36 @@ class Experimenting:
 
     def next_action(self) -> tuple[str, bool]:
         """Return the label of the button that starts the runs, and whether it may be pressed."""
-        found = self.found if self.is_current else None
-        if found is None or not found.outcomes:
+        results = self.grid if self.is_current else None
+        if results is None or not results.outcomes:
             return f"Run {self.total:,} runs", "runs" not in self.faults
-        left = self.total - len(found.outcomes)
-        if left:
-            return f"Go on with {left:,} runs", True
-        failed = len(found.failed)
+        remaining = self.total - len(results.outcomes)
+        if remaining:
+            return f"Go on with {remaining:,} runs", True
+        failed = len(results.failed)
         return (f"Try {failed:,} failed runs again", True) if failed else (f"All {self.total:,} runs are done", False)
 
     def size_in_words(self) -> str:
         """Return the number of runs that are chosen, and the time that is left at the last pace, if it is known."""
         sizes = " x ".join(f"{len(values):,} values of {name}" for name, values in self.varied.items())
         seeds = quantity(self.seeds, "seed")
-        done = len(self.found.outcomes) if self.found is not None and self.is_current else 0
-        text = f"{sizes} x {seeds} = {self.total:,} runs" + (f", {done:,} of them done" if done else "")
+        count = len(self.grid.outcomes) if self.grid is not None and self.is_current else 0
+        text = f"{sizes} x {seeds} = {self.total:,} runs" + (f", {count:,} of them done" if count else "")
         pace = self._paces.get((self.name, self.steps))
-        left = timedelta(seconds=round(pace * (self.total - done))) if pace and self.total > done else None
-        return text if left is None else f"{text}; about {left} at the last pace"
+        duration = timedelta(seconds=round(pace * (self.total - count))) if pace and self.total > count else None
+        return text if duration is None else f"{text}; about {duration} at the last pace"
 
     def _note_pace(self) -> None:
-        if self.found is not None and self.runs.pace:
-            self._paces[self.found.model, self.found.experiment.steps] = self.runs.pace
+        if self.grid is not None and self.runs.pace:
+            self._paces[self.grid.model, self.grid.experiment.steps] = self.runs.pace
 
     def watch(self, place: int) -> None:
         """Open a point of the results on the Watch page, with the first seed."""
-        if self.found is None or not 0 <= place < len(self.found.experiment.points):
+        if self.grid is None or not 0 <= place < len(self.grid.experiment.points):
             return
-        found, session = self.found, self.session
-        session.set_seed(found.experiment.seeds[0])
-        session.choose(found.model, {**found.settings, **found.point(place)})
+        results, session = self.grid, self.session
+        session.set_seed(results.experiment.seeds[0])
+        session.choose(results.model, {**results.settings, **results.point(place)})
         session.adopted.notify()
 
     def close(self) -> None:
@@ -313,20 +311,20 @@ class Experimenting:
 
     def _experiment(self) -> SeedBySeed:
         uploads = self.session.uploads
-        checked = checked_experiment(
+        experiment = checked_experiment(
             self.model_class,
-            {name: [_meant(value, uploads) for value in values] for name, values in self.varied.items()},
+            {name: [_find_map(value, uploads) for value in values] for name, values in self.varied.items()},
             seeds=self.seeds,
             steps=self.steps,
-            settings={name: _meant(value, uploads) for name, value in self.settings.items()},
+            settings={name: _find_map(value, uploads) for name, value in self.settings.items()},
             measure=self.measures,
         )
-        return SeedBySeed(**{name: getattr(checked, name) for name in Experiment.__dataclass_fields__})
+        return SeedBySeed(**{name: getattr(experiment, name) for name in Experiment.__dataclass_fields__})
 
     def _results(self, experiment: SeedBySeed | None) -> GridResults:
         """Return results without outcomes, of what is chosen now."""
-        used = [self.settings.get("map"), *self.varied.get("map", ())]
-        maps = {name: chart for name, chart in self.session.uploads.items() if name in used}
+        names = [self.settings.get("map"), *self.varied.get("map", ())]
+        maps = {name: chart for name, chart in self.session.uploads.items() if name in names}
         return GridResults(
             experiment=experiment or self._bare(),
             model=self.name,
@@ -346,7 +344,7 @@ class Experimenting:
             measures=tuple(self.measures),
         )
 
-    def _known_measures(self) -> list[str]:
+    def _list_measures(self) -> list[str]:
         """Return the results of the model, and all reductions of its reports."""
         try:
             session = self.session
@@ -404,20 +402,20 @@ def usual_values(parameter: Parameter, maps: Sequence[str]) -> list:
     """Return values of a parameter to begin with: five over its slider, all that can be ticked, or its default."""
     if isinstance(parameter.control, Slider):
         slider = parameter.control
-        return spaced(parameter, slider.minimum, slider.maximum, USUAL_VALUES)
+        return space_values(parameter, slider.minimum, slider.maximum, USUAL_VALUES)
     options = options_of(parameter, maps)
     return checked_values(parameter, options[:MOST_VALUES], maps) if options else [parameter.default]
 
 
-def spaced(parameter: Parameter, low: Any, high: Any, number: int) -> list:
+def space_values(parameter: Parameter, low: Any, high: Any, number: int) -> list:
     """Return this number of values at equal distances; of whole numbers different ones only.
 
     Examples
     --------
-    >>> spaced(Parameter("n_robots", 10, int, Slider(1, 50, 1)), 1, 4, 10)
+    >>> space_values(Parameter("n_robots", 10, int, Slider(1, 50, 1)), 1, 4, 10)
     [1, 2, 3, 4]
     """
-    start, end = (check_number(name, _number(name, one)) for name, one in (("from", low), ("to", high)))
+    start, end = (check_number(name, _number(name, end)) for name, end in (("from", low), ("to", high)))
     numbers = np.linspace(start, end, number).round(12)
     if parameter.kind is int:
         return list(dict.fromkeys(np.rint(numbers).astype(int).tolist()))
@@ -433,20 +431,20 @@ def _number(name: str, text: Any) -> float:
 
 def checked_values(parameter: Parameter, values: Sequence, maps: Sequence[str]) -> list:
     """Return different values of a parameter, each checked; texts are read as its type."""
-    found: list = []
+    distinct: list = []
     for value in values:
         is_map = parameter.name == "map"
-        checked = check_choice("map", value, maps) if is_map else checked_setting(parameter, value)
-        if checked is None:
+        setting = check_choice("map", value, maps) if is_map else checked_setting(parameter, value)
+        if setting is None:
             raise InvalidValueError(f"a value of {parameter.name} is empty; expected values separated by commas")
-        if checked in found:
-            raise InvalidValueError(f"{parameter.name} has {checked!r:.60} twice; expected different values")
-        found.append(checked)
-    if not 1 <= len(found) <= MOST_VALUES:
-        raise InvalidValueError(f"{parameter.name} has {len(found)} values; expected 1 to {MOST_VALUES}")
-    return found
+        if setting in distinct:
+            raise InvalidValueError(f"{parameter.name} has {setting!r:.60} twice; expected different values")
+        distinct.append(setting)
+    if not 1 <= len(distinct) <= MOST_VALUES:
+        raise InvalidValueError(f"{parameter.name} has {len(distinct)} values; expected 1 to {MOST_VALUES}")
+    return distinct
 
 
-def _meant(value: Any, uploads: Mapping[str, Map]) -> Any:
+def _find_map(value: Any, uploads: Mapping[str, Map]) -> Any:
     """Return the uploaded map of this name, or the value itself."""
     return uploads.get(value, value) if isinstance(value, str) else value

@@ -16,7 +16,7 @@ from joblib import cpu_count
 
 from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.pool import ending_with_us
-from mesa_swarm.model.gallery import imported
+from mesa_swarm.model.gallery import list_imported
 from mesa_swarm.viewing.faults import reported
 from mesa_swarm.viewing.play_loop import Listeners
 
@@ -80,27 +80,29 @@ class ManyRuns:
         fresh = self.done - self.before
         return (self._last - self._began) / fresh if fresh else 0.0
 
-    def start(self, task: BackgroundTask, heard: Callable[[Any], object] = lambda run: None) -> None:
+    def start(self, task: BackgroundTask, report: Callable[[Any], object] = lambda run: None) -> None:
         """Begin with a task, unless one is under way or too many are on this server.
 
-        `heard` is called, in another thread, with what the task sends of each run.
+        `report` is called, in another thread, with what the task sends of each run.
         """
         with self._lock:
             if self.running:
-                raise SwarmError(f"{_one(self._name)} is under way; cancel it first")
+                raise SwarmError(
+                    f"{'an' if self._name[0] in 'aeiou' else 'a'} {self._name} is under way; cancel it first"
+                )
             if not _under_way.acquire(blocking=False):
                 what = f"{MOST_AT_ONCE} comparisons or experiments are under way on this server"
                 raise SwarmError(f"{what}; try again when one is done")
             self.done, self.before, self.total, self.report, self.error = 0, 0, len(task), None, ""
             self._began = self._last = time.monotonic()
             try:
-                self._process = _begun(task)
+                self._process = _begin_process(task)
             except Exception as error:
                 _under_way.release()
                 if not isinstance(error, OSError):  # a task with a user's objects may not be picklable
                     raise
                 raise SwarmError(f"no process could be started ({error.strerror})") from error
-            about = (self._process, heard)
+            about = (self._process, report)
             threading.Thread(target=self._follow, args=about, name="many runs", daemon=True).start()
         self.changed.notify()
 
@@ -124,12 +126,12 @@ class ManyRuns:
         self.cancel()
         self.report = None
 
-    def _follow(self, process: subprocess.Popen, heard: Callable[[Any], object]) -> None:
+    def _follow(self, process: subprocess.Popen, report: Callable[[Any], object]) -> None:
         """Receive the messages of the process until it ends, and clean up after it."""
         try:
-            for kind, value in _received(process):
+            for kind, value in _receive_messages(process):
                 if self._process is process:
-                    self._take(kind, value, heard)
+                    self._take(kind, value, report)
         finally:
             _end(process)
             for pipe in _pipes(process):
@@ -144,11 +146,11 @@ class ManyRuns:
             self.error = self.error or ("" if self.report else "the runs ended without a result; try again")
             self.changed.notify()
 
-    def _take(self, kind: str, value: Any, heard: Callable[[Any], object]) -> None:
+    def _take(self, kind: str, value: Any, report: Callable[[Any], object]) -> None:
         if kind in ("before", "run"):
             runs, now = value if kind == "before" else [value], time.monotonic()
             for run in runs:
-                heard(run)
+                report(run)
             self.done, self._last = self.done + len(runs), now
             if kind == "before":
                 self.before, self._began = len(runs), now
@@ -161,18 +163,14 @@ class ManyRuns:
             self.error = value
 
 
-def _one(name: str) -> str:
-    return f"an {name}" if name[0] in "aeiou" else f"a {name}"
-
-
 def workers_for(task: BackgroundTask) -> int:
     """Return the number of processes for a task: one less than the number of cores, which is left to the page."""
     return max(1, min(cpu_count() - 1, len(task)))
 
 
-def _begun(task: BackgroundTask) -> subprocess.Popen:
+def _begin_process(task: BackgroundTask) -> subprocess.Popen:
     """Start the process, in its own group, and send it the task."""
-    message = pickle.dumps((imported(), task, workers_for(task)))  # what is imported comes first
+    message = pickle.dumps((list_imported(), task, workers_for(task)))  # what is imported comes first
     process = subprocess.Popen(
         [sys.executable, "-c", ending_with_us(f"from {__name__} import main; main()")],
         stdin=subprocess.PIPE,
@@ -187,11 +185,11 @@ def _begun(task: BackgroundTask) -> subprocess.Popen:
 
 
 def _pipes(process: subprocess.Popen) -> tuple[IO[bytes], IO[bytes]]:
-    """Return the pipes to and from the process, which `_begun` has made."""
+    """Return the pipes to and from the process, which `_begin_process` has made."""
     return cast(IO[bytes], process.stdin), cast(IO[bytes], process.stdout)
 
 
-def _received(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
+def _receive_messages(process: subprocess.Popen) -> Iterator[tuple[str, Any]]:
     """Yield the messages of the process."""
     _, from_it = _pipes(process)
     while True:

@@ -46,7 +46,7 @@ def Explained(session: Session, about: ModelInfo) -> None:
     if about.presets:
         Presets(session, about)
     more = {"How it works": prose(about.how), "What to watch": prose(about.watch)}
-    more["Equations"] = "".join(map(drawn_equation, about.equations))
+    more["Equations"] = "".join(map(draw_equation, about.equations))
     more["Source"] = prose(about.source)
     for title, text in more.items():
         if text:
@@ -82,11 +82,11 @@ def Presets(session: Session, about: ModelInfo) -> None:
 @solara.component
 def Code(about: ModelInfo) -> None:
     """Show the code of the rules and of the model; it is highlighted when it is opened first."""
-    opened, open_ = solara.use_state(False)
+    is_open, open_ = solara.use_state(False)
     with rv.Html(tag="details", class_="swarm-more") as details:
         rv.Html(tag="summary", children=["Code"])
-        for listing in about.code if opened else ():
-            Fixed(drawn_listing(listing)).key(f"{listing.module} {listing.name}")
+        for listing in about.code if is_open else ():
+            Fixed(draw_listing(listing)).key(f"{listing.module} {listing.name}")
     rv.use_event(details, "toggle", lambda *_: open_(True))
 
 
@@ -100,22 +100,22 @@ def Folded(title: str, text: str) -> None:
 
 @solara.component
 def Fixed(escaped: str) -> None:
-    """Show HTML that `prose`, `drawn_equation` or `drawn_listing` made, in which texts are escaped."""
+    """Show HTML that `prose`, `draw_equation` or `draw_listing` made, in which texts are escaped."""
     solara.HTML(unsafe_innerHTML=escaped)
 
 
 def play_with(session: Session, settings: Mapping[str, Any]) -> None:
     """Set these parameters, and all others to their defaults; build the model anew and play it."""
-    checked = {name: checked_setting(session.parameters[name], value) for name, value in settings.items()}
-    session.choose(session.name, checked)
+    new_settings = {name: checked_setting(session.parameters[name], value) for name, value in settings.items()}
+    session.choose(session.name, new_settings)
     if not session.error:
         session.play()
 
 
 def is_built(session: Session, preset: Preset) -> bool:
     """Return whether the present model has the settings of a preset."""
-    wanted = {name: parameter.default for name, parameter in session.parameters.items()} | dict(preset.settings)
-    return {name: session.built.get(name) for name in wanted} == wanted
+    defaults = {name: parameter.default for name, parameter in session.parameters.items()} | dict(preset.settings)
+    return {name: session.built.get(name) for name in defaults} == defaults
 
 
 def prose(text: str) -> str:
@@ -126,19 +126,19 @@ def prose(text: str) -> str:
 
 
 @cache
-def drawn_equation(equation: Equation) -> str:
+def draw_equation(equation: Equation) -> str:
     """Return an equation as MathML, and what its letters are; as LaTeX if it cannot be drawn."""
     # The converter does not escape what stands in \text.
     latex = equation.latex.replace("<", r"\lt ").replace(">", r"\gt ")
     try:
-        drawn = convert(latex, display="block")
+        markup = convert(latex, display="block")
     except Exception:  # text of a user's may be any LaTeX
-        drawn = f"<p><code>{escape(equation.latex)}</code></p>"
-    return f'<div class="swarm-equation" {SCROLLED} aria-label="equation">{drawn}</div>{prose(equation.text)}'
+        markup = f"<p><code>{escape(equation.latex)}</code></p>"
+    return f'<div class="swarm-equation" {SCROLLED} aria-label="equation">{markup}</div>{prose(equation.text)}'
 
 
 @cache
-def drawn_listing(listing: Listing) -> str:
+def draw_listing(listing: Listing) -> str:
     """Return code with its tokens marked by classes, folded under its name."""
     code = highlight(listing.code, PythonLexer(), HtmlFormatter(nowrap=True))
     head = f"{escape(listing.name)} <small>{escape(listing.module)}</small>"

@@ -82,7 +82,7 @@ def address_from(query: str | None, first: str, tabs: tuple[str, ...] = (WATCH,)
     words = dict(parse_qsl((query or "")[:LONGEST]))
     tab = words.pop(TAB, WATCH)
     tab = tab if tab in tabs else WATCH
-    others: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "tab": tab,
         "words": {name.partition(".")[2]: words[name] for name in words if name.startswith(f"{tab}.")},
         "plays": words.pop(PLAY, "") != "no",
@@ -91,20 +91,22 @@ def address_from(query: str | None, first: str, tabs: tuple[str, ...] = (WATCH,)
     try:
         name = check_page_model(words.pop("model", first))
     except SwarmError as error:  # the settings of an unknown model cannot be checked
-        return Address(model=first, faults=(str(error),), **others)
-    known, values, faults = parameters_of(find_model(name)), {}, []
-    for word in (word for word in words if word in known or word in (*COUNTS, EDITS, CHANGED)):
+        return Address(model=first, faults=(str(error),), **facts)
+    parameters, values, faults = parameters_of(find_model(name)), {}, []
+    for word in (word for word in words if word in parameters or word in (*COUNTS, EDITS, CHANGED)):
         try:
-            values[word] = _value(known, word, words[word])
+            values[word] = _value(parameters, word, words[word])
         except SwarmError as error:
             faults.append(str(error))
-    if changed := values.pop(CHANGED, ""):
-        faults.append(LEFT_OUT.get(changed, LEFT_OUT[BY_HAND]))
+    if reason := values.pop(CHANGED, ""):
+        faults.append(LEFT_OUT.get(reason, LEFT_OUT[BY_HAND]))
     numbers = {"seed": values.pop("seed", 1), "steps": values.pop("step", 0), "edits": tuple(values.pop(EDITS, ()))}
-    return Address(model=name, settings=values, faults=_first_few(faults), **numbers, **others)
+    if (more := len(faults) - MOST_FAULTS) > 0:
+        faults = [*faults[:MOST_FAULTS], f"and {more} more"]
+    return Address(model=name, settings=values, faults=tuple(faults), **numbers, **facts)
 
 
-def _value(known: dict[str, Parameter], word: str, text: str) -> Any:
+def _value(parameters: dict[str, Parameter], word: str, text: str) -> Any:
     """Return the value of one setting in a link."""
     if word in COUNTS:
         return whole_number(word, text, maximum=COUNTS[word])
@@ -113,12 +115,7 @@ def _value(known: dict[str, Parameter], word: str, text: str) -> Any:
     if word == CHANGED:
         return text
     # A link never names a file: opening a link from others must not make this machine read one.
-    return check_choice("map", text, builtin_maps()) if word == "map" else checked_setting(known[word], text)
-
-
-def _first_few(faults: list[str]) -> tuple[str, ...]:
-    more = len(faults) - MOST_FAULTS
-    return (*faults[:MOST_FAULTS], f"and {more} more") if more > 0 else tuple(faults)
+    return check_choice("map", text, builtin_maps()) if word == "map" else checked_setting(parameters[word], text)
 
 
 def query_of(session: Session, tab: str = WATCH, words: dict[str, str] | None = None) -> str:
@@ -127,29 +124,29 @@ def query_of(session: Session, tab: str = WATCH, words: dict[str, str] | None = 
     It has the settings with which the run began, and what was changed by hand since; where that cannot be written, and
     where the map was uploaded, it states so.
     """
-    found = {TAB: tab} if tab != WATCH else {}
-    found |= {"model": session.name}
+    query = {TAB: tab} if tab != WATCH else {}
+    query |= {"model": session.name}
     run, waits = session.run, session.waiting
     began: dict[str, Any] = {**session.settings, "seed": session.seed} if run is None or waits else run.first
     for name, parameter in session.parameters.items():
         value = began[name]
         if value != parameter.default and value not in session.uploads:
-            found[name] = link_value(value)
-    found["seed"] = str(began["seed"])
-    found |= _of_run(session) if not waits else {}
+            query[name] = link_value(value)
+    query["seed"] = str(began["seed"])
+    query |= _of_run(session) if not waits else {}
     if began.get("map") in session.uploads:
-        found[CHANGED] = OTHER_MAP
-    found |= {f"{tab}.{name}": text for name, text in (words or {}).items()}
-    return urlencode(found)
+        query[CHANGED] = OTHER_MAP
+    query |= {f"{tab}.{name}": text for name, text in (words or {}).items()}
+    return urlencode(query)
 
 
 def _of_run(session: Session) -> dict[str, str]:
     """Return the edits of the run and, at rest, the displayed step."""
-    edits, shown, words = as_text(session.edits), session.past.shown, {}
+    edits, moment, words = as_text(session.edits), session.past.shown, {}
     if not session.straight or len(edits) > LONGEST // 2:
         return {CHANGED: BY_HAND}
     if edits:
         words[EDITS] = edits
-    if shown and not session.playing and 0 < shown.step <= MOST_STEPS:
-        words["step"] = str(shown.step)
+    if moment and not session.playing and 0 < moment.step <= MOST_STEPS:
+        words["step"] = str(moment.step)
     return words

@@ -60,7 +60,7 @@ class Designer:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.requirements = {name: one.usual for name, one in REQUIREMENTS.items()}
+        self.requirements = {name: requirement.usual for name, requirement in REQUIREMENTS.items()}
         self._constants: FireConstants | None = None
         self._warned: tuple[str, ...] = ()
         self._fault = ""
@@ -74,7 +74,7 @@ class Designer:
         """Require a property, and set the constants that give it."""
         self.requirements[name] = float(value)
         try:
-            self._constants, self._warned = self._designed()
+            self._constants, self._warned = self._design()
             self._fault = ""
         except SwarmError as error:
             self._fault = str(error)
@@ -88,11 +88,11 @@ class Designer:
             return []
         if self._fault:
             return [("fault", in_labels(self._fault))]
-        constants, warned = (self._constants, self._warned) if self._constants else self._designed()
+        constants, warned = (self._constants, self._warned) if self._constants else self._design()
         if any(self.session.settings[key] != getattr(constants, key) for key in CONSTANTS):
             return [("remark", "k1 to k4, leave or join were set by hand; any of these sliders sets all of them again")]
-        marked = [("warning" if remark in warned else "remark", in_labels(remark)) for remark in constants.remarks]
-        return [*marked, *(("remark", text) for text in self._beyond(constants))]
+        remarks = [("warning" if remark in warned else "remark", in_labels(remark)) for remark in constants.remarks]
+        return [*remarks, *(("remark", text) for text in self._beyond(constants))]
 
     def _beyond(self, constants: FireConstants) -> Iterator[str]:
         """Yield remarks on the constants that their sliders do not reach."""
@@ -106,8 +106,8 @@ class Designer:
         """Return the sliders of the requirements."""
         about = {"kind": "slider", "designed": True, "low": 0}
         return [
-            {**about, "name": name, "label": one.label, "help": one.help, "high": one.place(one.most)}
-            for name, one in REQUIREMENTS.items()
+            {**about, "name": name, "label": need.label, "help": need.help, "high": need.place(need.most)}
+            for name, need in REQUIREMENTS.items()
         ]
 
     def place(self, name: str, place: int) -> None:
@@ -122,15 +122,15 @@ class Designer:
             for name, value in self.requirements.items()
         }
 
-    def _designed(self) -> tuple[FireConstants, tuple[str, ...]]:
+    def _design(self) -> tuple[FireConstants, tuple[str, ...]]:
         model = self.session.model
         largest = float(model.fires.area.max()) if model is not None and len(model.fires) else 16.0
         start = float(self.session.settings.get("initial_temperature", 1.0))
-        wanted: dict[str, Any] = {**self.requirements, "initial_temperature": start}
-        with _SILENCE, warnings.catch_warnings(record=True) as heard:
+        requirements: dict[str, Any] = {**self.requirements, "initial_temperature": start}
+        with _SILENCE, warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always", FireConstantsWarning)
-            constants = design_constants(**wanted, area=largest, largest_area=largest)
-        return constants, tuple(str(warning.message) for warning in heard)
+            constants = design_constants(**requirements, area=largest, largest_area=largest)
+        return constants, tuple(str(warning.message) for warning in raised)
 
 
 def in_labels(text: str) -> str:
@@ -141,9 +141,9 @@ def in_labels(text: str) -> str:
     >>> in_labels("ask for more robots or a longer extinguish_time")
     'ask for more robots or a longer extinguish time'
     """
-    for name, one in REQUIREMENTS.items():
+    for name, requirement in REQUIREMENTS.items():
         if "_" in name:
-            text = text.replace(name, one.label)
+            text = text.replace(name, requirement.label)
     return text
 
 
@@ -177,16 +177,16 @@ class Panel(Link):
     def __init__(self, widget: ControlPanel, session: Session) -> None:
         self.widget, self.session = widget, session
         self.designer = Designer(session)
-        self._shown: tuple = ()
+        self._content: tuple = ()
         self.connect(widget, session.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
         """Show all values."""
         session = self.session
-        shown = session.name, tuple(session.map_names())
-        if shown != self._shown:
-            self._shown = shown
+        content = session.name, tuple(session.map_names())
+        if content != self._content:
+            self._content = content
             self.widget.groups = control_groups(session)
         values = control_values(session) | (self.designer.values() if self.designer.fits else {})
         self.widget.values = values
@@ -223,11 +223,11 @@ def control_groups(session: Session) -> list[dict[str, Any]]:
         field = field_of(parameter, session)
         if field:
             groups[group_of(parameter.name)].append(field)
-    found: list[dict[str, Any]] = [{"title": title, "fields": members} for title, members in groups.items() if members]
+    result: list[dict[str, Any]] = [{"title": title, "fields": members} for title, members in groups.items() if members]
     designer = Designer(session)
     if designer.fits:
-        found.append({"title": "Design the constants", "fields": designer.fields(), "notes": True})
-    return found
+        result.append({"title": "Design the constants", "fields": designer.fields(), "notes": True})
+    return result
 
 
 def group_of(name: str) -> str:
@@ -289,11 +289,11 @@ def slider_position(value: float, parameter: Parameter) -> int:
 def control_values(session: Session) -> dict[str, dict[str, Any]]:
     """Return the value of each control, whether it waits for a reset, and its fault."""
     values = {name: value_of(session.settings[name], parameter) for name, parameter in session.parameters.items()}
-    shown = with_faults({"seed": {"text": str(session.seed)}} | values, session)
+    fields = with_faults({"seed": {"text": str(session.seed)}} | values, session)
     refused = session.error.partition(" is ")[0]  # the parameter with which no model could be built
-    if refused in values and not shown[refused]["fault"]:
-        shown[refused]["fault"] = session.error
-    return shown
+    if refused in values and not fields[refused]["fault"]:
+        fields[refused]["fault"] = session.error
+    return fields
 
 
 def value_of(value: Any, parameter: Parameter) -> dict[str, Any]:

@@ -47,8 +47,8 @@ class Edit:
     @property
     def text(self) -> str:
         """The edit as part of a link."""
-        numbers = [str(one) if isinstance(one, str) else repr(float(one)).removesuffix(".0") for one in self.values]
-        return WITHIN.join([str(self.step), self.do, *numbers])
+        words = [str(v) if isinstance(v, str) else repr(float(v)).removesuffix(".0") for v in self.values]
+        return WITHIN.join([str(self.step), self.do, *words])
 
 
 def link_value(value: object) -> str:
@@ -58,12 +58,12 @@ def link_value(value: object) -> str:
 
 def edits_from(text: str) -> list[Edit]:
     """Return the edits in a link, in the order of their steps."""
-    found = [_edit_from(part) for part in text.split(BETWEEN) if part]
-    if len(found) > MOST_EDITS:
-        raise InvalidValueError(f"edits are {len(found)}; expected at most {MOST_EDITS}")
-    if any(one.step > other.step for one, other in pairwise(found)):
+    edits = [_edit_from(part) for part in text.split(BETWEEN) if part]
+    if len(edits) > MOST_EDITS:
+        raise InvalidValueError(f"edits are {len(edits)}; expected at most {MOST_EDITS}")
+    if any(first.step > second.step for first, second in pairwise(edits)):
         raise InvalidValueError("edits are not in the order of their steps; copy the link again")
-    return found
+    return edits
 
 
 def _edit_from(text: str) -> Edit:
@@ -77,10 +77,10 @@ def _edit_from(text: str) -> Edit:
             raise InvalidValueError("map cannot be changed during a run; expected another parameter in edits")
         return Edit(int(step), do, parts)
     try:
-        numbers = tuple(float(one) for one in values.split(WITHIN) if one)
+        numbers = tuple(float(number) for number in values.split(WITHIN) if number)
     except ValueError:
         raise InvalidValueError(f"edit {shortened(text)} has a value that is not a number") from None
-    return Edit(int(step), do, tuple(check_number(do, one, minimum=-1e9, maximum=1e9) for one in numbers))
+    return Edit(int(step), do, tuple(check_number(do, number, minimum=-1e9, maximum=1e9) for number in numbers))
 
 
 def as_text(edits: Iterable[Edit]) -> str:
@@ -91,15 +91,15 @@ def as_text(edits: Iterable[Edit]) -> str:
 def apply_edit(model: SwarmModel, do: str, values: Sequence[float]) -> None:
     """Change a model as one of `EDITS` does, or refuse, with the reason, and change nothing."""
     act = EDITS[check_choice("edit", do, tuple(EDITS))]
-    expected = act.__code__.co_argcount - 1
-    if len(values) != expected:
-        raise InvalidValueError(f"{do} has {len(values)} numbers; expected {expected}")
+    count = act.__code__.co_argcount - 1
+    if len(values) != count:
+        raise InvalidValueError(f"{do} has {len(values)} numbers; expected {count}")
     act(model, *(check_number(do, value, minimum=-1e9, maximum=1e9) for value in values))
 
 
 def check_place(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> None:
     """Refuse a place where something, `of` itself left out, would overlap another thing or the border of the map."""
-    depth, what = deepest(model, shape, of)
+    depth, what = find_deepest(model, shape, of)
     if depth > TOUCHING:
         x, y = shape.position.tolist()
         raise InvalidValueError(
@@ -107,24 +107,23 @@ def check_place(model: SwarmModel, shape: Shape, of: Robot | Body | None = None)
         )
 
 
-def deepest(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> tuple[float, str]:
+def find_deepest(model: SwarmModel, shape: Shape, of: Robot | Body | None = None) -> tuple[float, str]:
     """Return the largest overlap of a shape, and with what."""
     x_min, y_min, x_max, y_max = model.map.bounds
     left, low, right, high = shape.bounds
-    found = [(max(x_min - left, y_min - low, right - x_max, high - y_max), "the border of the map")]
-    bodies = [body for body in model.obstacle_list if body.contact and getattr(body, "carrier", None) is None]
-    for body in bodies:
-        found.append((-_gap(shape, body.shape), NAMES.get(body.kind, f"a {body.kind}")) if body is not of else found[0])
-    for number, fire in enumerate(model.fires.agents, start=1):
-        found.append((-_gap(shape, fire.shape), f"fire {number}") if fire is not of else found[0])
+    depths = [(max(x_min - left, y_min - low, right - x_max, high - y_max), "the border of the map")]
+    in_the_way = [body for body in model.obstacle_list if body.contact and getattr(body, "carrier", None) is None]
+    things = [(body, NAMES.get(body.kind, f"a {body.kind}")) for body in in_the_way]
+    things += [(fire, f"fire {number}") for number, fire in enumerate(model.fires.agents, start=1)]
+    depths += [(-_gap(shape, thing.shape), name) for thing, name in things if thing is not of]
     swarm = model.swarm
     gaps = shapely.distance(shape.geometry, shapely.points(swarm.position)) - shape.radius - swarm.radius
     if isinstance(of, Robot):
         gaps[of.row] = np.inf
     if len(gaps):
         nearest = int(np.argmin(gaps))
-        found.append((-float(gaps[nearest]), f"robot {swarm.agents[nearest].unique_id}"))
-    return max(found, key=lambda one: one[0])
+        depths.append((-float(gaps[nearest]), f"robot {swarm.agents[nearest].unique_id}"))
+    return max(depths, key=lambda pair: pair[0])
 
 
 def outline_of(shape: Shape) -> BaseGeometry:
@@ -132,24 +131,24 @@ def outline_of(shape: Shape) -> BaseGeometry:
     return shape.geometry.buffer(shape.radius) if shape.is_disc else shape.geometry
 
 
-def _gap(one: Shape, other: Shape) -> float:
+def _gap(first: Shape, second: Shape) -> float:
     """Return how far apart two shapes are; below 0 if they overlap, of polygons the side of a square of that area."""
-    distance = float(shapely.distance(one.geometry, other.geometry))
-    if distance > 0 or one.is_disc or other.is_disc:
-        return distance - one.radius - other.radius
-    return -float(np.sqrt(shapely.intersection(one.geometry, other.geometry).area))
+    distance = float(shapely.distance(first.geometry, second.geometry))
+    if distance > 0 or first.is_disc or second.is_disc:
+        return distance - first.radius - second.radius
+    return -float(np.sqrt(shapely.intersection(first.geometry, second.geometry).area))
 
 
-def thing(model: SwarmModel, number: float) -> Robot | Body:
+def find_thing(model: SwarmModel, number: float) -> Robot | Body:
     """Return the robot, fire or body with this unique_id."""
     everything = (*model.swarm.agents, *model.fires.agents, *model.obstacle_list)
-    found = next((one for one in everything if one.unique_id == number), None)
-    if found is None:
+    match = next((body for body in everything if body.unique_id == number), None)
+    if match is None:
         raise InvalidValueError(f"{number:g} is not a robot, fire or body of the model now; choose another one")
-    return found
+    return match
 
 
-def thing_at(model: SwarmModel, x: float, y: float, near: float = 0.0) -> Robot | Body | None:
+def find_thing_at(model: SwarmModel, x: float, y: float, near: float = 0.0) -> Robot | Body | None:
     """Return what is at a place: a robot, else a body that moves, a fire, an obstacle; None on free ground.
 
     Robots count as `near` larger than they are, so that small ones are found.
@@ -166,19 +165,19 @@ def thing_at(model: SwarmModel, x: float, y: float, near: float = 0.0) -> Robot 
 
 def move(model: SwarmModel, number: float, x: float, y: float, heading: float) -> None:
     """Move a robot or a body that moves to a free place; others are replaced by the same ones there."""
-    moved = thing(model, number)
-    if isinstance(moved, Robot):
-        check_place(model, disc((x, y), moved.radius), moved)
-        moved.position, moved.heading = (x, y), heading
-    elif isinstance(moved, Load):
-        check_place(model, moved.form.shape_at((x, y, heading)), moved)
-        moved.move_to((x, y, heading))
-    elif isinstance(moved, Driven):
-        moved.move_to((x, y, heading))
-    elif isinstance(moved, Fire):
-        _move_fire(model, moved, x, y)
+    body = find_thing(model, number)
+    if isinstance(body, Robot):
+        check_place(model, disc((x, y), body.radius), body)
+        body.position, body.heading = (x, y), heading
+    elif isinstance(body, Load):
+        check_place(model, body.form.shape_at((x, y, heading)), body)
+        body.move_to((x, y, heading))
+    elif isinstance(body, Driven):
+        body.move_to((x, y, heading))
+    elif isinstance(body, Fire):
+        _move_fire(model, body, x, y)
     else:
-        _move_obstacle(model, moved, x, y)
+        _move_obstacle(model, body, x, y)
 
 
 def _move_fire(model: SwarmModel, fire: Fire, x: float, y: float) -> None:
@@ -194,13 +193,13 @@ def _move_obstacle(model: SwarmModel, obstacle: Body, x: float, y: float) -> Non
     shape = obstacle.shape
     dx, dy = np.array([x, y]) - shape.position
     if shape.is_disc:
-        moved = disc((x, y), shape.radius, contact=shape.contact)
+        new_shape = disc((x, y), shape.radius, contact=shape.contact)
     else:
         rings = [shape.geometry.exterior, *shape.geometry.interiors]
         outline, *holes = [[(px + dx, py + dy) for px, py in ring.coords[:-1]] for ring in rings]
-        moved = polygon(outline, holes, contact=shape.contact)
+        new_shape = polygon(outline, holes, contact=shape.contact)
     model.space.checked_point((x, y))
-    model.add_body(moved, kind=obstacle.kind, mode="fixed", temperature=obstacle.temperature)
+    model.add_body(new_shape, kind=obstacle.kind, mode="fixed", temperature=obstacle.temperature)
     obstacle.remove()
 
 
@@ -210,7 +209,7 @@ def robot(model: SwarmModel, x: float, y: float, heading: float, like: float) ->
     robots = model.swarm.agents
     if not robots:
         raise InvalidValueError("the model has no robot whose design a new one could have; press Reset first")
-    model_of = next((one for one in robots if one.unique_id == like), robots[-1])
+    model_of = next((robot for robot in robots if robot.unique_id == like), robots[-1])
     check_place(model, disc((x, y), model_of.radius))
     model.add_robots(model_of.design, poses=[(x, y, heading)], group=model_of.group)
 
@@ -245,18 +244,18 @@ def fire(model: SwarmModel, x: float, y: float, radius: float) -> None:
 
 def switch(model: SwarmModel, number: float) -> None:
     """Put a fire out, or light it again."""
-    chosen = thing(model, number)
-    if not isinstance(chosen, Fire):
+    target = find_thing(model, number)
+    if not isinstance(target, Fire):
         raise InvalidValueError(f"{number:g} is not a fire; click on one")
-    if chosen.out:
-        chosen.light()
+    if target.out:
+        target.light()
     else:
-        chosen.put_out()
+        target.put_out()
 
 
 def remove(model: SwarmModel, number: float) -> None:
     """Remove a robot, a fire or a body."""
-    thing(model, number).remove()
+    find_thing(model, number).remove()
 
 
 def clear(model: SwarmModel) -> None:
@@ -267,5 +266,5 @@ def clear(model: SwarmModel) -> None:
 
 # What can be changed by hand, and of which numbers: the parameters of the functions.
 EDITS: dict[str, Callable[..., None]] = {
-    one.__name__: one for one in (move, robot, wall, obstacle, load, fire, switch, remove, clear)
+    act.__name__: act for act in (move, robot, wall, obstacle, load, fire, switch, remove, clear)
 }

@@ -39,6 +39,6 @@ def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LA
         if number != number.to_integral_value() or not minimum <= number <= maximum:
             raise ValueError
     except (ValueError, ArithmeticError):
-        expected = f"expected a whole number at least {minimum} and at most {maximum}"
-        raise InvalidValueError(f"{name} is {text!r:.60}; {expected}") from None
+        expectation = f"expected a whole number at least {minimum} and at most {maximum}"
+        raise InvalidValueError(f"{name} is {text!r:.60}; {expectation}") from None
     return int(number)

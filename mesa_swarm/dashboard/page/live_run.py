@@ -25,7 +25,7 @@ class LiveRun:
     ----------
     model : SwarmModel
         The present one: another object after a parameter was changed.
-    begun : dict
+    at_start : dict
         Settings with which a model in the same place before its first step is made.
     edits : list of Edit
         What was changed, in the order of time; repeated on a model of `first`, they give the same run.
@@ -36,7 +36,7 @@ class LiveRun:
     def __init__(self, make: Make, parameters: Mapping[str, Parameter], settings: Mapping[str, Any]) -> None:
         self._make, self._parameters = make, parameters
         self.first: dict[str, Any] = dict(settings)
-        self.begun: dict[str, Any] = self.first
+        self.at_start: dict[str, Any] = self.first
         self.edits: list[Edit] = []
         self.model = make(self.first)
 
@@ -44,7 +44,7 @@ class LiveRun:
     def around(cls, model: SwarmModel, make: Make, parameters: Mapping[str, Parameter], settings: dict) -> "LiveRun":
         """Return the run of a model that was made elsewhere, with these settings."""
         run = cls.__new__(cls)
-        run._make, run._parameters, run.first, run.begun, run.edits = make, parameters, settings, settings, []
+        run._make, run._parameters, run.first, run.at_start, run.edits = make, parameters, settings, settings, []
         run.model = model
         return run
 
@@ -58,28 +58,28 @@ class LiveRun:
         Values with which no model can be made, or robots for which there is no room, raise an error, and nothing has
         changed.
         """
-        done: set[str] = set()
+        applied: set[str] = set()
         others = {name: value for name, value in values.items() if name != ROBOTS}
         if ROBOTS in values:  # first: what is refused is refused here
-            match_robots(self.model, self._make({**self.begun, **values}))
-            done.add(ROBOTS)
+            match_robots(self.model, self._make({**self.at_start, **values}))
+            applied.add(ROBOTS)
         if others and self._continue(others):
-            done |= others.keys()
+            applied |= others.keys()
         elif len(others) > 1:
-            done |= {name for name, value in others.items() if self._continues_alone(name, value)}
-        if done:
-            self._note(SET, [part for name in sorted(done) for part in (name, link_value(values[name]))])
-        return done
+            applied |= {name for name, value in others.items() if self._continues_alone(name, value)}
+        if applied:
+            self._note(SET, [part for name in sorted(applied) for part in (name, link_value(values[name]))])
+        return applied
 
     def _continue(self, values: Mapping[str, Any]) -> bool:
         """Continue with a model of other parameters; return False if these belong to the beginning of a run."""
-        wanted = {**self.begun, **values}
-        new, fresh = self._make(wanted), self._make(self.begun)
+        parameters = {**self.at_start, **values}
+        new, fresh = self._make(parameters), self._make(self.at_start)
         try:
             continue_with(new, self.model, fresh, tuple(values))
         except SwarmError:
             return False
-        self.model, self.begun = new, wanted
+        self.model, self.at_start = new, parameters
         return True
 
     def _continues_alone(self, name: str, value: Any) -> bool:
@@ -108,13 +108,13 @@ class LiveRun:
             raise InvalidValueError(f"{' and '.join(values)} cannot be changed during a run; reset with it")
         return values
 
-    def stored(self) -> bytes:
-        """Return the present state, from which `restored` continues; an error names what cannot be stored."""
+    def store(self) -> bytes:
+        """Return the present state, from which `restore_model` continues; an error names what cannot be stored."""
         return to_bytes(checkpoint_of(self.model))
 
-    def restored(self, state: bytes, begun: Mapping[str, Any]) -> SwarmModel:
-        """Return a model in the state that was stored when a model before its first step was made with `begun`."""
-        return restore(self._make(begun), from_bytes(state))
+    def restore_model(self, state: bytes, start: Mapping[str, Any]) -> SwarmModel:
+        """Return a model in the state that was stored when a model before its first step was made with `start`."""
+        return restore(self._make(start), from_bytes(state))
 
     def _note(self, do: str, values: Sequence, *, in_place: bool = False) -> None:
         edit, last = Edit(self.model.completed, do, tuple(values)), self.edits[-1] if self.edits else None
@@ -128,7 +128,7 @@ class Repetition:
     """A run that is taken again, step by step, with all that was changed by hand."""
 
     def __init__(self, run: LiveRun) -> None:
-        self._run, self._left = run.again(), list(run.edits)
+        self._run, self._edits_left = run.again(), list(run.edits)
 
     @property
     def model(self) -> SwarmModel:
@@ -142,8 +142,8 @@ class Repetition:
 
     def finish(self) -> None:
         """Apply what was changed at the present step."""
-        while self._left and self._left[0].step <= self.model.completed:
-            self._run.repeat(self._left.pop(0))
+        while self._edits_left and self._edits_left[0].step <= self.model.completed:
+            self._run.repeat(self._edits_left.pop(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,6 +154,6 @@ class Before:
     step: int
     state: bytes
     edits: tuple[Edit, ...]
-    begun: dict[str, Any]
+    at_start: dict[str, Any]
     settings: dict[str, Any]
     built: dict[str, Any]

@@ -31,10 +31,7 @@ KEYS = (
 TOUR = (
     (".swarm-buttons", "Play and pause with this button or the space bar. The slider beside it sets the speed."),
     (".swarm-panel", "Every slider changes the run at once. What belongs to the beginning of a run waits for Apply."),
-    (
-        ".swarm-stage",
-        "Click a robot to see what it perceives and why it acts. Edit moves robots and adds walls.",
-    ),
+    (".swarm-stage", "Click a robot to see what it perceives and why it acts. Edit moves robots and adds walls."),
     (".swarm-past", "The time line: drag it back, and play again from any step in memory."),
     (".swarm-charts", "Measurements of the run. Point at a chart to read its values."),
     (".swarm-header nav", "More models, two worlds side by side, experiments over many runs, recordings."),

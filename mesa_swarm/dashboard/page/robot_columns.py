@@ -75,7 +75,7 @@ class Bins:
     without: int
 
 
-def binned(values: np.ndarray, *, log: bool = False, is_direction: bool = False) -> Bins:
+def bin_values(values: np.ndarray, *, log: bool = False, is_direction: bool = False) -> Bins:
     """Return a histogram of the finite values; its counts sum to their number.
 
     Whole numbers of a small range have a bin each, directions bins of `SECTOR` degrees; logarithmic bins need values
@@ -83,22 +83,22 @@ def binned(values: np.ndarray, *, log: bool = False, is_direction: bool = False)
 
     Examples
     --------
-    >>> bins = binned(np.array([2.0, 3.0, 3.0, np.nan]))
+    >>> bins = bin_values(np.array([2.0, 3.0, 3.0, np.nan]))
     >>> bins.edges, bins.counts, bins.without
     (array([1.5, 2.5, 3.5]), array([1, 2]), 1)
     """
-    known = values[np.isfinite(values)].astype(float)
-    edges = _edges(known, log, is_direction)
-    return Bins(edges, np.histogram(known, edges)[0], len(values) - len(known))
+    finite = values[np.isfinite(values)].astype(float)
+    edges = _edges(finite, log, is_direction)
+    return Bins(edges, np.histogram(finite, edges)[0], len(values) - len(finite))
 
 
-def _edges(known: np.ndarray, log: bool, is_direction: bool) -> np.ndarray:
-    if not len(known):
+def _edges(numbers: np.ndarray, log: bool, is_direction: bool) -> np.ndarray:
+    if not len(numbers):
         return np.array([0.0, 1.0])
-    low, high = float(known.min()), float(known.max())
+    low, high = float(numbers.min()), float(numbers.max())
     if is_direction and low >= -180.0 and high <= 180.0:
         return np.arange(-180.0, 180.0 + SECTOR, SECTOR)
-    is_whole = max(-low, high) < LARGEST_WHOLE and bool((known == np.rint(known)).all())
+    is_whole = max(-low, high) < LARGEST_WHOLE and bool((numbers == np.rint(numbers)).all())
     if not log and is_whole and high - low < MOST_WHOLE:
         return np.arange(low - 0.5, high + 1.0)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -112,32 +112,33 @@ def _edges(known: np.ndarray, log: bool, is_direction: bool) -> np.ndarray:
 
 def values_of_session(session: Session, *, at_present: bool = False) -> RobotValues:
     """Return the quantities of the robots of a session at the displayed step, or at the present one."""
-    model, shown = session.model, session.past.shown
+    model, moment = session.model, session.past.shown
     if model is None or not len(model.swarm):
         return RobotValues(0)
-    at_present = at_present or shown is None or session.past.is_present
-    step = model.completed if at_present or shown is None else shown.step
-    swarm, watched = model.swarm, model.watched
-    stored = watched is not None and bool(len(watched)) and step in watched.steps
+    at_present = at_present or moment is None or session.past.is_present
+    step = model.completed if at_present or moment is None else moment.step
+    swarm, snapshots = model.swarm, model.watched
+    is_stored = snapshots is not None and bool(len(snapshots)) and step in snapshots.steps
     columns = dict(robot_columns(model)) if step == model.completed else {}
-    if stored and watched is not None:  # what the inspector shows; a robot may have been moved by hand since
-        columns = {**columns, **watched.at(step), **{n: columns[n] for n in ("position", "heading") if n in columns}}
+    if is_stored and snapshots is not None:  # what the inspector shows; a robot may have been moved by hand since
+        columns = {**columns, **snapshots.at(step), **{n: columns[n] for n in ("position", "heading") if n in columns}}
     if not columns:
         return RobotValues(step, missing=f"the values of robots at step {step:,} are no longer stored")
     designs, design = swarm.designs, swarm.columns["design"]
     names = custom_columns(model)
-    found = quantities_in(columns, designs, design, reach_of(designs), names, has_fires=bool(len(model.fires)))
+    quantities = quantities_in(columns, designs, design, reach_of(designs), names, has_fires=bool(len(model.fires)))
     since = f" since step {session.series.since:,}" if session.series.since else ""
     counts = session.series.collisions_of(model, step)
     if counts is not None:
-        found["collisions so far"] = Quantity(f"collisions so far{since}", "steps", lambda: counts.astype(float))
-    if step == model.completed and (swarm.battery_life > 0 or any(one.battery > 0 for one in designs)):
-        found["battery"] = Quantity("battery", "share of a charge", lambda: swarm.battery)
+        quantities["collisions so far"] = Quantity(f"collisions so far{since}", "steps", lambda: counts.astype(float))
+    if step == model.completed and (swarm.battery_life > 0 or any(design.battery > 0 for design in designs)):
+        quantities["battery"] = Quantity("battery", "share of a charge", lambda: swarm.battery)
     looks = looks_of(model)
     if looks is not None and isinstance(looks.column, ColourMap) and step == model.completed:
         label = looks.column.label
-        found.setdefault(label, Quantity(label, "", lambda: np.ravel(looks.columns_of(model)[VALUE]).astype(float)))
-    return RobotValues(step, found, f"at step {step:,} it is not known; the present step has it")
+        by_looks = Quantity(label, "", lambda: np.ravel(looks.columns_of(model)[VALUE]).astype(float))
+        quantities.setdefault(label, by_looks)
+    return RobotValues(step, quantities, f"at step {step:,} it is not known; the present step has it")
 
 
 def values_of_frame(frame: Frame, scene: Scene, counts: np.ndarray | None) -> RobotValues:
@@ -146,10 +147,10 @@ def values_of_frame(frame: Frame, scene: Scene, counts: np.ndarray | None) -> Ro
     fires = len(frame.columns.get("fires", ()))
     designs, design = scene.designs, scene.design_of(frame.robots)
     reach = float(scene.world(frame.step)["reach"])
-    found = quantities_in(columns, designs, design, reach, (), has_fires=bool(fires)) if len(frame.robots) else {}
+    quantities = quantities_in(columns, designs, design, reach, (), has_fires=bool(fires)) if len(frame.robots) else {}
     if counts is not None:
-        found["collisions so far"] = Quantity("collisions so far", "steps", lambda: counts.astype(float))
-    return RobotValues(frame.step, found, f"it was not recorded at step {frame.step:,}")
+        quantities["collisions so far"] = Quantity("collisions so far", "steps", lambda: counts.astype(float))
+    return RobotValues(frame.step, quantities, f"it was not recorded at step {frame.step:,}")
 
 
 def reach_of(designs: Sequence[RobotDesign]) -> float:
@@ -167,17 +168,17 @@ def quantities_in(
     has_fires: bool,
 ) -> dict[str, Quantity]:
     """Return the quantities that columns of robots have, by name: usual ones first, then those of custom columns."""
-    found = [*_usual(columns, designs, design, reach)]
+    quantities = [*_usual(columns, designs, design, reach)]
     for name, unit in PLAIN.items():
         if name in columns and (has_fires or name not in ("temperature", "heat")):
-            found += _parts(name, columns[name], unit)
-    if has_fires or any(one.radiation for one in designs):
-        found += _parts("radiation", columns["radiation"], "") if "radiation" in columns else []
+            quantities += _parts(name, columns[name], unit)
+    if has_fires or any(design.radiation for design in designs):
+        quantities += _parts("radiation", columns["radiation"], "") if "radiation" in columns else []
     other = (name for name in columns if name not in COLUMNS and not name.startswith(INTERNAL))
     for name in dict.fromkeys((*custom, *other)):
         if name in columns:
-            found += _parts(name, columns[name], "")
-    return {one.name: one for one in found}
+            quantities += _parts(name, columns[name], "")
+    return {quantity.name: quantity for quantity in quantities}
 
 
 def _usual(
@@ -213,18 +214,18 @@ def smallest(distance: np.ndarray) -> np.ndarray:
 def commanded_speeds(command: np.ndarray, designs: Sequence[RobotDesign], design: np.ndarray) -> np.ndarray:
     """Return the speed of the centre that each robot's last command asks for."""
     speeds = np.full(len(command), np.nan)
-    for d, one in enumerate(designs):
+    for d, robot_design in enumerate(designs):
         rows = design == d
-        if not rows.any() or command.shape[1] < one.numbers:
+        if not rows.any() or command.shape[1] < robot_design.numbers:
             continue
-        given = np.ascontiguousarray(command[rows, : one.numbers], float)
-        if one.turns:
-            speeds[rows] = np.abs(given.sum(axis=1)) / 2
-        elif one.turns is not None:
-            speeds[rows] = np.hypot(*given.T)
+        wheels = np.ascontiguousarray(command[rows, : robot_design.numbers], float)
+        if robot_design.turns:
+            speeds[rows] = np.abs(wheels.sum(axis=1)) / 2
+        elif robot_design.turns is not None:
+            speeds[rows] = np.hypot(*wheels.T)
         else:
-            motion = np.zeros((len(given), 3))
-            one.drive.motion(given, np.full(len(given), one.radius), motion)
+            motion = np.zeros((len(wheels), 3))
+            robot_design.drive.motion(wheels, np.full(len(wheels), robot_design.radius), motion)
             speeds[rows] = np.hypot(motion[:, 0], motion[:, 1])
     return speeds
 

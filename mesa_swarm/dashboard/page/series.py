@@ -46,25 +46,32 @@ class Curves:
 
 
 class ChartTable(ABC):
-    """The numbers of charts, one row a step: of a run that is played, or of a recording."""
+    """The numbers of charts, one row a step: of a run that is played, or of a recording; `most_numbers` are stored."""
 
     # Steps from one stored row to the next.
     every = 1
     # In which row a chart last had no number, and why, by key.
     faults: Mapping[str, str] = MappingProxyType({})
 
-    @abstractmethod
+    def __init__(self, most_numbers: int) -> None:
+        self.most_numbers = most_numbers
+        self._lock = threading.Lock()
+        self._charts: dict[str, Plot] = {}
+        self._steps: np.ndarray = np.empty(0, np.int64)
+        self._count = 0
+
     def __len__(self) -> int:
         """Return the number of stored rows."""
+        return self._count
 
     @property
     @abstractmethod
     def seconds(self) -> float | None:
         """Seconds of a step, None without a scale."""
 
-    @abstractmethod
     def charts(self) -> list[Plot]:
         """Return the charts."""
+        return list(self._charts.values())
 
     @abstractmethod
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
@@ -72,10 +79,10 @@ class ChartTable(ABC):
 
     def chart(self, key: str) -> Plot:
         """Return one of the charts."""
-        known = {chart.key: chart for chart in self.charts()}
-        if key not in known:
-            raise UnknownNameError(unknown_name("chart", key, known))
-        return known[key]
+        charts = {chart.key: chart for chart in self.charts()}
+        if key not in charts:
+            raise UnknownNameError(unknown_name("chart", key, charts))
+        return charts[key]
 
     def curves(self, key: str, most: int) -> Curves:
         """Return the curves of one chart with at most `most` points each.
@@ -86,7 +93,7 @@ class ChartTable(ABC):
         width = 1
         while len(rows) > most * width:
             width *= 2
-        return grouped(steps, rows, width)
+        return group_rows(steps, rows, width)
 
     def exact(self, key: str, step: int | None = None) -> tuple[int, np.ndarray] | None:
         """Return step and numbers (c,) of the last stored row that is not after a step, None without one."""
@@ -94,12 +101,12 @@ class ChartTable(ABC):
 
     def labels(self) -> dict[str, tuple[str, int]]:
         """Return every curve by a name that is unique, as the key of its chart and its index there."""
-        found: dict[str, tuple[str, int]] = {}
+        labels: dict[str, tuple[str, int]] = {}
         for chart in self.charts():
             for k, name in enumerate(chart.names):
                 label = chart.title if len(chart.names) == 1 else f"{chart.title}: {name}"
-                found[label if label not in found else f"{label} ({chart.key})"] = chart.key, k
-        return found
+                labels[label if label not in labels else f"{label} ({chart.key})"] = chart.key, k
+        return labels
 
 
 class Series(ChartTable, Observer):
@@ -109,20 +116,14 @@ class Series(ChartTable, Observer):
     the remaining rows are exact, of the steps that are multiples of `every`.
     """
 
-    def __init__(self, most_numbers: int = MOST_NUMBERS) -> None:
-        self.most_numbers = most_numbers
-        self._lock = threading.Lock()
-        self.model: SwarmModel | None = None
-        self._charts: dict[str, Plot] = {}
-        self._form: tuple = ()
-        self._count, self.since = 0, 0
-        self._steps: np.ndarray = np.empty(0, np.int64)
-        self._collided: np.ndarray = np.empty(0, np.int64)
-        self._forget()
+    # Steps in which each robot collided, by `Swarm.number`, which stays when others are removed.
+    _collided: np.ndarray
 
-    def __len__(self) -> int:
-        """Return the number of stored rows."""
-        return self._count
+    def __init__(self, most_numbers: int = MOST_NUMBERS) -> None:
+        super().__init__(most_numbers)
+        self.model: SwarmModel | None = None
+        self._form: tuple = ()
+        self._forget()
 
     def follow(self, model: SwarmModel | None) -> None:
         """Clear everything, and measure this model from now on."""
@@ -173,10 +174,6 @@ class Series(ChartTable, Observer):
         scale = None if self.model is None else self.model.scale
         return None if scale is None else scale.seconds_per_step
 
-    def charts(self) -> list[Plot]:
-        """Return the charts."""
-        return list(self._charts.values())
-
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
         """Return all stored steps (m,) and numbers (m, c) of one chart."""
         with self._lock:
@@ -195,10 +192,10 @@ class Series(ChartTable, Observer):
             counts[: len(self._collided)] = self._collided[: len(counts)]
         later = model.completed - step
         if later:
-            watched = model.watched
-            if watched is None or "collided" not in watched.columns or np.sum(watched.steps > step) != later:
+            snapshots = model.watched
+            if snapshots is None or "collided" not in snapshots.columns or np.sum(snapshots.steps > step) != later:
                 return None
-            return counts[number] - watched["collided"][-later:].sum(axis=0)
+            return counts[number] - snapshots["collided"][-later:].sum(axis=0)
         return counts[number]
 
     def _count_collisions(self, model: SwarmModel) -> None:
@@ -211,7 +208,6 @@ class Series(ChartTable, Observer):
 
     def _forget(self) -> None:
         self.every, self._count, self.since, self.faults = 1, 0, 0, {}
-        # Steps in which each robot collided, by `Swarm.number`, which stays when others are removed.
         self._collided = np.empty(0, np.int64)
         self._steps = np.empty(0, np.int64)
         self._table = np.empty((0, 0))
@@ -239,9 +235,9 @@ class Series(ChartTable, Observer):
             self._table = np.concatenate([self._table, more])
             return
         self.every *= 2
-        left = np.flatnonzero(self._steps[: self._count] % self.every == 0)
-        self._steps[: len(left)], self._table[: len(left)] = self._steps[left], self._table[left]
-        self._count = len(left)
+        remaining = np.flatnonzero(self._steps[: self._count] % self.every == 0)
+        self._steps[: len(remaining)], self._table[: len(remaining)] = self._steps[remaining], self._table[remaining]
+        self._count = len(remaining)
 
 
 def row_until(steps: np.ndarray, rows: np.ndarray, step: int | None) -> tuple[int, np.ndarray] | None:
@@ -250,14 +246,14 @@ def row_until(steps: np.ndarray, rows: np.ndarray, step: int | None) -> tuple[in
     return None if row < 0 else (int(steps[row]), rows[row])
 
 
-def grouped(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
+def group_rows(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
     """Return means, least and greatest numbers of groups of `width` rows, without NaN."""
     if width == 1 or not len(rows):
         return Curves(steps, rows.T, rows.T, rows.T, 1, steps)
     starts = np.arange(0, len(rows), width)
-    known = np.isfinite(rows)
-    counts = np.add.reduceat(known, starts, axis=0, dtype=float)
-    totals = np.add.reduceat(np.where(known, rows, 0.0), starts, axis=0)
+    is_finite = np.isfinite(rows)
+    counts = np.add.reduceat(is_finite, starts, axis=0, dtype=float)
+    totals = np.add.reduceat(np.where(is_finite, rows, 0.0), starts, axis=0)
     mean = np.divide(totals, counts, out=np.full_like(totals, np.nan), where=counts > 0)
     ends = np.append(starts[1:], len(rows)) - 1
     low, high = np.fmin.reduceat(rows, starts, axis=0), np.fmax.reduceat(rows, starts, axis=0)
@@ -273,12 +269,12 @@ def form_of(model: SwarmModel) -> tuple:
 
 def number_columns(charts: Iterable[Plot]) -> list[Plot]:
     """Return charts with consecutive columns."""
-    found: list[Plot] = []
+    plots: list[Plot] = []
     first = 0
     for chart in charts:
-        found.append(replace(chart, first=first))
+        plots.append(replace(chart, first=first))
         first += len(chart.names)
-    return found
+    return plots
 
 
 def charts_of(model: SwarmModel) -> list[Plot]:
@@ -292,7 +288,7 @@ def charts_of(model: SwarmModel) -> list[Plot]:
         charts.append(layer_plot(layer_names(model)))
     if model.events:
         charts.append(event_plot(model.events.names))
-    return charts + [Plot(own_key(own), own.name, own.unit, own.curves) for own in own_charts(model)]
+    return charts + [Plot(own_key(chart), chart.name, chart.unit, chart.curves) for chart in own_charts(model)]
 
 
 def own_key(chart: Chart) -> str:
@@ -300,15 +296,10 @@ def own_key(chart: Chart) -> str:
     return f"own {chart.name}"
 
 
-def reporter_title(name: str) -> str:
-    """Return the name of a reporter in words."""
-    return name.replace("_", " ").capitalize()
-
-
 def reporter_plot(name: str) -> Plot:
     """Return the chart of a reporter of the model."""
-    known = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
-    title, unit = known.get(name, (reporter_title(name), ""))
+    titles = {"collisions": ("Collisions in a step", "robots"), "total_collisions": ("Collisions in all", "collisions")}
+    title, unit = titles.get(name, (name.replace("_", " ").capitalize(), ""))
     return Plot(name, title, unit, (title,))
 
 
@@ -337,10 +328,10 @@ def own_charts(model: SwarmModel) -> tuple[Chart, ...]:
 
 def layer_names(model: SwarmModel) -> tuple[str, ...]:
     """Return the names of a model's layers, numbered where names repeat."""
-    return numbered(model.control.names if model.control is not None else ())
+    return number_names(model.control.names if model.control is not None else ())
 
 
-def numbered(names: tuple[str, ...]) -> tuple[str, ...]:
+def number_names(names: tuple[str, ...]) -> tuple[str, ...]:
     """Return names, numbered from 1 where they repeat."""
     return tuple(f"{name} {k + 1}" if names.count(name) > 1 else name for k, name in enumerate(names))
 
@@ -368,13 +359,13 @@ def measure(model: SwarmModel, row: np.ndarray) -> dict[str, str]:
         row[column : column + len(model.events.names)] = list(model.events.counts.values())
         column += len(model.events.names)
     faults: dict[str, str] = {}
-    for own in own_charts(model):
+    for chart in own_charts(model):
         try:
-            row[column : column + len(own.curves)] = own.numbers(model)
+            row[column : column + len(chart.curves)] = chart.numbers(model)
         except Exception as problem:  # a function of a user's may raise anything; the chart has a gap there
-            row[column : column + len(own.curves)] = np.nan
-            faults[own_key(own)] = reported(problem)
-        column += len(own.curves)
+            row[column : column + len(chart.curves)] = np.nan
+            faults[own_key(chart)] = reported(problem)
+        column += len(chart.curves)
     return faults
 
 
@@ -387,8 +378,8 @@ def agent_means(model: SwarmModel) -> list[float]:
     latest = list(records[next(reversed(records))])
     # Rows begin with the step and the id of the agent.
     columns = ([number_of(row[place]) for row in latest] for place in range(2, 2 + len(names)))
-    known = ([number for number in column if np.isfinite(number)] for column in columns)
-    return [float(np.mean(column)) if column else np.nan for column in known]
+    finite = ([number for number in column if np.isfinite(number)] for column in columns)
+    return [float(np.mean(column)) if column else np.nan for column in finite]
 
 
 def number_of(value: object) -> float:

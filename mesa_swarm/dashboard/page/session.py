@@ -119,7 +119,7 @@ class Session(Player):
     ) -> None:
         self._find = find
         self.run: LiveRun | None = None
-        self._planned: list[Edit] = list(edits)
+        self._planned_edits: list[Edit] = list(edits)
         self._before: list[Before] = []
         self.uploads: dict[str, Map] = {}
         # Set when the map that is being read is not needed any more.
@@ -142,8 +142,8 @@ class Session(Player):
     @property
     def waiting(self) -> frozenset[str]:
         """The parameters that will be as requested only after a reset; "seed" among them."""
-        requested = {**self.settings, "seed": self.seed}
-        return frozenset(name for name, value in requested.items() if self.built.get(name) != value)
+        settings = {**self.settings, "seed": self.seed}
+        return frozenset(name for name, value in settings.items() if self.built.get(name) != value)
 
     def choose(
         self,
@@ -179,7 +179,7 @@ class Session(Player):
         It takes these steps, with these changes by hand on the way.
         """
         self.loop.pause()
-        self._planned = list(edits)
+        self._planned_edits = list(edits)
         with self.capture_errors():
             self._forget_goal()
             self.error = self.note = ""
@@ -197,27 +197,27 @@ class Session(Player):
     def rest(self) -> None:
         """Show the state at rest; pausing cancels the goal."""
         if self.goal and not self.playing and self.model is not None:
-            done, goal, plays_on = self._completed(self.model), self.goal, self._plays_on
+            completed, goal, plays_on = self._count_steps(self.model), self.goal, self._plays_on
             self._forget_goal()
-            if done >= goal or self.error:
+            if completed >= goal or self.error:
                 self.note = ""
             elif self.model.running:
-                self.note = f"step {done:,} of {goal:,}: paused early; press Play to continue"
+                self.note = f"step {completed:,} of {goal:,}: paused early; press Play to continue"
             else:
-                self.note = ended_early(done, goal)
+                self.note = describe_early_end(completed, goal)
             super().rest()
-            if plays_on and done >= goal and not self.error:
+            if plays_on and completed >= goal and not self.error:
                 self.play()
             return
         super().rest()
 
-    def _completed(self, model: SwarmModel) -> int:
+    def _count_steps(self, model: SwarmModel) -> int:
         """Return how many steps a model has completed, also the one that is on its way, if it ends soon."""
-        held = self.lock.acquire(timeout=LONGEST_STEP)
+        is_held = self.lock.acquire(timeout=LONGEST_STEP)
         try:
             return model.completed
         finally:
-            if held:
+            if is_held:
                 self.lock.release()
 
     def set_speed(self, speed: float) -> None:
@@ -255,9 +255,9 @@ class Session(Player):
             if self.run is None or self.error:
                 raise InvalidValueError("there is no model to change; press Reset first")
             self.look_now()
-            before = None if in_place else self._stored(do)
+            before = None if in_place else self._store_state(do)
             self.run.edit(do, values, in_place=in_place)
-            self._changed_by_hand()
+            self._note_hand_change()
             if before is not None:
                 self._remember(before)
             elif not in_place:  # going back farther would take back this change too
@@ -276,9 +276,9 @@ class Session(Player):
             if not self._before or self.run is None:
                 return
             before = self._before.pop()
-            old, model = self.run.model, self.run.restored(before.state, before.begun)
+            old, model = self.run.model, self.run.restore_model(before.state, before.at_start)
             self._rewind(old, model)
-            self.run.model, self.run.begun, self.run.edits = model, before.begun, list(before.edits)
+            self.run.model, self.run.at_start, self.run.edits = model, before.at_start, list(before.edits)
             self.settings, self.built = dict(before.settings), dict(before.built)
             self._place(model)
         self.retake()
@@ -290,23 +290,23 @@ class Session(Player):
             old.observers = [self.series]
         hand_over(old, model, ["state before a change by hand"])
 
-    def _stored(self, do: str) -> Before | None:
+    def _store_state(self, do: str) -> Before | None:
         """Return the present state; None for a model that has something that cannot be stored."""
         if self.run is None:
             return None
         try:
-            state = self.run.stored()
+            state = self.run.store()
         except RecordingError:
             return None
         step = self.run.model.completed
-        return Before(do, step, state, self.edits, self.run.begun, dict(self.settings), dict(self.built))
+        return Before(do, step, state, self.edits, self.run.at_start, dict(self.settings), dict(self.built))
 
     def _remember(self, before: Before) -> None:
         self._before.append(before)
-        while len(self._before) > MOST_UNDONE or sum(len(one.state) for one in self._before) > MOST_UNDONE_BYTES:
+        while len(self._before) > MOST_UNDONE or sum(len(moment.state) for moment in self._before) > MOST_UNDONE_BYTES:
             self._before.pop(0)
 
-    def _changed_by_hand(self) -> None:
+    def _note_hand_change(self) -> None:
         self.straight = self.straight and len(self.edits) <= MOST_EDITS
 
     def _place(self, model: SwarmModel) -> None:
@@ -380,8 +380,8 @@ class Session(Player):
         if chart is None:
             self.faults["map"] = fault
             return
-        known = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
-        self.uploads[known], self.settings["map"] = chart, known
+        name = f"{chart.name} (yours)" if chart.name in builtin_maps() else chart.name
+        self.uploads[name], self.settings["map"] = chart, name
 
     def take_map(self, chart: Map) -> None:
         """Offer a map that was drawn, and build the model on it."""
@@ -397,21 +397,21 @@ class Session(Player):
         By default the parameter `map` of the model.
         """
         parameter = parameter or self.parameters.get("map")
-        own = parameter.control.options if parameter and isinstance(parameter.control, Choice) else builtin_maps()
-        return list(dict.fromkeys([*own, *self.uploads]))
+        charts = parameter.control.options if parameter and isinstance(parameter.control, Choice) else builtin_maps()
+        return list(dict.fromkeys([*charts, *self.uploads]))
 
     def adopt(self, model: SwarmModel, name: str, settings: Mapping[str, Any], seed: int) -> None:
         """Stop, and continue with a model that was built elsewhere and has taken steps; a Map counts as uploaded."""
         self.loop.pause()
         with self.lock:
-            given = dict(settings)
-            if isinstance(given.get("map"), Map):
-                chart = given["map"]
-                given["map"] = f"{chart.name} (recorded)"
-                self.uploads[given["map"]] = chart
-            self._enter(name, given, seed)
+            choices = dict(settings)
+            if isinstance(choices.get("map"), Map):
+                chart = choices["map"]
+                choices["map"] = f"{chart.name} (recorded)"
+                self.uploads[choices["map"]] = chart
+            self._enter(name, choices, seed)
             self.built, self.straight = {**self.settings, "seed": seed}, False
-            self.run = LiveRun.around(model, self._made, self.parameters, dict(self.built))
+            self.run = LiveRun.around(model, self._make_model, self.parameters, dict(self.built))
             self.model = model
             self.series.follow(model)
             self._limit_collected(model)
@@ -467,11 +467,11 @@ class Session(Player):
     def _build(self) -> None:
         """Go on with a new model as requested."""
         self.unbuilt = True
-        wanted = {**self.settings, "seed": self.seed}
-        run = LiveRun(self._made, self.parameters, wanted)
+        settings = {**self.settings, "seed": self.seed}
+        run = LiveRun(self._make_model, self.parameters, settings)
         self.past.clear()
         self.series.follow(run.model)
-        self.run, self.built, self.straight, self._before = run, wanted, True, []
+        self.run, self.built, self.straight, self._before = run, settings, True, []
         self._place(run.model)
         self.unbuilt = False
 
@@ -490,20 +490,20 @@ class Session(Player):
                 self.note = f"step {steps:,} takes a while: the run is played up to it; press Pause to stop"
                 return
         if self.model.completed < steps:
-            self.note = ended_early(self.model.completed, steps)
+            self.note = describe_early_end(self.model.completed, steps)
         elif steps:
             self._apply_planned()
 
     def _take_step(self, model: EngineModel) -> None:
-        if self._planned:
+        if self._planned_edits:
             self._apply_planned()
             model = self.model or model
         super()._take_step(model)
 
     def _apply_planned(self) -> None:
         """Apply the changes of a link that belong to the present step."""
-        while self._planned and self.run is not None and self._planned[0].step <= self.run.model.completed:
-            edit = self._planned.pop(0)
+        while self._planned_edits and self.run is not None and self._planned_edits[0].step <= self.run.model.completed:
+            edit = self._planned_edits.pop(0)
             try:
                 values = self.run.repeat(edit)
             except SwarmError as problem:  # of another version of the model, or a link that was changed
@@ -521,17 +521,17 @@ class Session(Player):
 
     def _play_step(self, stop: threading.Event) -> bool:
         goes_on = super()._play_step(stop)
-        reached = self.goal and self.model is not None and self.model.completed >= self.goal
-        return goes_on and not reached
+        is_at_goal = self.goal and self.model is not None and self.model.completed >= self.goal
+        return goes_on and not is_at_goal
 
-    def _made(self, given: Mapping[str, Any]) -> SwarmModel:
+    def _make_model(self, settings: Mapping[str, Any]) -> SwarmModel:
         """Return a model of these parameters and "seed"."""
-        named = {name: value for name, value in given.items() if name != "seed"}
-        if named.get("map") in self.uploads:
-            named["map"] = self.uploads[named["map"]]
-        return self.model_class(**named, rng=given["seed"])
+        parameters = {name: value for name, value in settings.items() if name != "seed"}
+        if parameters.get("map") in self.uploads:
+            parameters["map"] = self.uploads[parameters["map"]]
+        return self.model_class(**parameters, rng=settings["seed"])
 
-    def _checked(self, name: str, value: Any) -> Any:
+    def _check_setting(self, name: str, value: Any) -> Any:
         if name == "map" and value in self.map_names():
             return value
         return checked_setting(self.parameters[name], value)
@@ -539,7 +539,7 @@ class Session(Player):
     def _take(self, values: Mapping[str, Any]) -> None:
         """Request these values, all or none."""
         before = self.settings
-        self.settings = before | {name: self._checked(name, value) for name, value in values.items()}
+        self.settings = before | {name: self._check_setting(name, value) for name, value in values.items()}
         try:
             self._give(values)
         except Exception:
@@ -555,22 +555,22 @@ class Session(Player):
 
     def _give(self, names: Iterable[str]) -> None:
         """Apply settings to the present model; those that belong to the beginning of a run wait for the next one."""
-        wanted = {name: self.settings[name] for name in names if self.built.get(name) != self.settings[name]}
-        if self.run is None or not wanted or self.error:
+        settings = {name: self.settings[name] for name in names if self.built.get(name) != self.settings[name]}
+        if self.run is None or not settings or self.error:
             return
         if self._is_new:
             self._build()
             return
-        done = self.run.set(wanted)
-        self.built |= {name: wanted[name] for name in done}
+        applied = self.run.set(settings)
+        self.built |= {name: settings[name] for name in applied}
         if self.run.model is not self.model:
             self._place(self.run.model)
-        if done:
-            self._changed_by_hand()
+        if applied:
+            self._note_hand_change()
             self.look_now()
 
 
-def ended_early(step: int, goal: int) -> str:
+def describe_early_end(step: int, goal: int) -> str:
     """Return the message for a run that ended before the requested step."""
     return f"the run ended at step {step:,}, before step {goal:,}"
 

@@ -198,10 +198,10 @@ class Incoming:
 
     def take(self, piece: bytes) -> int:
         """Take the next piece; return the number of bytes so far."""
-        left = memoryview(piece)
+        remaining = memoryview(piece)
         try:
-            while left:
-                left = left[self._file.write(left) :]
+            while remaining:
+                remaining = remaining[self._file.write(remaining) :]
         except OSError as error:
             raise unwritable(Path(self.name), error, cure="the server's disk is full or broken") from None
         return self._file.tell()

@@ -1,6 +1,5 @@
 """The numbers of charts of a recording, under the names that they have on the Watch page."""
 
-import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -11,16 +10,15 @@ from mesa_swarm.dashboard.page.series import (
     MOST_NUMBERS,
     NO_LAYER,
     ChartTable,
-    Plot,
     event_plot,
     fire_plots,
     layer_plot,
+    number_names,
     number_of,
-    numbered,
     reporter_plot,
 )
 from mesa_swarm.recording.collected import check_collected, join_series, size_of_collected, without_rest
-from mesa_swarm.recording.container import Packed
+from mesa_swarm.recording.container import Packer
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing.scene import Scene
@@ -38,35 +36,25 @@ class RecordedSeries(ChartTable):
     """
 
     def __init__(self, recording: Recording, scene: Scene, rows: int, most_numbers: int = MOST_NUMBERS) -> None:
-        self.scene, self.most_numbers = scene, most_numbers
-        recorded = recording.provenance
+        super().__init__(most_numbers)
+        self.scene = scene
+        facts = recording.provenance
         self._columns = recording.columns
         # Whether each step from the first is there, so that sums are those of the run.
-        self.is_whole = recorded["every"] == 1 and recorded["start"]["step"] == 0
+        self.is_whole = facts["every"] == 1 and facts["start"]["step"] == 0
         self.complete = False
         self.note = ""
-        self._spacing, self._rows = recorded["every"], rows
-        self._lock = threading.Lock()
-        self._charts: dict[str, Plot] = {}
+        self._spacing, self._rows = facts["every"], rows
         self._tables: dict[str, np.ndarray] = {}
-        self._steps = np.empty(0, np.int64)
-        self._count = 0
         # Ids of the robots that collided, row after row, and where each row ends; None if there are too many.
-        self._met: list[np.ndarray] | None = [] if self.is_whole and "contacts" in recording.columns else None
+        self._colliding: list[np.ndarray] | None = [] if self.is_whole and "contacts" in recording.columns else None
         self._totals: list[int] = []
-
-    def __len__(self) -> int:
-        return self._count
 
     @property
     def seconds(self) -> float | None:
         """Seconds of a step, None without a scale."""
         scale = self.scene.scale
         return None if scale is None else scale.seconds_per_step
-
-    def charts(self) -> list[Plot]:
-        """Return the charts."""
-        return list(self._charts.values())
 
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
         """Return all stored steps (m,) and numbers (m, c) of one chart."""
@@ -81,10 +69,10 @@ class RecordedSeries(ChartTable):
     def collisions_of(self, robots: np.ndarray, row: int) -> np.ndarray | None:
         """Return in how many steps each of these robots collided up to a row, None if it is not known."""
         with self._lock:
-            if self._met is None or row >= len(self._met):
+            if self._colliding is None or row >= len(self._colliding):
                 return None
-            met = np.concatenate(self._met[: row + 1])
-        ids, counts = np.unique(met, return_counts=True)
+            ids_met = np.concatenate(self._colliding[: row + 1])
+        ids, counts = np.unique(ids_met, return_counts=True)
         if not len(ids):
             return np.zeros(len(robots), np.int64)
         place = np.minimum(np.searchsorted(ids, robots), len(ids) - 1)
@@ -110,10 +98,10 @@ class RecordedSeries(ChartTable):
 
     def _arrange(self, frame: Frame, reporters: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
         """Make the charts, with as many rows as there is memory for."""
-        known = set(reporters)
+        reporters_known = set(reporters)
         if "contacts" in self._columns or "collided" in self._columns:
-            known |= {"collisions", *(["total_collisions"] if self.is_whole else [])}
-        first = [name for name in ("collisions", "total_collisions") if name in known]
+            reporters_known |= {"collisions", *(["total_collisions"] if self.is_whole else [])}
+        first = [name for name in ("collisions", "total_collisions") if name in reporters_known]
         charts = [*map(reporter_plot, [*first, *(name for name in reporters if name not in first)])]
         if "fires" in self._columns:
             charts += fire_plots(len(frame["fires"]))
@@ -133,20 +121,20 @@ class RecordedSeries(ChartTable):
 
     def _layers(self) -> tuple[str, ...]:
         """Return the names of all layers that there ever were."""
-        names = (numbered(tuple(scenery["layers"])) for _, scenery in self.scene.changes)
-        return tuple(dict.fromkeys(name for ones in names for name in ones))
+        names = (number_names(tuple(scenery["layers"])) for _, scenery in self.scene.changes)
+        return tuple(dict.fromkeys(name for layers in names for name in layers))
 
     def _note_collisions(self, frame: Frame) -> None:
-        met = collided_in(frame)
+        robots = find_collided(frame)
         with self._lock:
-            if met is None:
-                self._met = None
+            if robots is None:
+                self._colliding = None
                 return
-            self._totals.append((self._totals[-1] if self._totals else 0) + len(met))
+            self._totals.append((self._totals[-1] if self._totals else 0) + len(robots))
             if self._totals[-1] > self.most_numbers:
-                self._met = None
-            if self._met is not None:
-                self._met.append(met)
+                self._colliding = None
+            if self._colliding is not None:
+                self._colliding.append(robots)
 
     def _put(self, frame: Frame, events: dict[str, int], reporters: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
         with self._lock:
@@ -157,10 +145,10 @@ class RecordedSeries(ChartTable):
                 # After the last recorded state nothing is known.
                 if place >= 0 and (place < len(steps) - 1 or frame.step == steps[-1]):
                     tables[name][row] = values[place]
-            met = collided_in(frame)
-            if met is not None and "collisions" in tables:
-                tables["collisions"][row] = len(met)
-            if met is not None and self.is_whole:
+            robots = find_collided(frame)
+            if robots is not None and "collisions" in tables:
+                tables["collisions"][row] = len(robots)
+            if robots is not None and self.is_whole:
                 tables["total_collisions"][row] = self._totals[-1]
             self._put_fires(frame, row)
             if "layers" in tables:
@@ -181,7 +169,7 @@ class RecordedSeries(ChartTable):
 
     def _shares(self, frame: Frame) -> np.ndarray:
         """Return the share of robots that each layer drives, of all layers that there ever were; the last of none."""
-        names = numbered(tuple(self.scene.world(frame.step)["layers"]))
+        names = number_names(tuple(self.scene.world(frame.step)["layers"]))
         place = [self._charts["layers"].names.index(name) for name in (*names, NO_LAYER)]
         layer = frame["layer"].astype(np.int64)
         counts = np.bincount(np.clip(layer, -1, len(names) - 1) + 1, minlength=len(names) + 1)
@@ -200,7 +188,7 @@ class RecordedSeries(ChartTable):
         table[row] = list(events.values())
 
 
-def collided_in(frame: Frame) -> np.ndarray | None:
+def find_collided(frame: Frame) -> np.ndarray | None:
     """Return the ids of the robots that collided in the step of a frame, None if that was not recorded."""
     if "contacts" in frame.columns:  # one row for each robot
         return np.asarray(frame["contacts"]["robot"], np.int64)
@@ -221,25 +209,25 @@ def collected_reporters(recording: Recording) -> dict[str, tuple[np.ndarray, np.
             every = int(state.facts.get("collect_every", 1))
             states.append(without_rest(state))
         check_collected(sum(map(size_of_collected, states)), recording.path.stat().st_size)
-        series = join_series([(reporters_in(state.facts["collected"]), Packed(state.arrays)) for state in states])
-        found = {path[1]: _with_steps(values, states[-1].step, every) for path, values in series.items()}
+        series = join_series([(reporters_in(state.facts["collected"]), Packer(state.arrays)) for state in states])
+        lines = {path[1]: _with_steps(values, states[-1].step, every) for path, values in series.items()}
     except (RecordingError, LookupError, TypeError, ValueError, OSError, MemoryError):  # a file may contain anything
         return {}
-    return {name: line for name, line in found.items() if line is not None and np.isfinite(line[1]).any()}
+    return {name: line for name, line in lines.items() if line is not None and np.isfinite(line[1]).any()}
 
 
 def _note_on(reporters: dict[str, tuple[np.ndarray, np.ndarray]], last: int) -> str:
     """Return why reporters are missing, or are known up to an earlier step than the last one."""
     if not reporters:
         return WITHOUT_REPORTERS
-    known = max(int(steps[-1]) for steps, _ in reporters.values())
-    end = f"Reporters of the model are recorded with its complete states, up to step {known:,}."
-    return end if known < last and reporters.keys() - {"collisions", "total_collisions"} else ""
+    last_known = max(int(steps[-1]) for steps, _ in reporters.values())
+    end = f"Reporters of the model are recorded with its complete states, up to step {last_known:,}."
+    return end if last_known < last and reporters.keys() - {"collisions", "total_collisions"} else ""
 
 
 def reporters_in(content: list) -> list:
     """Return what was collected of the model's reporters, without that of agents, tables and fires."""
-    return [one for one in content if one[0][0] == "model"]
+    return [series for series in content if series[0][0] == "model"]
 
 
 def _with_steps(values: list[Any], last: int, every: int) -> tuple[np.ndarray, np.ndarray] | None:

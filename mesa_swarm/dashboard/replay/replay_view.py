@@ -55,10 +55,12 @@ class BranchPanel(Link):
     def __init__(self, widget: ControlPanel, replaying: Replaying) -> None:
         self.widget, self.replaying = widget, replaying
         self.player = replaying.player
-        self.known = parameters_of(find_model(replaying.model_name))
+        self.parameters = parameters_of(find_model(replaying.model_name))
         self.connect(widget, replaying.changed.add(self.refresh))
         # The number of robots cannot change at the branch.
-        fields = [field_of(self.known[name], replaying.session) for name in replaying.parameters if name != "n_robots"]
+        fields = [
+            field_of(self.parameters[name], replaying.session) for name in replaying.parameters if name != "n_robots"
+        ]
         widget.groups = [
             {"title": "With other parameters", "fields": [field | {"live": True} for field in fields if field]}
         ]
@@ -71,17 +73,17 @@ class BranchPanel(Link):
 
     def refresh(self) -> None:
         """Show all values, unless another recording was opened, which gets its own panel."""
-        requested = self.replaying.parameters | self.replaying.changes
+        settings = self.replaying.parameters | self.replaying.changes
         if self.is_current:  # checked last: another thread may open one
-            self.widget.values = {name: value_of(value, self.known[name]) for name, value in requested.items()}
+            self.widget.values = {name: value_of(value, self.parameters[name]) for name, value in settings.items()}
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
         name = message.get("name", "")
         value: Any = message.get("value")
-        if self.is_current and name in self.known:
+        if self.is_current and name in self.parameters:
             is_place = message.get("do") == "place"
-            self.replaying.set_parameter(name, value_at(int(value), self.known[name]) if is_place else str(value))
+            self.replaying.set_parameter(name, value_at(int(value), self.parameters[name]) if is_place else str(value))
 
 
 @solara.component
@@ -140,14 +142,14 @@ def Recordings(replaying: Replaying) -> None:
 @solara.component
 def About(replaying: Replaying, past: Past) -> None:
     """Show facts of the open recording."""
-    recorded = replaying.provenance
+    provenance = replaying.provenance
     facts = {
         "file": replaying.name,
-        "model": title(replaying.model_name) if replaying.model_name else recorded["model"]["name"],
-        "seed": recorded["seed"],
+        "model": title(replaying.model_name) if replaying.model_name else provenance["model"]["name"],
+        "seed": provenance["seed"],
         "steps": f"{past.first_step:,} to {past.last_step:,}",
-        "version": recorded["versions"].get("mesa-swarm", ""),
-        **{name: value_text(value) for name, value in recorded["parameters"].items()},
+        "version": provenance["versions"].get("mesa-swarm", ""),
+        **{name: value_text(value) for name, value in provenance["parameters"].items()},
     }
     solara.HTML(tag="h2", unsafe_innerHTML="About this recording")
     with rv.Html(tag="dl", class_="swarm-facts"):
@@ -181,17 +183,13 @@ def Branch(replaying: Replaying) -> None:
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
     if replaying.model_name:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
-        label = f"Continue live with {_changed(replaying)}" if replaying.changes else "Continue live"
+        changes = ", ".join(f"{name} {value_text(value)}" for name, value in replaying.changes.items())
+        label = f"Continue live with {changes.replace('_', ' ')}" if changes else "Continue live"
         Button(label, replaying.branch, "swarm-do", enabled=not replaying.busy)
         Linked(ControlPanel, BranchPanel, replaying, bare=True)
     else:
         name = replaying.provenance["model"]["name"]
         rv.Html(tag="p", class_="swarm-hint", children=[f"{name} is not a model of this page; replay only."])
-
-
-def _changed(replaying: Replaying) -> str:
-    words = [f"{name} {value_text(value)}" for name, value in replaying.changes.items()]
-    return ", ".join(words).replace("_", " ")
 
 
 @solara.component

@@ -20,7 +20,7 @@ from mesa_swarm.dashboard.page.inputs import LARGEST_SEED
 from mesa_swarm.dashboard.page.robot_columns import RobotValues, values_of_frame
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Incoming
-from mesa_swarm.dashboard.replay.recorded_series import RecordedSeries, collided_in
+from mesa_swarm.dashboard.replay.recorded_series import RecordedSeries, find_collided
 from mesa_swarm.maps.map import Map, builtin_maps
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import PACKAGE, find_model, gallery_names
@@ -28,7 +28,7 @@ from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.recording.frames import Event, Frame, events_of
 from mesa_swarm.recording.provenance import is_of, recorded_map
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.resume import resumed
+from mesa_swarm.recording.resume import resume_watched
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing.faults import reported
@@ -67,7 +67,7 @@ def recordings_in(folder: Path) -> list[str]:
                 if entry.is_file() and not entry.name.startswith("."):
                     status = entry.stat()
                     files.append((-status.st_mtime_ns, entry.name, status.st_size))
-    found: list[str] = []
+    names: list[str] = []
     for time, name, size in sorted(files):
         key = str(folder / name), time, size
         if key not in _KNOWN:
@@ -75,10 +75,10 @@ def recordings_in(folder: Path) -> list[str]:
                 _KNOWN.clear()
             _KNOWN[key] = is_recording(folder / name)
         if _KNOWN[key]:
-            found.append(name)
-            if len(found) == MOST_LISTED:
+            names.append(name)
+            if len(names) == MOST_LISTED:
                 break
-    return found
+    return names
 
 
 def is_recording(path: Path) -> bool:
@@ -113,7 +113,7 @@ class RecordedPast(Past):
         self._rows = range(rows)
         self._scene = scene_of_recording(recording)
         self._last: tuple[tuple, PackedFrame] | None = None
-        self.traced = False  # whether trails are drawn
+        self.has_trails = False  # whether trails are drawn
         self._points: dict[int, tuple[TrailPoint, np.ndarray]] = {}  # of the displayed rows, and their robots
         self.series = RecordedSeries(recording, self._scene, rows)
         self._ends = tuple(recording[row].step if rows else 0 for row in (0, rows - 1))
@@ -143,20 +143,20 @@ class RecordedPast(Past):
         """The picture of the displayed row, None if there are no rows."""
         if not self._rows:
             return None
-        key = self.index, self.series.collisions_until(self.index), self.traced
+        key = self.index, self.series.collisions_until(self.index), self.has_trails
         if self._last is None or self._last[0] != key:
-            frame, trail = self.recording[self.index], self._trail() if self.traced else ()
-            self._last = key, replace(packed_with_readings(frame, self._scene, key[1]), trail=trail)
+            frame, trail = self.recording[self.index], self._trail() if self.has_trails else ()
+            self._last = key, replace(pack_with_readings(frame, self._scene, key[1]), trail=trail)
         return self._last[1]
 
     def _trail(self) -> tuple[TrailPoint, ...]:
         """Return where the robots of the displayed row were in the rows before it, as far as they are the same."""
-        known, self._points = self._points, {}
-        now, robots = self._point(self.index, known)
+        points, self._points = self._points, {}
+        now, robots = self._point(self.index, points)
         most, trail = most_points(len(robots)), [now]
         for row in range(self.index - 1, -1, -1):
             try:
-                point, others = self._point(row, known)
+                point, others = self._point(row, points)
             except SwarmError:  # a damaged row, which is reported when it is displayed
                 break
             if len(trail) == most or now.step - point.step > TRAIL_STEPS or not np.array_equal(robots, others):
@@ -164,12 +164,12 @@ class RecordedPast(Past):
             trail.append(point)
         return tuple(reversed(trail))
 
-    def _point(self, row: int, known: dict[int, tuple[TrailPoint, np.ndarray]]) -> tuple[TrailPoint, np.ndarray]:
-        if row not in known:
+    def _point(self, row: int, points: dict[int, tuple[TrailPoint, np.ndarray]]) -> tuple[TrailPoint, np.ndarray]:
+        if row not in points:
             frame = self.recording[row]
-            known[row] = TrailPoint(frame.step, frame["position"].astype(np.float32)), frame.robots
-        self._points[row] = known[row]
-        return known[row]
+            points[row] = TrailPoint(frame.step, frame["position"].astype(np.float32)), frame.robots
+        self._points[row] = points[row]
+        return points[row]
 
     @property
     def frame(self) -> Frame | None:
@@ -219,7 +219,7 @@ class ReplayPlayer(Player):
         self.name = _page_name(recording.provenance) or recording.provenance["model"]["name"]
         self.series = self.rows.series
         self.chosen_charts: dict[str, list[str]] = {}
-        self._waited = 0
+        self._ticks = 0
         self.rest()
 
     @property
@@ -251,14 +251,14 @@ class ReplayPlayer(Player):
         """Pause, and display one of the rows."""
         self.loop.pause()
         with self.lock:
-            self._waited = 0
+            self._ticks = 0
         super().look(index)
 
     def look_at(self, step: int) -> None:
         """Pause, and display the first row that is not of an earlier step."""
         self.loop.pause()
         with self.capture_errors():
-            self._waited = 0
+            self._ticks = 0
             self.rows.look_at(step)
         self.rest()
 
@@ -271,8 +271,8 @@ class ReplayPlayer(Player):
     def trace(self, viewer: Viewer, on: bool) -> None:
         """Show where robots were before the displayed row, as long as any viewer draws trails."""
         super().trace(viewer, on)
-        if self.rows.traced != bool(self._tracing):
-            self.rows.traced = bool(self._tracing)
+        if self.rows.has_trails != bool(self._tracing):
+            self.rows.has_trails = bool(self._tracing)
             self._push()
 
     def rewind(self) -> None:
@@ -294,9 +294,9 @@ class ReplayPlayer(Player):
         if self.past.is_present:
             return False
         here, following = (self.rows.step_of(row) for row in (self.rows.index, self.rows.index + 1))
-        self._waited += 1
-        if self._waited >= following - here:
-            self._waited = 0
+        self._ticks += 1
+        if self._ticks >= following - here:
+            self._ticks = 0
             self.rows.look(self.rows.index + 1)
         return True
 
@@ -310,7 +310,7 @@ class ReplayPlayer(Player):
         return None  # the reason is in `error`
 
 
-def packed_with_readings(frame: Frame, scene: Scene, total: int | None = None) -> PackedFrame:
+def pack_with_readings(frame: Frame, scene: Scene, total: int | None = None) -> PackedFrame:
     """Return the picture of a recorded frame; `total` is the number of collisions so far, if known."""
     world, readings = scene.world(frame.step), readings_of_frame(frame, total)
     return PackedFrame(frame.step, packed_frame(frame, scene), world, readings, frame.state_hash or "")
@@ -318,15 +318,15 @@ def packed_with_readings(frame: Frame, scene: Scene, total: int | None = None) -
 
 def readings_of_frame(frame: Frame, total: int | None = None) -> tuple[tuple[str, str], ...]:
     """Return the numbers above the picture, each with its name as on the Watch page; only recorded ones."""
-    robots, met = f"{len(frame.robots):,}", collided_in(frame)
+    robots, colliding = f"{len(frame.robots):,}", find_collided(frame)
     if len(frame.columns.get("fires", ())):
         fires = frame["fires"]
         burning = ("Fires burning", f"{int((~fires['out']).sum())} of {len(fires)}")
         readings = [burning, ("Robots at fires", f"{int(np.maximum(fires['robots'], 0).sum())} of {robots}")]
     else:
         readings = [("Robots", robots)]
-    if met is not None:
-        readings.append(("Collisions", f"{len(met):,} now" + ("" if total is None else f", {total:,} in all")))
+    if colliding is not None:
+        readings.append(("Collisions", f"{len(colliding):,} now" + ("" if total is None else f", {total:,} in all")))
     return tuple(readings)
 
 
@@ -350,7 +350,7 @@ class Replaying:
         # Held while a recording is closed, and while background work changes attributes.
         self._changing = threading.Lock()
         # The open recording if it was uploaded, and an upload in progress.
-        self._own: Incoming | None = None
+        self._upload: Incoming | None = None
         self._coming: Incoming | None = None
         place = recordings_place()
         if place is not None and place.is_file():
@@ -384,12 +384,12 @@ class Replaying:
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters of the recorded run by name; empty for models that are not on the page."""
-        recorded = self.provenance  # once, as above
-        model_name = _page_name(recorded)
+        facts = self.provenance  # once, as above
+        model_name = _page_name(facts)
         if not model_name:
             return {}
-        known, given = parameters_of(find_model(model_name)), recorded["parameters"]
-        return {name: given.get(name, known[name].default) for name in known if name != "map"}
+        parameters, settings = parameters_of(find_model(model_name)), facts["parameters"]
+        return {name: settings.get(name, parameters[name].default) for name in parameters if name != "map"}
 
     def open_listed(self, name: str) -> None:
         """Open one of the recordings that are `listed`."""
@@ -498,7 +498,8 @@ class Replaying:
     def _branch(self, path: Path, step: int, changes: dict[str, Any], stop: threading.Event) -> None:
         try:
             (settings, seed), name = self._origin(), self.model_name
-            model = cast(SwarmModel, resumed(Recording(path), find_model(name), step, changes, self._watch(step, stop)))
+            watch = self._watch(step, stop)
+            model = cast(SwarmModel, resume_watched(Recording(path), find_model(name), step, changes, watch))
         except StoppedError:
             return
         except Exception as problem:  # a recorded model may raise anything
@@ -509,14 +510,14 @@ class Replaying:
 
     def _watch(self, step: int, stop: threading.Event) -> Watch:
         """Return a function that shows the progress of repeating steps, and ends it once the recording is closed."""
-        shown = monotonic()
+        last_time = monotonic()
 
         def watch(model: EngineModel) -> None:
-            nonlocal shown
+            nonlocal last_time
             if stop.is_set():
                 raise StoppedError
-            if monotonic() - shown > SHOWN_EVERY:
-                shown = monotonic()
+            if monotonic() - last_time > SHOWN_EVERY:
+                last_time = monotonic()
                 self._update(stop, _activity=f"continuing from step {step:,}: repeating step {model.completed:,} ...")
 
         return watch
@@ -533,22 +534,22 @@ class Replaying:
 
     def _origin(self) -> tuple[dict[str, Any], int]:
         """Return the parameters and the seed of the recorded model."""
-        recorded = self.provenance
+        facts = self.provenance
         if not self.model_name:
             raise RecordingError(
-                f"{recorded['model']['name']} is not a model of this page; in Python use `resume` of its class"
+                f"{facts['model']['name']} is not a model of this page; in Python use `resume` of its class"
             )
         settings = self.parameters
         if "n_robots" in settings:
             check_count("n_robots", settings["n_robots"], maximum=MOST_ROBOTS)
         if "map" in parameters_of(find_model(self.model_name)):
-            settings["map"] = _chart_of(recorded)
-        seed = recorded["seed"]
+            settings["map"] = _chart_of(facts)
+        seed = facts["seed"]
         if not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:
             raise InvalidValueError(f"seed is {seed!r:.60}; expected a whole number of at least 0")
         return settings, seed
 
-    def _open(self, path: Path, name: str, own: Incoming | None = None) -> bool:
+    def _open(self, path: Path, name: str, upload: Incoming | None = None) -> bool:
         """Open another recording in place of the open one, which stays if that fails; return whether it opened."""
         try:
             player = ReplayPlayer(path)
@@ -558,7 +559,7 @@ class Replaying:
         player.set_speed(self.session.own_speed)
         player.chosen_charts = self.session.chosen_charts
         self._leave(player)
-        self._path, self.name, self._own = path, name, own
+        self._path, self.name, self._upload = path, name, upload
         self.events, self.notes = None, list(damage_notes(player.recording))
         rows = _Rows(path, len(player.past), self._stop)
         threading.Thread(target=self._search, args=(rows, player), name="events", daemon=True).start()
@@ -569,13 +570,13 @@ class Replaying:
         """Read the numbers of charts, which are shown while they are read, then the events."""
         try:
             player.series.read(rows.recording, rows, player.show_numbers)
-            found = events_of(rows)
+            events = events_of(rows)
         except StoppedError:
             return
         except Exception as problem:  # a user's file may contain anything
             self._update(rows.stop, events=[], fault=error_line(problem).replace(str(self._path), self.name))
         else:
-            self._update(rows.stop, events=found)
+            self._update(rows.stop, events=events)
 
     def _fail(self, fault: str) -> None:
         self.fault = fault
@@ -592,14 +593,14 @@ class Replaying:
         with self._changing:
             self._stop.set()
             self._stop = threading.Event()
-            left, self.player = self.player, player
+            old_player, self.player = self.player, player
             self.events, self.changes, self.notes = [], {}, []
             self.name = self.fault = self._activity = ""
-        if left is not None:
-            left.close()
-        own, self._own = self._own, None
-        if own is not None:
-            own.discard()
+        if old_player is not None:
+            old_player.close()
+        upload, self._upload = self._upload, None
+        if upload is not None:
+            upload.discard()
 
 
 class _Rows:
@@ -619,21 +620,21 @@ def _page_name(provenance: dict[str, Any]) -> str:
     """Return the name of the recorded model on the page, empty for others: a recording makes it import none."""
     if not provenance:
         return ""
-    recorded = provenance["model"]
+    model = provenance["model"]
     shipped = {f"{PACKAGE}.{name}": name for name in gallery_names()}
-    own = () if recorded["module"] in shipped else [name for name in page_models() if name not in gallery_names()]
-    for name in (*own, shipped.get(recorded["module"])):
+    page_names = () if model["module"] in shipped else [name for name in page_models() if name not in gallery_names()]
+    for name in (*page_names, shipped.get(model["module"])):
         if name and is_of(provenance, find_model(name)) and _are_permitted(name, provenance["parameters"]):
             return name
     return ""
 
 
-def _are_permitted(name: str, given: dict[str, Any]) -> bool:
+def _are_permitted(name: str, settings: dict[str, Any]) -> bool:
     """Return whether a model of the page permits these parameters."""
-    known = parameters_of(find_model(name))
+    parameters = parameters_of(find_model(name))
     try:
-        for one in known.keys() & given.keys():
-            known[one].checked(given[one])
+        for key in parameters.keys() & settings.keys():
+            parameters[key].checked(settings[key])
     except SwarmError:
         return False
     return True

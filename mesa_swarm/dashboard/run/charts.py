@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import InvalidValueError, SwarmError, UnknownNameError, unknown_name
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.dashboard.page.robot_columns import Bins, Quantity, RobotValues, binned, values_of_session
+from mesa_swarm.dashboard.page.robot_columns import Bins, Quantity, RobotValues, bin_values, values_of_session
 from mesa_swarm.dashboard.page.series import ChartTable, Curves, Plot, row_until
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
@@ -102,10 +102,10 @@ class Axis:
     @classmethod
     def of(cls, label: str, values: np.ndarray, log: bool) -> "Axis":
         """Return an axis for these values: a logarithmic one only if all are above 0."""
-        known = values[np.isfinite(values)]
-        if not log or not len(known):
+        finite = values[np.isfinite(values)]
+        if not log or not len(finite):
             return cls(label)
-        least = float(known.min())
+        least = float(finite.min())
         return cls(label, True) if least > 0 else cls(label, False, f"no log axis: the least value is {least:.4g}")
 
 
@@ -121,12 +121,12 @@ class TimeContent:
 
     @classmethod
     def of(
-        cls, series: ChartTable, chosen: ChosenChart, most: int = MOST_POINTS, step: int | None = None
+        cls, series: ChartTable, choice: ChosenChart, most: int = MOST_POINTS, step: int | None = None
     ) -> "TimeContent":
         """Return the content of a chart of a series, with the exact row of a step."""
-        chart, curves = series.chart(chosen.what), series.curves(chosen.what, most)
-        y = Axis.of(chart_axis_label(chart), curves.low, "y" in chosen.log)
-        return cls(chart, curves, series.exact(chosen.what, step), Axis(time_label(series)), y)
+        chart, curves = series.chart(choice.what), series.curves(choice.what, most)
+        y = Axis.of(chart_axis_label(chart), curves.low, "y" in choice.log)
+        return cls(chart, curves, series.exact(choice.what, step), Axis(time_label(series)), y)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,29 +141,29 @@ class HistogramContent:
     y: Axis
 
     @classmethod
-    def of(cls, robots: RobotValues, chosen: ChosenChart) -> "HistogramContent":
+    def of(cls, robots: RobotValues, choice: ChosenChart) -> "HistogramContent":
         """Return the histogram of a quantity; without values where it is not known at that step."""
-        quantity = robots.quantities.get(chosen.what)
+        quantity = robots.quantities.get(choice.what)
         if quantity is None:
-            missing = Axis(chosen.what, False, robots.missing or "there are no robots")
-            nothing = Quantity(chosen.what, "", lambda: np.empty(0))
-            return cls(nothing, robots.step, np.empty(0), binned(np.empty(0)), missing, Axis("robots"))
+            axis = Axis(choice.what, False, robots.missing or "there are no robots")
+            nothing = Quantity(choice.what, "", lambda: np.empty(0))
+            return cls(nothing, robots.step, np.empty(0), bin_values(np.empty(0)), axis, Axis("robots"))
         try:
             values = quantity.measure()
         except Exception as problem:  # a function of a user's may raise anything
-            return cls.of(RobotValues(robots.step, missing=reported(problem)), chosen)
-        x = Axis.of(quantity.label, values, "x" in chosen.log)
-        bins = binned(values, log=x.log, is_direction=quantity.is_direction)
+            return cls.of(RobotValues(robots.step, missing=reported(problem)), choice)
+        x = Axis.of(quantity.label, values, "x" in choice.log)
+        bins = bin_values(values, log=x.log, is_direction=quantity.is_direction)
         return cls(quantity, robots.step, values, bins, x, Axis("robots"))
 
     @property
     def summary(self) -> str:
         """The number of robots, their mean, and the sample standard deviation."""
-        known = self.values[np.isfinite(self.values)]
-        words = [quantity(len(known), "robot")]
-        if len(known) and not self.quantity.is_direction:
-            words.append(f"mean {known.mean():.4g}")
-            words += [f"standard deviation {known.std(ddof=1):.3g}"] if len(known) > 1 else []
+        finite = self.values[np.isfinite(self.values)]
+        words = [quantity(len(finite), "robot")]
+        if len(finite) and not self.quantity.is_direction:
+            words.append(f"mean {finite.mean():.4g}")
+            words += [f"standard deviation {finite.std(ddof=1):.3g}"] if len(finite) > 1 else []
         return ", ".join(words)
 
     @property
@@ -187,16 +187,16 @@ class PhaseContent:
 
     @classmethod
     def of(
-        cls, series: ChartTable, chosen: ChosenChart, most: int = MOST_PHASE_POINTS, step: int | None = None
+        cls, series: ChartTable, choice: ChosenChart, most: int = MOST_PHASE_POINTS, step: int | None = None
     ) -> "PhaseContent":
         """Return the points of two curves of a series, all of them exact, and the last one of all among them."""
-        (steps, across, below), (later, up, beside) = (curve_of(series, one) for one in (chosen.against, chosen.what))
+        (steps, across, below), (later, up, beside) = (curve_of(series, what) for what in (choice.against, choice.what))
         both = min(len(steps), len(later))  # a row may have been added between the two
         steps, across, up = steps[:both], across[:both], up[:both]
-        x, y = Axis.of(below, across, "x" in chosen.log), Axis.of(beside, up, "y" in chosen.log)
+        x, y = Axis.of(below, across, "x" in choice.log), Axis.of(beside, up, "y" in choice.log)
         mark = row_until(steps, np.column_stack([across, up]), step)
-        shown = thinned(both, most)
-        return cls(steps[shown], across[shown], up[shown], mark, x, y)
+        rows = thin_places(both, most)
+        return cls(steps[rows], across[rows], up[rows], mark, x, y)
 
 
 def curve_of(series: ChartTable, label: str) -> tuple[np.ndarray, np.ndarray, str]:
@@ -209,12 +209,12 @@ def curve_of(series: ChartTable, label: str) -> tuple[np.ndarray, np.ndarray, st
     return steps, rows[:, k], with_unit(label, series.chart(key))
 
 
-def thinned(count: int, most: int) -> np.ndarray:
+def thin_places(count: int, most: int) -> np.ndarray:
     """Return at most `most` + 1 places of `count` ones, evenly from the first on, and the last one.
 
     Examples
     --------
-    >>> thinned(10, 4)
+    >>> thin_places(10, 4)
     array([0, 4, 8, 9])
     """
     stride = 1
@@ -224,11 +224,11 @@ def thinned(count: int, most: int) -> np.ndarray:
     return places if not count or places[-1] == count - 1 else np.append(places, count - 1)
 
 
-def chart_title(chosen: ChosenChart, series: ChartTable) -> str:
+def chart_title(choice: ChosenChart, series: ChartTable) -> str:
     """Return the title of a chart."""
-    if chosen.kind == OVER_TIME:
-        return series.chart(chosen.what).title
-    return f"{chosen.what} against {chosen.against}" if chosen.kind == PHASE_PLOT else f"Histogram of {chosen.what}"
+    if choice.kind == OVER_TIME:
+        return series.chart(choice.what).title
+    return f"{choice.what} against {choice.against}" if choice.kind == PHASE_PLOT else f"Histogram of {choice.what}"
 
 
 def csv_of(series: ChartTable, key: str) -> bytes:
@@ -244,9 +244,9 @@ def histogram_csv(content: HistogramContent) -> bytes:
     return csv_of_columns({f"{label} from": edges[:-1], f"{label} to": edges[1:], "robots": content.bins.counts})
 
 
-def phase_csv(series: ChartTable, chosen: ChosenChart) -> bytes:
+def phase_csv(series: ChartTable, choice: ChosenChart) -> bytes:
     """Return all stored points of a phase plot as CSV."""
-    content = PhaseContent.of(series, chosen, most=sys.maxsize)
+    content = PhaseContent.of(series, choice, most=sys.maxsize)
     columns = {content.x.label: in_whole(content.across), content.y.label: in_whole(content.up)}
     return csv_of_columns({**times_of(series, content.steps), **columns})
 
@@ -309,10 +309,10 @@ def histogram_figure(content: HistogramContent) -> Figure:
     return figure
 
 
-def phase_figure(series: ChartTable, chosen: ChosenChart, step: int | None = None) -> Figure:
+def phase_figure(series: ChartTable, choice: ChosenChart, step: int | None = None) -> Figure:
     """Return a phase plot as a figure for print: coloured along time, with the present or displayed point."""
-    content = PhaseContent.of(series, chosen, POINTS_OF_A_PICTURE, step)
-    figure, axes = _figure(content.x, content.y, chart_title(chosen, series))
+    content = PhaseContent.of(series, choice, POINTS_OF_A_PICTURE, step)
+    figure, axes = _figure(content.x, content.y, chart_title(choice, series))
     points = np.column_stack([content.across, content.up])
     times = content.steps * (series.seconds or 1)
     colours = ListedColormap(palette.LIGHT.values)
@@ -355,7 +355,7 @@ FIRST = ("at_fires",)
 LATER = ("layers", "collisions", "fire_temperature", "total_collisions")
 
 
-class Charted(Protocol):
+class ChartSource(Protocol):
     """What has charts: a session that plays a model, or a player of a recording."""
 
     name: str
@@ -403,7 +403,7 @@ class Charting(Link):
     def __init__(
         self,
         board: ChartBoard,
-        session: Charted,
+        session: ChartSource,
         robots: Callable[[], RobotValues] | None = None,
         *,
         clock: Callable[[], float] = time.monotonic,
@@ -414,7 +414,7 @@ class Charting(Link):
         self._lock = threading.Lock()
         self._looked_at: int | None = None
         self._looks = self._waits = False
-        self._busy = self._sent = 0.0
+        self._busy = self._sent_at = 0.0
         self._rows = 0
         self._keys: tuple[str, ...] = ()
         leave_view = partial(session.remove_viewer, self)
@@ -427,7 +427,7 @@ class Charting(Link):
         series, before = self.session.series, self.board.shown
         self._keys = tuple(chart.key for chart in series.charts())
         self.board.choices = choices_of(series, self._values(at_present=True))
-        self.board.shown = [self._described(one) for one in self._available()]
+        self.board.shown = [self._describe_chart(choice) for choice in self._available()]
         with self._lock:
             more = self._rows != len(series) and not self.session.playing
             self._waits = self._waits or more or self.board.shown != before
@@ -440,8 +440,8 @@ class Charting(Link):
         with self._lock:
             self._looked_at = None if session.past.is_present else frame.step
             self._waits = True
-            due = not session.playing or self.clock() - self._sent >= EVERY
-        if due:
+            is_due = not session.playing or self.clock() - self._sent_at >= EVERY
+        if is_due:
             if self._keys != tuple(chart.key for chart in session.series.charts()):
                 self.refresh()
             self._send_if_free()
@@ -467,48 +467,48 @@ class Charting(Link):
             case _:
                 self._downloads.hear(message)
 
-    def _carry_out(self, request: str, chosen: ChosenChart, axis: str) -> None:
+    def _carry_out(self, request: str, choice: ChosenChart, axis: str) -> None:
         self.board.fault = ""
         if request in ("csv", "png"):
-            if chosen.place in {one.place for one in self._available()}:
-                self._hand_over(chosen, request)
+            if choice.place in {available.place for available in self._available()}:
+                self._hand_over(choice, request)
             return
-        charts = self._chosen()
+        charts = self._list_chosen()
         if request == "add":
-            self._check_new(chosen)
-            if chosen.place not in {one.place for one in charts}:
-                charts.append(chosen)
+            self._check_new(choice)
+            if choice.place not in {present.place for present in charts}:
+                charts.append(choice)
         elif request == "remove":
-            charts = [one for one in charts if one.place != chosen.place]
-        elif axis in LOG_AXES[chosen.kind]:
-            charts = [with_log(one, axis) if one.place == chosen.place else one for one in charts]
-        self.session.chosen_charts[self.session.name] = [one.text for one in charts]
+            charts = [present for present in charts if present.place != choice.place]
+        elif axis in LOG_AXES[choice.kind]:
+            charts = [with_log(present, axis) if present.place == choice.place else present for present in charts]
+        self.session.chosen_charts[self.session.name] = [present.text for present in charts]
         self.refresh()
 
-    def _check_new(self, chosen: ChosenChart) -> None:
-        if not is_available(chosen, self.board.choices):
-            raise InvalidValueError(f"there is not a chart of {chosen.what!r:.60}; choose one of the list")
+    def _check_new(self, choice: ChosenChart) -> None:
+        if not is_available(choice, self.board.choices):
+            raise InvalidValueError(f"there is not a chart of {choice.what!r:.60}; choose one of the list")
         if len(self._available()) >= MOST_SHOWN:
             raise InvalidValueError(f"{MOST_SHOWN} charts are shown, which is the most; remove one first")
 
-    def _chosen(self) -> list[ChosenChart]:
+    def _list_chosen(self) -> list[ChosenChart]:
         """Return the charts that the user chose, also those that there are not at present, or the usual ones."""
         texts = self.session.chosen_charts.get(self.session.name)
         if texts is not None:
-            known = []
+            choices = []
             for text in texts:
                 with suppress(InvalidValueError):  # it may come from a link or a browser
-                    known.append(ChosenChart.of(text))
-            return known
+                    choices.append(ChosenChart.of(text))
+            return choices
         keys = order_charts([chart.key for chart in self.session.series.charts()])
         return [ChosenChart(OVER_TIME, key) for key in keys[:SHOWN_FIRST]]
 
     def _available(self) -> list[ChosenChart]:
-        return [one for one in self._chosen() if is_available(one, self.board.choices)]
+        return [choice for choice in self._list_chosen() if is_available(choice, self.board.choices)]
 
-    def _described(self, chosen: ChosenChart) -> dict[str, str]:
-        title = chart_title(chosen, self.session.series)
-        return {"id": replace(chosen, log="").text, "kind": chosen.kind, "title": title, "log": chosen.log}
+    def _describe_chart(self, choice: ChosenChart) -> dict[str, str]:
+        title = chart_title(choice, self.session.series)
+        return {"id": replace(choice, log="").text, "kind": choice.kind, "title": title, "log": choice.log}
 
     def _values(self, *, at_present: bool = False) -> RobotValues:
         """Return the quantities of robots, measured when they are needed: hold the lock of a session meanwhile."""
@@ -524,44 +524,44 @@ class Charting(Link):
             now = self.clock()
             if not (self._looks and self._waits) or now - self._busy < 10 * EVERY:
                 return
-            self._waits, self._busy, self._sent = False, now, now
+            self._waits, self._busy, self._sent_at = False, now, now
             looked_at, self._rows = self._looked_at, len(self.session.series)
         charts, buffers = self._message(looked_at)
         seconds = self.session.series.seconds
         self.board.send({"kind": "curves", "charts": charts, "looked_at": looked_at, "seconds": seconds}, buffers)
 
     def _message(self, step: int | None) -> tuple[list[dict], list[bytes]]:
-        chosen = self._available()
-        if all(one.kind != HISTOGRAM for one in chosen):
-            return message_of(self.session.series, chosen, RobotValues(0), step)
+        charts = self._available()
+        if all(chart.kind != HISTOGRAM for chart in charts):
+            return message_of(self.session.series, charts, RobotValues(0), step)
         # A histogram is measured while the model rests between two steps.
         lock = getattr(self.session, "lock", threading.RLock())
         with lock:
-            return message_of(self.session.series, chosen, self._values(), step)
+            return message_of(self.session.series, charts, self._values(), step)
 
-    def _hand_over(self, chosen: ChosenChart, kind: str) -> None:
+    def _hand_over(self, choice: ChosenChart, kind: str) -> None:
         """Make a file in a thread, since a picture takes a while, and send it."""
         series, step = self.session.series, self._looked_at
-        robots = self._values() if chosen.kind == HISTOGRAM else RobotValues(0)
-        histogram = HistogramContent.of(robots, chosen) if chosen.kind == HISTOGRAM else None
-        name = f"{short_name(self.session.name)}_{file_name(chosen, robots.step)}.{kind}"
+        robots = self._values() if choice.kind == HISTOGRAM else RobotValues(0)
+        histogram = HistogramContent.of(robots, choice) if choice.kind == HISTOGRAM else None
+        name = f"{short_name(self.session.name)}_{file_name(choice, robots.step)}.{kind}"
 
         def work() -> None:
-            table, figure = chart_files(series, chosen, histogram, step)
+            table, figure = chart_files(series, choice, histogram, step)
             self._downloads.send(name, table() if kind == "csv" else png(figure()))
 
         threading.Thread(target=work, name="chart", daemon=True).start()
 
 
-def with_log(chosen: ChosenChart, axis: str) -> ChosenChart:
+def with_log(choice: ChosenChart, axis: str) -> ChosenChart:
     """Return a chart with this axis logarithmic, or linear if it is logarithmic."""
-    return replace(chosen, log="".join(one for one in "xy" if (one in chosen.log) != (one == axis)))
+    return replace(choice, log="".join(letter for letter in "xy" if (letter in choice.log) != (letter == axis)))
 
 
 def order_charts(keys: list[str]) -> list[str]:
     """Return charts in the order of display: fires, those of the model, then those of all models."""
-    own = [key for key in keys if key not in FIRST + LATER]
-    order = [*FIRST, *LATER, *own] if set(FIRST) & set(keys) else [*own, *LATER]
+    own_keys = [key for key in keys if key not in FIRST + LATER]
+    order = [*FIRST, *LATER, *own_keys] if set(FIRST) & set(keys) else [*own_keys, *LATER]
     return [key for key in order if key in keys]
 
 
@@ -575,20 +575,20 @@ def choices_of(series: ChartTable, robots: RobotValues) -> dict[str, list[list[s
     }
 
 
-def is_available(chosen: ChosenChart, choices: dict[str, list[list[str]]]) -> bool:
+def is_available(choice: ChosenChart, choices: dict[str, list[list[str]]]) -> bool:
     """Return whether a chart can be shown at present."""
-    known = {name for name, _ in choices.get(chosen.kind, [])}
-    return chosen.what in known and (chosen.kind != PHASE_PLOT or chosen.against in known)
+    names = {name for name, _ in choices.get(choice.kind, [])}
+    return choice.what in names and (choice.kind != PHASE_PLOT or choice.against in names)
 
 
-def file_name(chosen: ChosenChart, step: int) -> str:
+def file_name(choice: ChosenChart, step: int) -> str:
     """Return the name of a file, without its ending; that of a histogram has its step."""
     words = {
-        OVER_TIME: chosen.what,
-        HISTOGRAM: f"{chosen.what} histogram step {step}",
-        PHASE_PLOT: f"{chosen.what} against {chosen.against}",
+        OVER_TIME: choice.what,
+        HISTOGRAM: f"{choice.what} histogram step {step}",
+        PHASE_PLOT: f"{choice.what} against {choice.against}",
     }
-    return re.sub(r"\W+", "_", words[chosen.kind]).strip("_")
+    return re.sub(r"\W+", "_", words[choice.kind]).strip("_")
 
 
 def message_of(
@@ -596,18 +596,18 @@ def message_of(
 ) -> tuple[list[dict], list[bytes]]:
     """Return descriptions of charts for the browser, and a float64 buffer each: see the top of ``charts.js``."""
     makers: dict[str, Callable[[ChosenChart], tuple[dict, list[np.ndarray]]]] = {
-        OVER_TIME: lambda one: curves_message(TimeContent.of(series, one, step=step), series),
-        HISTOGRAM: lambda one: histogram_message(HistogramContent.of(robots, one)),
-        PHASE_PLOT: lambda one: phase_message(PhaseContent.of(series, one, step=step)),
+        OVER_TIME: lambda choice: curves_message(TimeContent.of(series, choice, step=step), series),
+        HISTOGRAM: lambda choice: histogram_message(HistogramContent.of(robots, choice)),
+        PHASE_PLOT: lambda choice: phase_message(PhaseContent.of(series, choice, step=step)),
     }
     descriptions, buffers = [], []
-    for one in charts:
+    for choice in charts:
         try:
-            about, arrays = makers[one.kind](one)
+            about, arrays = makers[choice.kind](choice)
         except UnknownNameError:  # the model has just lost it
             continue
         lengths = [len(array) for array in arrays]
-        descriptions.append({"id": replace(one, log="").text, "kind": one.kind, "lengths": lengths, **about})
+        descriptions.append({"id": replace(choice, log="").text, "kind": choice.kind, "lengths": lengths, **about})
         buffers.append(np.concatenate(arrays).astype("<f8").tobytes())
     return descriptions, buffers
 
@@ -658,11 +658,11 @@ def row_json(row: tuple[int, np.ndarray] | None) -> dict[str, Any] | None:
 
 
 def chart_files(
-    series: ChartTable, chosen: ChosenChart, histogram: HistogramContent | None, step: int | None
+    series: ChartTable, choice: ChosenChart, histogram: HistogramContent | None, step: int | None
 ) -> tuple[Callable[[], bytes], Callable[[], Figure]]:
     """Return what makes the CSV and the figure of a chart."""
     if histogram is not None:
         return partial(histogram_csv, histogram), partial(histogram_figure, histogram)
-    if chosen.kind == PHASE_PLOT:
-        return partial(phase_csv, series, chosen), partial(phase_figure, series, chosen, step)
-    return partial(csv_of, series, chosen.what), partial(figure_of, series, chosen.what, chosen.log)
+    if choice.kind == PHASE_PLOT:
+        return partial(phase_csv, series, choice), partial(phase_figure, series, choice, step)
+    return partial(csv_of, series, choice.what), partial(figure_of, series, choice.what, choice.log)

@@ -8,7 +8,7 @@ import numpy as np
 import traitlets
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice
-from mesa_swarm.dashboard.page.edits import EDITS, SET, Edit, thing_at
+from mesa_swarm.dashboard.page.edits import EDITS, SET, Edit, find_thing_at
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
 from mesa_swarm.fire.fires import Fire
@@ -79,13 +79,13 @@ class Editing(Link):
         if self._downloads.hear(message):
             return
         acts: dict[str, Callable[[dict], object]] = {
-            "use": lambda one: self.use(str(one["tool"]), one["values"], one.get("near", 0.0), one.get("like")),
-            "grab": lambda one: self.grab(one["values"][0], one["values"][1], one.get("near", 0.0)),
-            "drag": lambda one: self.drag(*one["values"]),
-            "drop": lambda one: self.drop(*one["values"]),
+            "use": lambda edit: self.use(str(edit["tool"]), edit["values"], edit.get("near", 0.0), edit.get("like")),
+            "grab": lambda edit: self.grab(edit["values"][0], edit["values"][1], edit.get("near", 0.0)),
+            "drag": lambda edit: self.drag(*edit["values"]),
+            "drop": lambda edit: self.drop(*edit["values"]),
             "clear": lambda _: self.session.edit("clear"),
             "undo": lambda _: self.session.undo(),
-            "save": lambda one: self.save(str(one["value"])),
+            "save": lambda edit: self.save(str(edit["value"])),
             "apply": lambda _: self.session.take_map(edited_map(self._model, DRAWN)),
         }
         try:
@@ -103,26 +103,26 @@ class Editing(Link):
 
     def use(self, tool: str, values: Sequence[float], near: float = 0.0, like: float | None = None) -> None:
         """Use a tool at a place: the first two values."""
-        session, (x, y, *others) = self.session, map(float, values)
+        session, (x, y, *more) = self.session, map(float, values)
         with session.lock:
-            there = thing_at(self._model, x, y, near)
+            there = find_thing_at(self._model, x, y, near)
         if tool == "erase":
-            session.edit("remove", _found(there, x, y).unique_id)
+            session.edit("remove", _find_thing(there, x, y).unique_id)
         elif tool == "move":
-            self._move(_found(there, x, y), *others)
+            self._move(_find_thing(there, x, y), *more)
         elif tool == "fire" and isinstance(there, Fire):
             session.edit("switch", there.unique_id)
         elif tool == "robot":
-            session.edit("robot", x, y, *others, -1.0 if like is None else like)
+            session.edit("robot", x, y, *more, -1.0 if like is None else like)
         else:
-            session.edit(check_choice("tool", tool, tuple(EDITS)), x, y, *others)
+            session.edit(check_choice("tool", tool, tuple(EDITS)), x, y, *more)
 
     def grab(self, x: float, y: float, near: float = 0.0) -> None:
         """Begin to drag what is at a place; the run waits meanwhile."""
         with self.session.lock:
-            found = thing_at(self._model, x, y, near)
-        if found is not None:
-            self._dragged = Dragging(self.session, found, x, y)
+            target = find_thing_at(self._model, x, y, near)
+        if target is not None:
+            self._dragged = Dragging(self.session, target, x, y)
 
     def drag(self, x: float, y: float) -> None:
         """Drag on."""
@@ -138,12 +138,12 @@ class Editing(Link):
     def save(self, kind: str) -> None:
         """Send the world as a map file: "toml" or "svg"."""
         with self.session.lock:
-            drawn = edited_map(self._model, DRAWN)
-        text = drawn.to_toml() if check_choice("kind", kind, ("toml", "svg")) == "toml" else drawn.to_svg()
+            chart = edited_map(self._model, DRAWN)
+        text = chart.to_toml() if check_choice("kind", kind, ("toml", "svg")) == "toml" else chart.to_svg()
         threading.Thread(target=self._downloads.send, args=(f"{DRAWN}.{kind}", text.encode()), daemon=True).start()
 
-    def _move(self, found: Robot | Body, x: float, y: float) -> None:
-        self.session.edit("move", found.unique_id, x, y, _heading(found))
+    def _move(self, target: Robot | Body, x: float, y: float) -> None:
+        self.session.edit("move", target.unique_id, x, y, _heading(target))
 
 
 class Dragging:
@@ -153,7 +153,7 @@ class Dragging:
         self._session, self._number, self._heading = session, grabbed.unique_id, _heading(grabbed)
         self._offset = np.subtract(grabbed.position, (x, y))
         self._at_once = isinstance(grabbed, Robot | Load)
-        self._begun = False
+        self._has_begun = False
         self._played = session.playing
         if self._played:
             session.pause()
@@ -173,11 +173,11 @@ class Dragging:
 
     def _move(self, x: float, y: float) -> None:
         place = np.add(self._offset, (x, y)).tolist()
-        self._session.edit("move", self._number, *place, self._heading, in_place=self._begun)
-        self._begun = self._at_once
+        self._session.edit("move", self._number, *place, self._heading, in_place=self._has_begun)
+        self._has_begun = self._at_once
 
 
-def _found(there: Robot | Body | None, x: float, y: float) -> Robot | Body:
+def _find_thing(there: Robot | Body | None, x: float, y: float) -> Robot | Body:
     if there is None:
         raise InvalidValueError(f"there is nothing at ({x:.4g}, {y:.4g}); choose a place on a robot, a fire or a body")
     return there

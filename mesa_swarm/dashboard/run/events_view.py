@@ -22,7 +22,7 @@ class EventNews:
 
     def __init__(self, session: Session) -> None:
         self.changed = Listeners()
-        self._session, self._known = session, (0, 0)
+        self._session, self._state = session, (0, 0)
 
     def begin(self) -> Callable[[], None]:
         """Notify from now on, until what is returned is called."""
@@ -32,9 +32,9 @@ class EventNews:
     def push(self, number: int, frame: PackedFrame) -> None:
         """Notify, if there is something new."""
         model = self._session.model
-        known = (id(model), 0 if model is None else len(model.events))
-        if known != self._known:
-            self._known = known
+        state = (id(model), 0 if model is None else len(model.events))
+        if state != self._state:
+            self._state = state
             self.changed.notify()
 
 
@@ -44,8 +44,8 @@ def go_to(session: Session, step: int) -> None:
     with session.lock:
         past = session.recent
         past.look_at(step)
-        shown = past.shown
-        if shown is not None and shown.step < step:
+        moment = past.shown
+        if moment is not None and moment.step < step:
             past.look(past.index + 1)
     session.rest()
 
@@ -72,8 +72,8 @@ def EventList(session: Session) -> None:
         with solara.Div(classes=["swarm-list"]):
             for place, (step, name, robot, value) in enumerate(last):
                 text = event_text(name, robot, value)
-                stored = first_step <= step <= last_step
-                Button(f"step {step:,}", partial(go_to, session, step), more=text, enabled=stored).key(f"{place}")
+                is_stored = first_step <= step <= last_step
+                Button(f"step {step:,}", partial(go_to, session, step), more=text, enabled=is_stored).key(f"{place}")
         if last[-1][0] < first_step:
             text = f"Steps {first_step:,} to {last_step:,} are in memory."
             rv.Html(tag="p", class_="swarm-hint", children=[text])

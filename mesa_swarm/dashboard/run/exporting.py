@@ -17,14 +17,7 @@ from typing import Any, cast
 import anywidget
 import traitlets
 
-from mesa_swarm.base.errors import (
-    ExportError,
-    InvalidValueError,
-    RecordingError,
-    SwarmError,
-    check_choice,
-    check_count,
-)
+from mesa_swarm.base.errors import ExportError, InvalidValueError, RecordingError, SwarmError, check_choice, check_count
 from mesa_swarm.dashboard.page.live_run import Repetition
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
@@ -131,14 +124,14 @@ class RecordingSwitch(Observer):
             model.observers.remove(self)
         if recorder is None:
             return
-        failed = recorder.closed  # at an error
+        has_failed = recorder.closed  # at an error
         try:
             recorder.close()
         except RecordingError:
-            failed = True
+            has_failed = True
             raise
         finally:
-            if failed:
+            if has_failed:
                 self._note_what_is_left(recorder.written.rows)
 
     def close(self) -> None:
@@ -165,7 +158,7 @@ class CancelledError(SwarmError):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Wanted:
+class ExportRequest:
     """A requested file; every value is checked."""
 
     kind: str
@@ -221,9 +214,9 @@ class Exporting:
     def connect(self, deliver: Callable[[str, bytes | Path], None], notify: Callable[[], None]) -> None:
         """Connect a listener; it receives at once a file that was made while none was connected."""
         self._deliver, self._notify = deliver, notify
-        made, self._undelivered = self._undelivered, None
-        if made is not None:
-            deliver(*made)
+        files, self._undelivered = self._undelivered, None
+        if files is not None:
+            deliver(*files)
 
     def disconnect(self) -> None:
         """Disconnect the listener; work in the background continues."""
@@ -249,14 +242,14 @@ class Exporting:
             if self.switch.running and self.switch.model is not self.session.model:
                 self.switch.stop()
 
-    def start(self, **wanted: Any) -> None:
+    def start(self, **options: Any) -> None:
         """Begin to make a file, unless one is being made."""
         if self._thread is not None and self._thread.is_alive():
             self.fault = "an export is in progress; wait for it, or cancel it"
         else:
             self._cancelled.clear()
             self.doing, self.progress, self.message, self.fault = "Starting", None, "", ""
-            self._thread = threading.Thread(target=self._work, args=(wanted,), name="export", daemon=True)
+            self._thread = threading.Thread(target=self._work, args=(options,), name="export", daemon=True)
             self._thread.start()
         self._notify()
 
@@ -276,9 +269,9 @@ class Exporting:
             self._thread.join(5)
         self._folder.cleanup()
 
-    def _work(self, wanted: dict[str, Any]) -> None:
+    def _work(self, options: dict[str, Any]) -> None:
         try:
-            name = self._make(Wanted(**wanted))
+            name = self._make(ExportRequest(**options))
         except CancelledError:
             self.message = "Cancelled."
         except Exception as problem:  # shown beside the button
@@ -289,32 +282,32 @@ class Exporting:
         self.doing, self.progress = "", None
         self._notify()
 
-    def _make(self, wanted: Wanted) -> str:
+    def _make(self, request: ExportRequest) -> str:
         """Make a file, deliver it and return its name."""
         session = self.session
         self._undelivered = None
         for old in self.folder.glob("made*"):
             old.unlink()
-        if wanted.kind in PICTURES:
-            step, shown = self._shown()
-            figure = world_figure({f"{short_name(session.name)}, step {step:,}": shown}, wanted.sectors)
-            name = f"{short_name(session.name)}_{step}.{wanted.kind}"
-            self._hand_over(name, png(figure) if wanted.kind == "png" else svg(figure))
+        if request.kind in PICTURES:
+            step, scene = self._choose_scene()
+            figure = world_figure({f"{short_name(session.name)}, step {step:,}": scene}, request.sectors)
+            name = f"{short_name(session.name)}_{step}.{request.kind}"
+            self._hand_over(name, png(figure) if request.kind == "png" else svg(figure))
             return name
         source = self.folder / "made.arrow"
-        rows = self._from_recording(source) if wanted.source == "recording" else self._repeat_run(source)
-        made = source if wanted.kind == "arrow" else self.folder / f"made.{wanted.ending}"
-        if made is not source:
-            self._check_table(wanted, rows)
-            self._export([str(source), str(made), *wanted.options()])
+        rows = self._from_recording(source) if request.source == "recording" else self._repeat_run(source)
+        result = source if request.kind == "arrow" else self.folder / f"made.{request.ending}"
+        if result is not source:
+            self._check_table(request, rows)
+            self._export([str(source), str(result), *request.options()])
         self._check_cancelled()
-        if made.stat().st_size > LARGEST_DOWNLOAD:
-            raise ExportError(f"the file has {made.stat().st_size / 1e6:,.0f} MB; expected at most 500 MB: record less")
-        name = f"{short_name(session.name)}{f'_{wanted.table}' if wanted.table else ''}.{wanted.ending}"
-        self._hand_over(name, made)
+        if (size := result.stat().st_size) > LARGEST_DOWNLOAD:
+            raise ExportError(f"the file has {size / 1e6:,.0f} MB; expected at most 500 MB: record less")
+        name = f"{short_name(session.name)}{f'_{request.table}' if request.table else ''}.{request.ending}"
+        self._hand_over(name, result)
         return name
 
-    def _shown(self) -> tuple[int, Shown]:
+    def _choose_scene(self) -> tuple[int, Shown]:
         """Return the displayed step, and what to draw of it."""
         session = self.session
         with session.lock:
@@ -324,7 +317,7 @@ class Exporting:
             if session.past.is_present:
                 return session.model.completed, frame_and_scene(session.model)
             _check_straight(session, "draw an earlier step")
-        return step, self._taken(session.repetition(), step)
+        return step, self._take_steps(session.repetition(), step)
 
     def _from_recording(self, path: Path) -> int:
         """Copy the recording; return its number of steps."""
@@ -344,12 +337,12 @@ class Exporting:
             steps, mark = session.model.completed, session.model.state_hash()
             again = session.repetition()
         with record(again.model, path, overwrite=True):
-            model = self._taken(again, steps, path)
+            model = self._take_steps(again, steps, path)
         if model.state_hash() != mark:
             raise ExportError("repeating the run gave another result; press Record, then Play")
         return steps
 
-    def _taken(self, again: Repetition, steps: int, path: Path | None = None) -> SwarmModel:
+    def _take_steps(self, again: Repetition, steps: int, path: Path | None = None) -> SwarmModel:
         """Take steps, with pauses in which other threads can work."""
         pause = time.perf_counter() + TURN
         for step in range(1, steps + 1):
@@ -365,13 +358,13 @@ class Exporting:
         again.finish()
         return again.model
 
-    def _check_table(self, wanted: Wanted, steps: int) -> None:
+    def _check_table(self, request: ExportRequest, steps: int) -> None:
         """Refuse tables too large to open."""
-        if not wanted.table:
+        if not request.table:
             return
         model = self.session.model
-        things = 0 if model is None else len(model.swarm if wanted.table == "robots" else model.fires)
-        rows = steps * things // wanted.every
+        things = 0 if model is None else len(model.swarm if request.table == "robots" else model.fires)
+        rows = steps * things // request.every
         if rows > MOST_ROWS:
             raise ExportError(f"the table would have {rows:,} rows; expected at most {MOST_ROWS:,}: take fewer steps")
 
@@ -436,7 +429,7 @@ class ExportDesk(Link):
         self.exporter, self.session = exporter, session
         self._downloads = Downloads(exporter)
         self._lock = threading.Lock()
-        self._shown = 0.0
+        self._shown_at = 0.0
         self._doing = ""
         self.exporting = session.companion(Exporting)
         self.exporting.connect(self._downloads.send, self.report)
@@ -450,19 +443,19 @@ class ExportDesk(Link):
         self.exporting.check_recording()
         model = self.session.model
         burns = model is not None and len(model.fires) > 0
-        made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
-        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in made.items()]
+        kinds_made = {key: label for key, label in KINDS.items() if burns or "fires" not in key}
+        kinds: list[list[str | bool]] = [[key, label, key not in PICTURES] for key, label in kinds_made.items()]
         self.exporter.kinds = kinds
         self._show()
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show the recorded steps, if an update is due."""
-        if not self.session.playing or time.monotonic() - self._shown >= EVERY:
+        if not self.session.playing or time.monotonic() - self._shown_at >= EVERY:
             self._show()
 
     def report(self) -> None:
         """Show the progress, if an update is due."""
-        if self.exporting.doing != self._doing or time.monotonic() - self._shown >= EVERY:
+        if self.exporting.doing != self._doing or time.monotonic() - self._shown_at >= EVERY:
             self._show()
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
@@ -481,7 +474,7 @@ class ExportDesk(Link):
 
     def _show(self) -> None:
         with self._lock:
-            self._shown, self._doing = time.monotonic(), self.exporting.doing
+            self._shown_at, self._doing = time.monotonic(), self.exporting.doing
             self.exporter.status = status_of(self.exporting)
 
 

@@ -15,7 +15,7 @@ from mesa_swarm.control.explain import moment_of
 from mesa_swarm.dashboard.page.robot_columns import column_title
 from mesa_swarm.dashboard.page.session import WATCHED, Session, custom_columns
 from mesa_swarm.dashboard.page.widgets import Link
-from mesa_swarm.dashboard.replay.recorded_series import collided_in
+from mesa_swarm.dashboard.replay.recorded_series import find_collided
 from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.frames import Frame
@@ -56,14 +56,14 @@ class Inspecting(Link):
 
     def __init__(self, inspector: Inspector, session: Session) -> None:
         self.inspector, self.session = inspector, session
-        self._shown = 0.0
+        self._shown_at = 0.0
         leave_view = partial(session.remove_viewer, self)
         self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh), leave_view)
         session.add_viewer(self)
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show the robot at the displayed step, if an update is due."""
-        if not self.session.playing or time.monotonic() - self._shown >= EVERY:
+        if not self.session.playing or time.monotonic() - self._shown_at >= EVERY:
             self.refresh()
 
     def select(self) -> None:
@@ -73,9 +73,9 @@ class Inspecting(Link):
 
     def refresh(self) -> None:
         """Show the selected robot."""
-        self._shown = time.monotonic()
+        self._shown_at = time.monotonic()
         with self.session.lock:
-            inspected = self._known()
+            inspected = self._inspect_selected()
             editable = bool(inspected) and self._may_move()
         with self.inspector.hold_sync():
             self.inspector.inspected, self.inspector.editable = inspected, editable
@@ -94,13 +94,13 @@ class Inspecting(Link):
             case "move":
                 self._move(message["value"])
 
-    def _known(self) -> dict[str, Any]:
+    def _inspect_selected(self) -> dict[str, Any]:
         """Return the selected robot at the displayed step, empty if none is selected."""
-        model, shown = self.session.model, self.session.past.shown
-        if model is None or shown is None:
+        model, moment = self.session.model, self.session.past.shown
+        if model is None or moment is None:
             return {}
         robot = robot_of(model, self.session.selected)
-        return {} if robot is None else inspect(model, robot, shown.step)
+        return {} if robot is None else inspect(model, robot, moment.step)
 
     def _may_move(self) -> bool:
         session = self.session
@@ -110,8 +110,8 @@ class Inspecting(Link):
         session = self.session
         if number is not None and (session.model is None or robot_of(session.model, number) is None):
             ids = session.model.swarm.unique_ids.tolist() if session.model else []
-            expected = f"expected one from {ids[0]} to {ids[-1]}" if ids else "the model has no robots"
-            self.inspector.fault = f"unknown robot {number}; {expected}"
+            expectation = f"expected one from {ids[0]} to {ids[-1]}" if ids else "the model has no robots"
+            self.inspector.fault = f"unknown robot {number}; {expectation}"
             return
         session.select(number)
 
@@ -141,19 +141,19 @@ class ReplayInspecting(Link):
 
     def __init__(self, inspector: Inspector, player: ReplayPlayer) -> None:
         self.inspector, self.player = inspector, player
-        self._shown = 0.0
+        self._shown_at = 0.0
         leave_view = partial(player.remove_viewer, self)
         self.connect(inspector, player.selection.add(self.refresh), player.changed.add(self.refresh), leave_view)
         player.add_viewer(self)
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show the robot in the displayed row, if an update is due."""
-        if not self.player.playing or time.monotonic() - self._shown >= EVERY:
+        if not self.player.playing or time.monotonic() - self._shown_at >= EVERY:
             self.refresh()
 
     def refresh(self) -> None:
         """Show the selected robot; of a row that cannot be read, which the page reports, nothing."""
-        self._shown = time.monotonic()
+        self._shown_at = time.monotonic()
         player = self.player
         inspected: dict[str, Any] = {}
         with player.capture_errors():
@@ -171,8 +171,8 @@ class ReplayInspecting(Link):
                     frame = player.rows.frame
                 if frame is not None and len(frame.robots):
                     ids, by = frame.robots.tolist(), 1 if which == "next" else -1
-                    known = player.selected in ids
-                    row = ids.index(player.selected) + by if known else (0 if by > 0 else -1)
+                    is_listed = player.selected in ids
+                    row = ids.index(player.selected) + by if is_listed else (0 if by > 0 else -1)
                     player.select(ids[row % len(ids)])
             case "select" if value is None or isinstance(value, int):
                 player.select(value)
@@ -195,21 +195,21 @@ def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
 
 def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     """Return the description of a robot at a step, in words and numbers; of a step no longer stored only a message."""
-    watched = model.watched
-    stored = watched.steps.tolist() if watched is not None else []
+    snapshots = model.watched
+    steps = snapshots.steps.tolist() if snapshots is not None else []
     present = step == model.completed
-    if watched is not None and step in stored:
-        columns, when = watched.at(step), f"step {step:,}"
-    elif present and not stored:
+    if snapshots is not None and step in steps:
+        columns, when = snapshots.at(step), f"step {step:,}"
+    elif present and not steps:
         columns, when = model.swarm.columns, "before the first step"
     else:
-        available = f"; readings are available for steps {stored[0]:,} to {stored[-1]:,}" if stored else ""
+        available = f"; readings are available for steps {steps[0]:,} to {steps[-1]:,}" if steps else ""
         return {"id": robot.unique_id, "when": f"step {step:,} is no longer stored{available}", "known": False}
     if set(WATCHED) - set(columns):
         return {"id": robot.unique_id, "when": "the model stores too few columns for the inspector", "known": False}
     moment, _ = moment_of(model.swarm, columns, robot.row, model.kinds)
     position, heading = (columns[name][robot.row] for name in ("position", "heading"))
-    decided = step in stored and model.control is not None
+    decided = step in steps and model.control is not None
     reason = model.explain(robot, step) if decided else None
     return {
         "id": robot.unique_id,
@@ -254,8 +254,8 @@ def inspect_frame(frame: Frame, scene: Scene, number: int) -> dict[str, Any]:
     columns = {name: column[row] for name, column in frame.columns.items() if not is_table(name)}
     moment = recorded_moment(design, columns, tuple(scene.world(frame.step).get("kinds", KINDS)))
     layer = int(columns.get("layer", -1))
-    moved = "command" in columns and len(moment.command) == 2
-    decided = moved and "layer" in columns and frame.step > 0
+    has_wheels = "command" in columns and len(moment.command) == 2
+    decided = has_wheels and "layer" in columns and frame.step > 0
     return {
         "id": number,
         "when": when,
@@ -302,17 +302,17 @@ def recorded_facts(frame: Frame, scene: Scene, row: int, columns: dict[str, Any]
         facts.append(("Heat", f"{columns['temperature']:.1f}{heat}{' (too hot to fight)' if hot else ''}"))
     if fires and "fire" in columns:
         facts.append(("Fights", fire_name(int(columns["fire"]))))
-    own = [name for name in columns if name not in SHOWN_APART and not name.startswith("looks.")]
-    for name in [*(name for name in ("radiation", "line") if name in columns), *own]:
+    names = [name for name in columns if name not in SHOWN_APART and not name.startswith("looks.")]
+    for name in [*(name for name in ("radiation", "line") if name in columns), *names]:
         value = columns[name]
         if np.asarray(value).dtype.kind in "biuf":
-            facts.append((capitalised(column_title(name)), _numbers(value)))
-    met = collided_in(frame)
-    if met is not None:
-        facts.append(("Collided", "yes" if frame.robots[row] in met else "no"))
+            facts.append((capitalise_title(column_title(name)), _numbers(value)))
+    colliding = find_collided(frame)
+    if colliding is not None:
+        facts.append(("Collided", "yes" if frame.robots[row] in colliding else "no"))
     relevant = {name: text for name, text in RECORDED.items() if fires or name not in ("temperature", "fire")}
-    missing = [text for name, text in relevant.items() if name not in frame.columns]
-    return [*facts, ("Not recorded", ", ".join([*missing, "reasons"]))]
+    absent = [text for name, text in relevant.items() if name not in frame.columns]
+    return [*facts, ("Not recorded", ", ".join([*absent, "reasons"]))]
 
 
 def sensor_sectors(moment: Moment, triggered: Sequence[int]) -> list[dict[str, Any]]:
@@ -340,14 +340,12 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     if len(model.fires):
         state = " (too hot to fight)" if columns["hot"] else ""
         facts.append(("Heat", f"{columns['temperature']:.1f}, {columns['heat']:+.2f} a step{state}"))
-        fire = int(columns["fire"])
-        facts.append(("Fights", fire_name(fire)))
-    radiation, line = columns["radiation"], columns["line"]
+        facts.append(("Fights", fire_name(int(columns["fire"]))))
     if len(robot.design.radiation):
-        readings = radiation[: len(robot.design.radiation)]
+        readings = columns["radiation"][: len(robot.design.radiation)]
         facts.append(("Radiation", " ".join(f"{reading:.2f}" for reading in readings)))
     if len(robot.design.line):
-        over = ["mark" if on else "ground" for on in line[: len(robot.design.line)]]
+        over = ["mark" if on else "ground" for on in columns["line"][: len(robot.design.line)]]
         facts.append(("Line sensors", ", ".join(over)))
     facts += custom_of(model, columns)
     if model.communication is not None:
@@ -359,9 +357,9 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
 
 def rows_of_parts(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
     """Return what added parts have of a robot now: their columns, and the rows that they show."""
-    shown = {f"{one.name} {name}": values for one in shown_of(model) for name, values in one.rows.items()}
+    rows = {f"{picture.name} {name}": values for picture in shown_of(model) for name, values in picture.rows.items()}
     columns = {column_title(name): values for name, values in columns_of_parts(model).items()}
-    return [(capitalised(name), _in_words(np.asarray(v)[robot.row])) for name, v in {**columns, **shown}.items()]
+    return [(capitalise_title(name), _in_words(np.asarray(v)[robot.row])) for name, v in {**columns, **rows}.items()]
 
 
 def _in_words(value: Any) -> str:
@@ -384,10 +382,10 @@ def body_of(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
 def custom_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
     """Return what custom sensors read, actuators were set to, and messages held, each with its name."""
     names = [name for name in custom_columns(model) if name in columns]
-    return [(capitalised(column_title(name)), _numbers(columns[name])) for name in names]
+    return [(capitalise_title(column_title(name)), _numbers(columns[name])) for name in names]
 
 
-def capitalised(text: str) -> str:
+def capitalise_title(text: str) -> str:
     """Return a title with a capital; the name of a layer, which may be a name in code, stays as it is."""
     return text if " remembers " in text else text.capitalize()
 
@@ -395,8 +393,8 @@ def capitalised(text: str) -> str:
 def _numbers(values: Any) -> str:
     """Return the first numbers in words, a dash for nothing."""
     flat = np.asarray(values, float).ravel()
-    shown = " ".join("-" if np.isnan(number) else f"{number:.4g}" for number in flat[:MOST_SHOWN])
-    return f"{shown} ..." if len(flat) > MOST_SHOWN else shown
+    text = " ".join("-" if np.isnan(number) else f"{number:.4g}" for number in flat[:MOST_SHOWN])
+    return f"{text} ..." if len(flat) > MOST_SHOWN else text
 
 
 def messages_of(model: SwarmModel, columns: dict[str, Any]) -> list[tuple[str, str]]:
@@ -442,5 +440,5 @@ def _number(name: str, value: Typed) -> float:
         number = float(value)  # type: ignore[arg-type]  # refused below, like any other non-number
         return check_number(name, number, minimum=-1e9, maximum=1e9)
     except (TypeError, ValueError) as error:
-        known = isinstance(error, InvalidValueError)
-        raise InvalidValueError(str(error) if known else f"{name} is {value!r:.40}; expected a number") from None
+        is_checked = isinstance(error, InvalidValueError)
+        raise InvalidValueError(str(error) if is_checked else f"{name} is {value!r:.40}; expected a number") from None
