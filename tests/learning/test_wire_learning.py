@@ -1,7 +1,5 @@
 """WireFittedQ: back-propagation through the interpolation, bounds, files, and what is refused."""
 
-import copy
-
 import numpy as np
 import pytest
 
@@ -71,13 +69,6 @@ def test_commands_are_any_within_full_speed():
     assert len(np.unique(seen)) > 400
 
 
-def test_learns_shared_and_typed_and_goes_on_in_copies():
-    model = learning(shared=True, encoding="typed", self_adjusting=True, wires=2).run(20)
-    inner = model.swarm.columns["0.WireFittedQ.inner"]
-    assert (inner == inner[:1]).all()
-    assert copy.deepcopy(model).run(10).state_hash() == model.run(10).state_hash()
-
-
 def test_a_policy_of_it_is_saved_drives_and_is_gone_on_with(tmp_path):
     model = learning().run(30)
     policy = load_policy(save_policy(model.control.layers[0].policy(), tmp_path / "wires.npz"))
@@ -120,22 +111,3 @@ def test_a_best_wire_that_is_the_only_one_worth_anything_can_be_learned_of():
     model.swarm.columns["0.WireFittedQ.outer_bias"][:, 5::3] = -1e8
     assert model.run(200).steps == 203
     assert all(np.isfinite(column).all() for name, column in model.swarm.columns.items() if "outer" in name)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"wires": 0},
-        {"wires": 9},
-        {"jitter": -1},
-        {"reward": "d"},
-        {"gamma": 1},
-        {"start": 3},
-        {"eta": "x"},
-        {"shared": "no"},
-    ],
-)
-def test_nonsense_is_refused_in_one_line(wrong):
-    with pytest.raises(SwarmError) as caught:
-        WireFittedQ(**wrong)
-    assert "\n" not in str(caught.value)
