@@ -11,7 +11,7 @@ from mesa_swarm.control.layer import Senses, nearest_of
 from mesa_swarm.errors import check_count, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
-from mesa_swarm.learning.learner import COUNT, INDEX, NUMBER, Check, Declared, TableLayer
+from mesa_swarm.learning.learner import CHECKS, COUNT, INDEX, NUMBER, POSITIVE, Check, Declared, TableLayer
 from mesa_swarm.learning.table_learning import ValueTables
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -37,8 +37,13 @@ def situation_of(kind, i, at_fire, hot, heat):
             fire = 1
         elif kind[i, s] == ROBOT:
             robot = 1
-    body = (2 if heat > 0.0 else 3) if hot else (1 if at_fire else 0)
-    return 4 * body + 2 * fire + robot
+    return 4 * body_of(at_fire, hot, heat) + 2 * fire + robot
+
+
+@compiled
+def body_of(at_fire, hot, heat):
+    """Return the index in `BODIES` of what a robot's body is in."""
+    return (2 if heat > 0.0 else 3) if hot else (1 if at_fire else 0)
 
 
 @compiled
@@ -96,13 +101,12 @@ class SkillPolicy(ValueTables):
 
     family: ClassVar[str] = "skills"
     own_layer: ClassVar[str] = "LearnFires"
-    plain: ClassVar[dict] = {"temperature": check_number, "hold": check_count}
+    checks: ClassVar[dict[str, Check]] = {"temperature": POSITIVE, "hold": CHECKS["hold"]}
     temperature: float = 0.1
     hold: int = 50
 
     def __post_init__(self) -> None:
         self._check(len(SITUATIONS), len(SKILLS))
-        check_count("hold", self.hold, minimum=1)
 
     def best(self, copy: int = 0) -> dict[str, str]:
         """Return the skill of the largest value in every situation, by their names, of one robot's table."""

@@ -8,12 +8,13 @@ from typing import ClassVar
 import numpy as np
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, check_count, check_number
+from mesa_swarm.errors import InvalidValueError, check_number
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, action_of, best_of, chosen, ranges_of, take
-from mesa_swarm.learning.learner import COUNT, INDEX, LARGEST, NUMBER, POSITIVE, Check, Declared, NetworkLayer
+from mesa_swarm.learning.fire_learning import body_of
+from mesa_swarm.learning.learner import CHECKS, COUNT, INDEX, LARGEST, NUMBER, POSITIVE, Check, Declared, NetworkLayer
 from mesa_swarm.learning.networks import Networks, PolicyOfNetworks
-from mesa_swarm.learning.policy import SensorLayout, check_designs, check_layout
+from mesa_swarm.learning.policy import SensorLayout, check_designs
 from mesa_swarm.learning.q_learning import action_values, learn_one
 from mesa_swarm.robots.design import AGENT_FIRE
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -62,7 +63,7 @@ class FireWheelPolicy(PolicyOfNetworks):
 
     family: ClassVar[str] = "fire wheels"
     own_layer: ClassVar[str] = "LearnFireWheels"
-    plain: ClassVar[dict] = {"temperature": check_number, "hold": check_count}
+    checks: ClassVar[dict[str, Check]] = {"temperature": POSITIVE, "hold": CHECKS["hold"]}
     group = NETWORKS
     sensors: SensorLayout
     networks: Networks
@@ -72,14 +73,10 @@ class FireWheelPolicy(PolicyOfNetworks):
     training: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_layout(self.sensors)
         self._check_networks()
         expected = (NETWORKS, OF_SENSOR * len(self.sensors) + OF_BODY, UNITS)
         if self.networks.inner.shape != expected:
             raise InvalidValueError(f"networks have the shape {self.networks.inner.shape}; expected {expected}")
-        check_number("temperature", self.temperature, above=0, maximum=1e6)
-        check_count("hold", self.hold, minimum=1)
-        check_count("steps", self.steps, maximum=2**62)
 
 
 @dataclass(kw_only=True)
@@ -106,16 +103,10 @@ class LearnFireWheels(NetworkLayer[FireWheelPolicy]):
         At least 0.
     margin : float
         Map units, above 0.
-    gamma : float
-        Discount of the next step's value, 0 to below 1.
     eta : float
         Rate of back-propagation, 0 to 1.
-    beta : float
-        Share of its difference to the limit by which the temperature falls in each step, 0 to 1.
-    first_temperature, last_temperature : float
-        Of the choice, above 0. With a start, its temperature is the first.
-    hold : int
-        Steps, at least 1.
+    gamma, beta, first_temperature, last_temperature, hold
+        As for `LearnFires`.
     full_heat : float
         The heat that counts as 1 among the inputs, above 0.
     frozen : bool
@@ -226,7 +217,7 @@ def learn_wheels(
     now, hidden, values = np.empty((1, inputs.shape[1])), np.empty(weights[0].shape[2]), np.empty(NETWORKS)
     diverged = -1
     for i in range(layer.shape[0]):
-        states = (2 if heat[i] > 0.0 else 3) if hot[i] else (1 if fire[i] >= 0 else 0)
+        states = body_of(fire[i] >= 0, hot[i], heat[i])
         nearest, clearance = observed(distance, kind, ranges[design[i]], i, now)
         rest = now.shape[1] - OF_BODY
         now[0, rest], now[0, rest + 1] = radiation[i], min(temperature[i] / full_heat, 1.0)

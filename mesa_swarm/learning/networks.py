@@ -1,10 +1,10 @@
 """Stacks of small networks, back-propagation, and policies that choose by network outputs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -417,7 +417,8 @@ class PolicyOfNetworks(LearnedPolicy):
         return {"networks": Networks(*(arrays[part] for part in PARTS))}
 
     def _check_networks(self) -> None:
-        """Check that these are networks."""
+        """Check that these are networks, and the other fields."""
+        self._check_settings()
         if not isinstance(self.networks, Networks):
             raise InvalidValueError(f"networks is {shortened(self.networks)}; expected Networks(...)")
 
@@ -426,6 +427,10 @@ class PolicyOfNetworks(LearnedPolicy):
 class NetworkPolicy(PolicyOfNetworks, ChoosingPolicy):
     """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of network outputs."""
 
+    checks: ClassVar[dict[str, Callable[[str, Any], object]]] = {
+        "encoding": partial(check_choice, choices=ENCODINGS),
+        "temperature": partial(check_number, above=0),
+    }
     choices_field: ClassVar[str]  # the field with the number of choices
     networks_per_choice: ClassVar[int]  # networks for each choice
     sensors: SensorLayout
@@ -442,10 +447,8 @@ class NetworkPolicy(PolicyOfNetworks, ChoosingPolicy):
 
     def _check_parts(self) -> None:
         """Check that the networks form groups for robots with these sensors."""
-        inputs = ENCODINGS[check_choice("encoding", self.encoding, ENCODINGS)] * len(self.sensors)
-        check_number("temperature", self.temperature, above=0)
-        check_count("steps", self.steps, maximum=2**62)
         self._check_networks()
+        inputs = ENCODINGS[self.encoding] * len(self.sensors)
         if (self.networks.activation, self.networks.gain) != (TANH, 1):
             raise InvalidValueError(
                 f"networks have {self.networks.activation} units of gain {self.networks.gain:g}; expected tanh of gain "

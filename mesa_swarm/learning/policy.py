@@ -257,18 +257,27 @@ class LearnedPolicy:
         The arrays in files.
     of_copies : tuple of str
         Of these fields every robot has an item of its own.
-    plain : dict
-        The other fields that acting depends on, each with what checks its value in a file, given the name too.
+    checks : dict
+        The other fields that acting depends on, each with what checks its value, given its name too.
     """
 
     __slots__ = ()
     family: ClassVar[str]
     stored: ClassVar[tuple[str, ...]] = ("values",)
     of_copies: ClassVar[tuple[str, ...]] = ("values",)
-    plain: ClassVar[dict[str, Callable[[str, Any], Any]]]
+    checks: ClassVar[dict[str, Callable[[str, Any], object]]]
     sensors: SensorLayout
     steps: int
     training: dict
+
+    def _check_settings(self) -> None:
+        """Check the fields that are not arrays."""
+        check_layout(self.sensors)
+        check_count("steps", self.steps, maximum=2**62)
+        for name, check in self.checks.items():
+            checked = check(name, getattr(self, name))
+            if not isinstance(checked, float):
+                object.__setattr__(self, name, checked)
 
     @property
     def copies(self) -> int:
@@ -290,16 +299,15 @@ class LearnedPolicy:
 
     def settings(self) -> dict:
         """Return the other fields that acting depends on."""
-        return {name: getattr(self, name) for name in self.plain}
+        return {name: getattr(self, name) for name in self.checks}
 
     @classmethod
     def restored(
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> Self:
         """Return the policy with these parts, from a file."""
-        check_stored(cls.family, (*arrays, *settings), (*cls.stored, *cls.plain))
-        values = {name: check(name, settings[name]) for name, check in cls.plain.items()}
-        fields: dict[str, Any] = {**values, **cls._of_arrays(arrays)}
+        check_stored(cls.family, (*arrays, *settings), (*cls.stored, *cls.checks))
+        fields: dict[str, Any] = {**settings, **cls._of_arrays(arrays)}
         return cls(sensors=sensors, steps=steps, training=training, **fields)  # type: ignore[call-arg]
 
     @classmethod
@@ -337,11 +345,6 @@ class ChoosingPolicy(LearnedPolicy):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the values of every robot's actions (n, a), and these actions: (a, 2) of all, or (n, a, 2)."""
         raise NotImplementedError
-
-
-def as_text(_: str, value: object) -> str:
-    """Return a value of a file as a text, which the policy itself checks."""
-    return str(value)
 
 
 @dataclass(kw_only=True)

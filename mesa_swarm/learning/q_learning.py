@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
+from mesa_swarm.errors import InvalidValueError, LearningError, check_choice, check_count, shortened
 from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import (
     ACTIONS,
     ENCODINGS,
     action_of,
     best_of,
+    check_actions,
     checked_actions,
     chosen,
     least_of,
@@ -35,7 +36,7 @@ from mesa_swarm.learning.learner import (
     rate_of,
 )
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
-from mesa_swarm.learning.policy import SensorLayout, as_text
+from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
 from mesa_swarm.parameters import YES_NO
 from mesa_swarm.robots.design import RobotDesign
@@ -122,13 +123,12 @@ class QPolicy(NetworkPolicy):
     """
 
     family: ClassVar[str] = "q"
-    plain: ClassVar[dict] = {"actions": check_count, "encoding": as_text, "temperature": check_number}
+    checks: ClassVar[dict] = {"actions": check_actions, **NetworkPolicy.checks}
     choices_field: ClassVar[str] = "actions"
     networks_per_choice: ClassVar[int] = 1
     actions: int = 8
 
     def __post_init__(self) -> None:
-        checked_actions(self.actions)
         self._check_parts()
 
     @classmethod

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -15,7 +15,6 @@ from mesa_swarm.learning.policy import (
     DOUBLE,
     LearnedPolicy,
     SensorLayout,
-    as_text,
     checked_chances,
     checked_numbers,
 )
@@ -75,7 +74,10 @@ class ReflexPolicy(LearnedPolicy):
     family: ClassVar[str] = "reflex"
     stored: ClassVar[tuple[str, ...]] = PARTS
     of_copies: ClassVar[tuple[str, ...]] = PARTS
-    plain: ClassVar[dict] = {"squash": as_text, "encoding": as_text}
+    checks: ClassVar[dict] = {
+        "squash": partial(check_choice, choices=SQUASHES),
+        "encoding": partial(check_choice, choices=REFLEX_ENCODINGS),
+    }
     sensors: SensorLayout
     hidden: np.ndarray
     wheel: np.ndarray
@@ -85,8 +87,7 @@ class ReflexPolicy(LearnedPolicy):
     training: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_choice("squash", self.squash, SQUASHES)
-        check_count("steps", self.steps, maximum=2**62)
+        self._check_settings()
         hidden, wheel = np.asarray(self.hidden), np.asarray(self.wheel)
         copies, units = (hidden.shape[0], hidden.shape[-1]) if hidden.ndim == 3 else (0, 0)
         rows = rows_of(self.sensors, units, self.encoding)

@@ -23,13 +23,14 @@ from mesa_swarm.learning.actions import (
     ranges_of,
     take,
 )
-from mesa_swarm.learning.learner import COUNT, INDEX, NUMBER, Check, Declared, RewardedLayer, TableLayer
-from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, check_layout, checked_numbers
+from mesa_swarm.learning.learner import COUNT, INDEX, NUMBER, POSITIVE, Check, Declared, RewardedLayer, TableLayer
+from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARDS, STATE, rewarded
 from mesa_swarm.robots.reasons import Moment, Reason
 
 # A robot's table of eight actions then has 6.4 MB.
 MOST_STATES = 100_000
+check_sectors = partial(check_count, minimum=1, maximum=64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
@@ -44,15 +45,13 @@ class ValueTables(LearnedPolicy):
 
     def _check(self, states: int, actions: int) -> None:
         """Refuse tables of another shape, and what is out of its range."""
-        check_layout(self.sensors)
+        self._check_settings()
         values = as_floats(self.values)
         if values.ndim != 3 or not len(values) or values.shape[1:] != (states, actions):
             raise InvalidValueError(f"values have shape {values.shape}; expected (copies, {states}, {actions})")
         if not np.isfinite(values).all():
             raise InvalidValueError("values hold numbers that are not finite; train the policy anew")
         object.__setattr__(self, "values", values)
-        check_number("temperature", self.temperature, above=0, maximum=1e6)
-        check_count("steps", self.steps, maximum=2**62)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +86,7 @@ class TablePolicy(ValueTables, ChoosingPolicy):
 
     family: ClassVar[str] = "table"
     stored: ClassVar[tuple[str, ...]] = ("values", "edges")
-    plain: ClassVar[dict] = {"sectors": check_count, "temperature": check_number}
+    checks: ClassVar[dict[str, Check]] = {"sectors": check_sectors, "temperature": POSITIVE}
     edges: tuple[float, ...]
     sectors: int
 
@@ -122,7 +121,7 @@ class TablePolicy(ValueTables, ChoosingPolicy):
 def states_of(edges: object, sectors: int) -> int:
     """Return the number of states, if it is not too large."""
     bins = len(checked_edges(edges)) + 1
-    states = bins ** check_count("sectors", sectors, minimum=1, maximum=64)
+    states = bins ** check_sectors("sectors", sectors)
     if states > MOST_STATES:
         raise InvalidValueError(
             f"sectors is {sectors}, which makes {states:,} states with {bins} bins; "
@@ -173,7 +172,7 @@ class TableQLearning(TableLayer[TablePolicy], RewardedLayer[TablePolicy]):
     stated = ("reward", "alpha", "gamma", "beta", "critical", "reward_of", "shared")
     checks: ClassVar[dict[str, Check]] = {
         "edges": lambda _, edges: checked_edges(edges),
-        "sectors": partial(check_count, minimum=1, maximum=64),
+        "sectors": check_sectors,
     }
     edges: tuple[float, ...] = (CRITICAL, 0.3)
     sectors: int = 5

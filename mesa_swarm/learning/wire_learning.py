@@ -14,7 +14,6 @@ from mesa_swarm.geometry.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, least_of, write_inputs
 from mesa_swarm.learning.learner import LARGEST, Check, Learner, adapt, discount_of, is_bounded, rate_of
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
-from mesa_swarm.learning.policy import as_text
 from mesa_swarm.learning.rewards import rewarded
 
 SMOOTHING = 0.1
@@ -105,6 +104,7 @@ def squashed(output, start):
 
 # Wires begin at the thesis's actions, but inside of the limits, so that they can move.
 STARTS = 0.8 * ACTIONS
+check_wires = partial(check_count, minimum=1, maximum=len(STARTS))
 # Networks of a wire: for the left wheel, the right wheel, the value.
 OUTPUTS = 3
 
@@ -131,13 +131,12 @@ class WirePolicy(NetworkPolicy):
     """
 
     family: ClassVar[str] = "wires"
-    plain: ClassVar[dict] = {"wires": check_count, "encoding": as_text, "temperature": check_number}
+    checks: ClassVar[dict] = {"wires": check_wires, **NetworkPolicy.checks}
     choices_field: ClassVar[str] = "wires"
     networks_per_choice: ClassVar[int] = OUTPUTS
     wires: int = 4
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "wires", check_count("wires", self.wires, minimum=1, maximum=len(STARTS)))
         self._check_parts()
 
     def proposals(
@@ -216,7 +215,7 @@ shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, leas
     policy_class = WirePolicy
     of_policies = agreed = ("wires", "encoding")
     checks: ClassVar[dict[str, Check]] = {
-        "wires": partial(check_count, minimum=1, maximum=len(STARTS)),
+        "wires": check_wires,
         "jitter": partial(check_number, minimum=0, maximum=10),
     }
     last_action = ((2,), np.float64, math.nan)
