@@ -93,6 +93,7 @@ class SkillPolicy(ValueTables):
     Examples
     --------
     >>> from mesa_swarm import AGENT_FIRE
+    >>> from mesa_swarm.learning import SensorLayout
     >>> eyes = SensorLayout.of(AGENT_FIRE)
     >>> policy = SkillPolicy(sensors=eyes, values=np.eye(16, 5)[None], temperature=0.1, hold=50)
     >>> policy.best()["free, sees a fire"]
