@@ -8,9 +8,8 @@ from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
 from mesa_swarm.learning.fitness import Fitness, floreano
-from mesa_swarm.learning.forgetting import fit_in_turn
 from mesa_swarm.learning.hebbian import HebbianLearning
-from mesa_swarm.learning.networks import Networks, fit
+from mesa_swarm.learning.networks import Networks, fit, fit_in_turn
 from mesa_swarm.learning.onnx_files import export_onnx
 from mesa_swarm.learning.policy import Policy, PolicyLayer, SensorLayout
 from mesa_swarm.learning.policy_files import load_policy, save_policy

@@ -102,9 +102,25 @@ def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float 
 
 def checked_actions(actions: int) -> int:
     """Return the number of actions if it is 4 or 8."""
+    return check_actions("actions", actions)
+
+
+def check_actions(name: str, actions: object) -> int:
+    """Return the number of actions, the value of a parameter of this name, if it is 4 or 8."""
     if not isinstance(actions, int | np.integer) or actions not in (4, 8):
-        raise InvalidValueError(f"actions is {shortened(actions)}; expected 4 or 8, a whole number")
+        raise InvalidValueError(f"{name} is {shortened(actions)}; expected 4 or 8, a whole number")
     return int(actions)
+
+
+def action_of(command: np.ndarray) -> str:
+    """Return the name of the action that wheel commands (2,) are nearest to, as shares of the faster wheel."""
+    speeds = command / max(float(np.abs(command).max()), 1e-300)
+    return ACTION_NAMES[int(np.argmin(np.abs(ACTIONS - speeds).sum(axis=1)))]
+
+
+def named_values(values: np.ndarray) -> list[tuple[str, float]]:
+    """Return the name and the value of each action."""
+    return [(name, float(value)) for name, value in zip(ACTION_NAMES, values, strict=False)]
 
 
 @compiled
@@ -122,6 +138,14 @@ def chosen(values, temperature, chance):
         if left < 0.0:
             return a
     return best_of(values)  # a chance near 1, by rounding
+
+
+@compiled
+def take(action, i, max_speed, command, layer, index):
+    """Drive robot i by an action."""
+    command[i, 0] = max_speed[i] * ACTIONS[action, 0]
+    command[i, 1] = max_speed[i] * ACTIONS[action, 1]
+    layer[i] = index
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -9,8 +10,64 @@ from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count
 from mesa_swarm.base.extras import require_extra
 from mesa_swarm.geometry.masks import fill_masked
 
+Candidate = tuple[np.ndarray, np.ndarray]
+Candidates = TypeVar("Candidates", np.ndarray, list[Candidate])
 
-class Evolution:
+
+class Search(Generic[Candidates]):
+    """Base of searches whose optimiser, of the package cmaes, asks for one candidate after the other."""
+
+    def __init__(self, kind: str, *, sigma: float, population: int, seed: int, **others: Any) -> None:
+        require_extra("cmaes", "evolution", "evolution needs")
+        import cmaes  # noqa: PLC0415 - it loads scipy.stats, for which models do not wait
+
+        self.population = check_count("population", population, minimum=4, maximum=10_000)
+        self._search = getattr(cmaes, kind)(
+            sigma=check_number("sigma", sigma, above=0, maximum=1e6),
+            population_size=self.population,
+            seed=check_count("seed", seed),
+            **others,
+        )
+        self._asked: list[Any] = []
+        self.history: list[list[float]] = []
+
+    @property
+    def generations(self) -> int:
+        """The number of generations evaluated."""
+        return len(self.history)
+
+    def ask(self) -> Candidates:
+        """Return the candidates of this generation, (population, d) or a list, the same ones until `tell`."""
+        if not self._asked:
+            self._asked = [self._search.ask() for _ in range(self.population)]
+        return self._shown(self._asked)
+
+    def tell(self, fitness: Sequence[float]) -> None:
+        """Take the fitness of each candidate in their order, and begin the next generation.
+
+        Raises
+        ------
+        LearningError
+            If it is not one finite number for each; the search is then unchanged.
+        """
+        values = checked_fitness(fitness, self.population, self.generations)
+        candidates = self.ask()
+        # The optimisers minimise.
+        self._search.tell([(candidate, -value) for candidate, value in zip(self._asked, values, strict=True)])
+        self._asked = []
+        self.history.append(values)
+        self._note(candidates, values)
+
+    def _shown(self, asked: list[Any]) -> Candidates:
+        """Return copies of candidates as `ask` shows them."""
+        raise NotImplementedError
+
+    def _note(self, candidates: Candidates, values: list[float]) -> None:
+        """Note what a generation has found."""
+        raise NotImplementedError
+
+
+class Evolution(Search[np.ndarray]):
     """Search for numbers whose fitness is greatest, by CMA-ES [1]_: `ask` for candidates, `tell` their fitness.
 
     The search is determined by its seed and the fitnesses: the same fitnesses give the same candidates, bit for bit,
@@ -51,56 +108,22 @@ class Evolution:
             first = np.empty(0)
         if first.ndim != 1 or len(first) < 2 or not np.isfinite(first).all():
             raise InvalidValueError(f"start is {shortened(start)}; expected a row of at least two finite numbers")
-        require_extra("cmaes", "evolution", "evolution needs")
-        from cmaes import CMA  # noqa: PLC0415 - it loads scipy.stats, for which models do not wait
-
-        self.population = check_count("population", population, minimum=4, maximum=10_000)
-        self._search = CMA(
-            mean=first,
-            sigma=check_number("sigma", sigma, above=0, maximum=1e6),
-            population_size=self.population,
-            seed=check_count("seed", seed),
-        )
-        self._asked: np.ndarray | None = None
-        self.history: list[list[float]] = []
+        super().__init__("CMA", mean=first, sigma=sigma, population=population, seed=seed)
         self.means: list[np.ndarray] = []
-
-    @property
-    def generations(self) -> int:
-        """The number of generations evaluated."""
-        return len(self.history)
 
     @property
     def mean(self) -> np.ndarray:
         """The mean of the search distribution, a copy."""
         return self._search.mean.copy()
 
-    def ask(self) -> np.ndarray:
-        """Return the candidates of this generation (population, d), the same ones until `tell`."""
-        if self._asked is None:
-            self._asked = np.array([self._search.ask() for _ in range(self.population)])
-        return self._asked.copy()
+    def _shown(self, asked: list[Any]) -> np.ndarray:
+        return np.array(asked)
 
-    def tell(self, fitness: Sequence[float]) -> None:
-        """Take the fitness of each candidate in their order, and begin the next generation.
-
-        Raises
-        ------
-        LearningError
-            If it is not one finite number for each; the search is then unchanged.
-        """
-        values = checked_fitness(fitness, self.population, self.generations)
-        # CMA-ES minimises.
-        self._search.tell([(x, -value) for x, value in zip(self.ask(), values, strict=True)])
-        self._asked = None
-        self.history.append(values)
+    def _note(self, candidates: np.ndarray, values: list[float]) -> None:
         self.means.append(self.mean)
 
 
-Candidate = tuple[np.ndarray, np.ndarray]
-
-
-class MixedEvolution:
+class MixedEvolution(Search[list[Candidate]]):
     """Search for numbers and categories whose fitness is greatest, by CatCMA [1]_: `ask` and `tell` as of `Evolution`.
 
     A candidate is a pair of arrays: of numbers (d,), which begin around 0.5, and of the index of a category each (k,),
@@ -137,51 +160,18 @@ class MixedEvolution:
     """
 
     def __init__(self, numbers: int, categories: Sequence[int], *, sigma: float, population: int, seed: int) -> None:
-        require_extra("cmaes", "evolution", "evolution needs")
-        from cmaes import CatCMA  # noqa: PLC0415 - it loads scipy.stats, for which models do not wait
-
         check_count("numbers", numbers, minimum=2, maximum=10_000)
         kinds = np.array([check_count("categories", count, minimum=2, maximum=1000) for count in categories], np.int64)
         if not len(kinds):
             raise InvalidValueError("categories is empty; expected one number at least, or use Evolution")
-        self.population = check_count("population", population, minimum=4, maximum=10_000)
-        self._search = CatCMA(
-            mean=np.full(numbers, 0.5),
-            sigma=check_number("sigma", sigma, above=0, maximum=1e6),
-            cat_num=kinds,
-            population_size=self.population,
-            seed=check_count("seed", seed),
-        )
-        self._asked: list[Candidate] | None = None
-        self.history: list[list[float]] = []
+        mean = np.full(numbers, 0.5)
+        super().__init__("CatCMA", mean=mean, cat_num=kinds, sigma=sigma, population=population, seed=seed)
         self.best: list[Candidate] = []
 
-    @property
-    def generations(self) -> int:
-        """The number of generations evaluated."""
-        return len(self.history)
+    def _shown(self, asked: list[Any]) -> list[Candidate]:
+        return [(x.copy(), np.argmax(c, axis=1)) for x, c in asked]
 
-    def ask(self) -> list[Candidate]:
-        """Return the candidates of this generation, the same ones until `tell`."""
-        if self._asked is None:
-            self._asked = [self._search.ask() for _ in range(self.population)]
-        return [(x.copy(), np.argmax(c, axis=1)) for x, c in self._asked]
-
-    def tell(self, fitness: Sequence[float]) -> None:
-        """Take the fitness of each candidate in their order, and begin the next generation.
-
-        Raises
-        ------
-        LearningError
-            If it is not one finite number for each; the search is then unchanged.
-        """
-        values = checked_fitness(fitness, self.population, self.generations)
-        candidates = self.ask()
-        asked = self._asked or []
-        # CatCMA minimises.
-        self._search.tell([(one, -value) for one, value in zip(asked, values, strict=True)])
-        self._asked = None
-        self.history.append(values)
+    def _note(self, candidates: list[Candidate], values: list[float]) -> None:
         self.best.append(candidates[int(np.argmax(values))])
 
 

@@ -2,19 +2,19 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_name, check_number, shortened
+from mesa_swarm.base.errors import check_count, check_number
 from mesa_swarm.control.layer import Senses, nearest_of
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import best_of, chosen
-from mesa_swarm.learning.policy import SensorLayout, check_stored, sensors_of
-from mesa_swarm.learning.value_tables import TableLayer, ValueTables
+from mesa_swarm.learning.learner import CHECKS, COUNT, INDEX, NUMBER, POSITIVE, Check, Declared, TableLayer
+from mesa_swarm.learning.table_learning import ValueTables
 from mesa_swarm.robots.drive import approach, turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
-from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import FIRE, ROBOT
 
 SKILLS = ("explore", "approach", "wait", "back off", "follow")
@@ -37,8 +37,13 @@ def situation_of(kind, i, at_fire, hot, heat):
             fire = 1
         elif kind[i, s] == ROBOT:
             robot = 1
-    body = (2 if heat > 0.0 else 3) if hot else (1 if at_fire else 0)
-    return 4 * body + 2 * fire + robot
+    return 4 * body_of(at_fire, hot, heat) + 2 * fire + robot
+
+
+@compiled
+def body_of(at_fire, hot, heat):
+    """Return the index in `BODIES` of what a robot's body is in."""
+    return (2 if heat > 0.0 else 3) if hot else (1 if at_fire else 0)
 
 
 @compiled
@@ -59,8 +64,6 @@ def perform(skill, distance, kind, bearing, forward, i, d, at_fire, side, speed,
 
 
 LARGEST_REWARD = 1e6
-# Stored in a policy's `training`.
-TRAINING_PARAMETERS = ("arrival", "put_out", "step_cost", "alpha", "gamma", "beta", "shared")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
@@ -77,14 +80,10 @@ class SkillPolicy(ValueTables):
         Of the robots that learned.
     values : ndarray, shape (copies, 16, 5)
         Of every skill of `SKILLS` in every situation of `SITUATIONS`. The k-th robot acts by set ``k % copies``.
-    temperature : float
-        Of the choice, above 0.
     hold : int
         Steps for which a skill lasts in the same situation, at least 1.
-    steps : int
-        Robot-steps of training, 0 for none.
-    training : dict
-        Provenance, and figures of its training.
+    temperature, steps, training
+        As for `QPolicy`.
 
     Raises
     ------
@@ -94,6 +93,7 @@ class SkillPolicy(ValueTables):
     Examples
     --------
     >>> from mesa_swarm import AGENT_FIRE
+    >>> from mesa_swarm.learning import SensorLayout
     >>> eyes = SensorLayout.of(AGENT_FIRE)
     >>> policy = SkillPolicy(sensors=eyes, values=np.eye(16, 5)[None], temperature=0.1, hold=50)
     >>> policy.best()["free, sees a fire"]
@@ -102,37 +102,21 @@ class SkillPolicy(ValueTables):
 
     family: ClassVar[str] = "skills"
     own_layer: ClassVar[str] = "LearnFires"
+    checks: ClassVar[dict[str, Check]] = {"temperature": POSITIVE, "hold": CHECKS["hold"]}
     temperature: float = 0.1
     hold: int = 50
 
     def __post_init__(self) -> None:
         self._check(len(SITUATIONS), len(SKILLS))
-        check_count("hold", self.hold, minimum=1)
 
     def best(self, copy: int = 0) -> dict[str, str]:
         """Return the skill of the largest value in every situation, by their names, of one robot's table."""
         row = self.values[check_count("copy", copy, maximum=self.copies - 1)]
         return {name: SKILLS[k] for name, k in zip(SITUATIONS, row.argmax(axis=1).tolist(), strict=True)}
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Return the values by name."""
-        return {"values": np.asarray(self.values, np.float64)}
-
-    def settings(self) -> dict:
-        """Return the other fields that acting depends on."""
-        return {"temperature": self.temperature, "hold": self.hold}
-
-    @classmethod
-    def restored(
-        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
-    ) -> "SkillPolicy":
-        """Return the policy with these parts, from a file."""
-        check_stored(cls.family, (*arrays, *settings), ("values", "hold", "temperature"))
-        return cls(sensors=sensors, values=arrays["values"], steps=steps, training=training, **settings)
-
 
 @dataclass(kw_only=True)
-class LearnFires(TableLayer):
+class LearnFires(TableLayer[SkillPolicy]):
     """Learn the values of skills in each situation: explore, approach, wait, back off, follow; always active.
 
     A situation is: free, at a fire, too hot in the heat, or too hot out of it; whether a fire is seen; whether a
@@ -178,6 +162,13 @@ class LearnFires(TableLayer):
     10.0
     """
 
+    policy_class = SkillPolicy
+    of_policies = ("hold",)
+    stated = ("arrival", "put_out", "step_cost", "alpha", "gamma", "beta", "shared")
+    checks: ClassVar[dict[str, Check]] = {
+        **dict.fromkeys(("arrival", "put_out", "step_cost"), partial(check_number, minimum=0, maximum=LARGEST_REWARD)),
+        "gamma": partial(check_number, minimum=0, maximum=0.999999),
+    }
     arrival: float = 10.0
     put_out: float = 10.0
     step_cost: float = 0.01
@@ -192,74 +183,37 @@ class LearnFires(TableLayer):
     start: SkillPolicy | None = None
     name: str = "LearnFires"
 
-    def __post_init__(self) -> None:
-        check_name("name", self.name)
-        for name in ("arrival", "put_out", "step_cost"):
-            check_number(name, getattr(self, name), minimum=0, maximum=LARGEST_REWARD)
-        for name in ("alpha", "beta"):
-            check_number(name, getattr(self, name), minimum=0, maximum=1)
-        check_number("gamma", self.gamma, minimum=0, maximum=0.999999)
-        for name in ("first_temperature", "last_temperature"):
-            check_number(name, getattr(self, name), above=0, maximum=LARGEST_REWARD)
-        check_count("hold", self.hold, minimum=1)
-        for name in ("shared", "frozen"):
-            check_flag(name, getattr(self, name))
-        if self.start is not None and not isinstance(self.start, SkillPolicy):
-            raise InvalidValueError(f"start is {shortened(self.start)}; expected a SkillPolicy, as policy() returns it")
-
-    def policy(self, **training: str | float) -> SkillPolicy:
-        """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
-        sensors = sensors_of(self._robots)
-        self._init_new_robots()
-        return SkillPolicy(
-            sensors=sensors,
-            values=self._column("values")[: 1 if self.shared else None].copy(),
-            temperature=float(self._column("temperature").mean()),
-            hold=int(self.hold),
-            **self._training(TRAINING_PARAMETERS, training),
-        )
-
     def _check_sensors(self) -> None:
         """Permit all sensors: skills are the same for all."""
 
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns: a table, a robot's skill and since when, and its reward."""
-        swarm.remember(f"{prefix}.values", (len(SITUATIONS), len(SKILLS)), np.float64, 0.0)
-        for name in ("situation", "skill", "last", "before"):
-            swarm.remember(f"{prefix}.{name}", (), np.int64, -1)
-        swarm.remember(f"{prefix}.kept", (), np.int64, 0)
-        swarm.remember(f"{prefix}.gain", (), np.float64, 0.0)
-        first = self.first_temperature if self.start is None else self.start.temperature
-        swarm.remember(f"{prefix}.temperature", (), np.float64, first)
-        swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
-        swarm.remember(f"{prefix}.born", (), np.bool_, False)
-
-    @property
-    def values(self) -> np.ndarray:
-        """Every robot's values of the skills in each situation (n, 16, 5); a copy."""
-        return self._column("values").copy()
+    def _columns(self) -> dict[str, Declared]:
+        """Return the columns: a table, a robot's skill and since when, and its reward."""
+        return {
+            "values": ((len(SITUATIONS), len(SKILLS)), np.float64, 0.0),
+            **dict.fromkeys(("situation", "skill", "last", "before"), INDEX),
+            "kept": COUNT,
+            "gain": NUMBER,
+            "temperature": ((), np.float64, self._begun_at),
+        }
 
     def begin_again(self) -> None:
         """Note that all fires are about to be lit again, which must not count as a fire put out."""
         self._column("before")[self._robots.columns["fire"] >= 0] = -1
         self._column("last")[:] = -1
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last step, choose skills where due, and drive robots that no other layer drives."""
-        self._init_new_robots()
-        values = self._column("values")
+    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
         learn_skills(
             senses.distance, senses.kind, senses.heat, senses.hot, senses.fire, senses.last_command,
             senses.tendency, senses.max_speed, senses.radius, senses.design, senses.bearing, senses.forward,
-            values, tuple(map(self._column, ("situation", "skill", "last", "before", "kept", "lessons"))),
+            self._column("values"),
+            tuple(map(self._column, ("situation", "skill", "last", "before", "kept", "lessons"))),
             tuple(map(self._column, ("gain", "temperature"))), self._rng.random(len(layer)),
             (float(self.arrival), float(self.put_out), float(self.step_cost)),
             (float(self.alpha), float(self.gamma), float(self.beta), float(self.last_temperature)),
             int(self.hold), (bool(self.shared), bool(self.frozen)),
             command, layer, index,
         )  # fmt: skip
-        if self.shared:
-            values[1:] = values[:1]
+        return -1  # means of rewards do not diverge
 
     def reason(self, moment: Moment) -> Reason:
         """Return the situation, and the skill if its column was stored."""

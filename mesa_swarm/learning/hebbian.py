@@ -3,21 +3,19 @@
 import math
 import warnings
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, check_choice, check_flag, check_name, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
-from mesa_swarm.learning.learner import LearningLayer
-from mesa_swarm.learning.policy import sensors_of
+from mesa_swarm.learning.learner import NUMBER, POSITIVE, SHARE, Check, Declared, RewardedLayer
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
-from mesa_swarm.robots.swarm import Swarm
 
-# Stored in a policy's `training`.
-TRAINING_PARAMETERS = ("eta", "forgetting", "contact", "limit")
 # Of the former rule, which learned from rewards of random trials and did not learn to avoid; they have no effect.
 WITHOUT_EFFECT = ("trace", "gamma", "average", "jitter", "persistence")
 # Sensors that look at most this far from straight ahead, rad, feel contacts ahead; the others behind.
@@ -25,7 +23,7 @@ ASIDE = math.pi / 2 + 1e-9
 
 
 @dataclass(kw_only=True)
-class HebbianLearning(LearningLayer):
+class HebbianLearning(RewardedLayer[ReflexPolicy]):
     """Learn to turn away before a contact from what is sensed during contacts, by Hebb's rule; always active.
 
     Each robot drives by ``u = c + W' x + U`` within [-1, 1], with x the proximities (0 nothing near, 1 touching), c
@@ -80,6 +78,14 @@ class HebbianLearning(LearningLayer):
     0.1
     """
 
+    policy_class = ReflexPolicy
+    learned = ("weights", "constant")
+    stated = ("eta", "forgetting", "contact", "limit")
+    checks: ClassVar[dict[str, Check]] = {
+        "forgetting": SHARE,
+        "contact": partial(check_number, minimum=0, maximum=1e6),
+        "limit": POSITIVE,
+    }
     eta: float = 0.03
     forgetting: float = 0.1
     contact: float = 1.0
@@ -96,17 +102,7 @@ class HebbianLearning(LearningLayer):
     name: str = "HebbianLearning"
 
     def __post_init__(self) -> None:
-        check_name("name", self.name)
-        check_choice("reward", self.reward, REWARDS)
-        for name in ("eta", "forgetting"):
-            check_number(name, getattr(self, name), minimum=0, maximum=1)
-        check_number("contact", self.contact, minimum=0, maximum=1e6)
-        check_number("critical", self.critical, above=0, maximum=1)
-        check_number("limit", self.limit, above=0, maximum=1e6)
-        self.frozen = check_flag("frozen", self.frozen)
-        if self.start is not None:
-            self._check_reflex(self.start)
-        self._check_frozen()
+        super().__post_init__()
         self._warn_of_what_has_no_effect()
 
     def _warn_of_what_has_no_effect(self) -> None:
@@ -116,64 +112,46 @@ class HebbianLearning(LearningLayer):
                 text = f"{name} of HebbianLearning has no effect and will be removed: it no longer learns from rewards"
                 warnings.warn(text, DeprecationWarning, stacklevel=4)
 
-    @staticmethod
-    def _check_reflex(start: object) -> None:
+    def _check_start(self) -> None:
         """Check that a start has only linear weights from distances to wheels."""
-        if not isinstance(start, ReflexPolicy) or start.memory:
-            raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
-        if (start.encoding, start.squash) != ("distance", "linear"):
-            raise InvalidValueError(
-                f"start has encoding {start.encoding!r} and squash {start.squash!r}; expected 'distance' and 'linear'"
-            )
-        if start.wheel[:, -2].any():
-            raise InvalidValueError("start has weights of the whim, which this does not learn; expected 0")
+        start = self.start
+        if start is not None:
+            if not isinstance(start, ReflexPolicy) or start.memory:
+                raise InvalidValueError(f"start is {shortened(start)}; expected a ReflexPolicy without hidden units")
+            if (start.encoding, start.squash) != ("distance", "linear"):
+                raise InvalidValueError(
+                    f"start has encoding {start.encoding!r} and squash {start.squash!r}; "
+                    "expected 'distance' and 'linear'"
+                )
+            if start.wheel[:, -2].any():
+                raise InvalidValueError("start has weights of the whim, which this does not learn; expected 0")
+        super()._check_start()
 
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns: weights, constants, last commands and reward."""
-        self._check_sensors()
-        columns: dict[str, tuple[tuple[int | str, ...], type, object]] = {
+    def _columns(self) -> dict[str, Declared]:
+        """Return the columns: weights, constants, last commands and reward."""
+        return {
             "weights": (("proximity", 2), np.float64, 0.0),
             "constant": ((2,), np.float64, 1.0),
             "command": ((2,), np.float64, math.nan),
-            "reward": ((), np.float64, 0.0),
-            "lessons": ((), np.int64, 0),
-            "born": ((), np.bool_, False),
+            "reward": NUMBER,
         }
-        for name, (shape, dtype, initial) in columns.items():
-            swarm.remember(f"{prefix}.{name}", shape, dtype, initial)
 
-    def policy(self, **training: str | float) -> ReflexPolicy:
-        """Return what the robots have learned so far as reflexes that no longer learn; see `QLearning.policy`."""
-        sensors = sensors_of(self._robots)
-        self._init_new_robots()
+    def _fields_of_policy(self) -> dict[str, np.ndarray]:
         whim, constant = np.zeros((len(self._robots), 1, 2)), self._column("constant")[:, None]
         wheel = np.concatenate([self._column("weights"), whim, constant], axis=1)
-        return ReflexPolicy(
-            sensors=sensors,
-            hidden=np.zeros((*wheel.shape[:2], 0)),
-            wheel=wheel,
-            **self._training(TRAINING_PARAMETERS, training),
-        )
+        return {"hidden": np.zeros((*wheel.shape[:2], 0)), "wheel": wheel}
 
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from contacts after its own actions, and drive robots that no other layer drives."""
-        self._init_new_robots()
+    def _sets_of_start(self) -> dict[str, np.ndarray]:
+        wheel: Any = self.start.wheel if self.start else ()
+        return {"weights": wheel[:, :-2], "constant": wheel[:, -1]}
+
+    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
         sensed = senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed
         learned = map(self._column, ("weights", "constant", "command", "reward", "lessons"))
         reward, rates = (REWARDS.index(self.reward), float(self.critical)), (self.eta, self.forgetting, self.limit)
         rule = reward, tuple(map(float, rates)), float(self.contact), bool(self.frozen)
         associate(*sensed, *learned, *rule, command, layer, index)
-
-    @property
-    def last_reward(self) -> np.ndarray:
-        """Every robot's reward for its last action (n,); a copy."""
-        return self._column("reward").copy()
-
-    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
-        """Initialise the weights of new robots."""
-        if self.start is not None:
-            wheel = self.start.wheel[self._robots.columns["number"][new] % len(self.start.wheel)]
-            self._column("weights")[new], self._column("constant")[new] = wheel[:, :-2], wheel[:, -1]
+        return -1  # weights are limited
 
 
 @compiled

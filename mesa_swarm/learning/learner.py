@@ -1,21 +1,64 @@
-"""Base classes of learners: networks as columns, temperatures, policies, and state that outlasts an unbinding."""
+"""One learner: actions, their values in the state of a robot, and a reward by which these are learned.
+
+All learners keep what they learn in columns of the swarm, one row a robot; let new robots begin with what is shared, or
+with what a start has learned; return policies, and outlast a change of controls. Each declares its columns, and
+has a compiled function that makes a step.
+"""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import partial
 from importlib.metadata import version
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_flag, check_number, shortened
+from mesa_swarm.base.errors import (
+    InvalidValueError,
+    LearningError,
+    check_choice,
+    check_count,
+    check_flag,
+    check_name,
+    check_number,
+    shortened,
+)
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.actions import ENCODINGS, ranges_of
-from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks
-from mesa_swarm.learning.policy import check_designs, sensors_of
+from mesa_swarm.learning.actions import ENCODINGS, check_actions, ranges_of
+from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks, PolicyOfNetworks, random_weights
+from mesa_swarm.learning.policy import LearnedPolicy, check_designs, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE
 from mesa_swarm.robots.swarm import Swarm
+
+P = TypeVar("P", bound=LearnedPolicy)
+N = TypeVar("N", bound=PolicyOfNetworks)
+Q = TypeVar("Q", bound=NetworkPolicy)
+# Of a column: its shape, its type, and with what it begins.
+Declared = tuple[tuple[int | str, ...], type, object]
+NUMBER: Declared = ((), np.float64, 0.0)
+COUNT: Declared = ((), np.int64, 0)
+INDEX: Declared = ((), np.int64, -1)  # -1 for none
+Check = Callable[[str, Any], object]
+SHARE, POSITIVE = partial(check_number, minimum=0, maximum=1), partial(check_number, above=0, maximum=1e6)
+# What the parameters of learners may be.
+CHECKS: dict[str, Check] = {
+    "name": check_name,
+    **dict.fromkeys(("shared", "self_adjusting", "frozen"), check_flag),
+    **dict.fromkeys(("alpha", "beta", "eta", "last_eta"), SHARE),
+    **dict.fromkeys(("gamma", "alert_gamma"), partial(check_number, minimum=0, maximum=0.999)),
+    **dict.fromkeys(("first_temperature", "last_temperature"), POSITIVE),
+    **dict.fromkeys(("critical", "bump_rate"), partial(check_number, above=0, maximum=1)),
+    "bump_window": partial(check_number, minimum=1, maximum=1e9),
+    "bump_distance": partial(check_number, minimum=0, maximum=1e6),
+    "least_speed": partial(check_number, minimum=-1, maximum=1),
+    "hold": partial(check_count, minimum=1),
+    "actions": check_actions,
+    "reward": partial(check_choice, choices=REWARDS),
+    "reward_of": partial(check_choice, choices=REWARD_STATES),
+    "encoding": partial(check_choice, choices=ENCODINGS),
+}
 
 
 class UnboundState:
@@ -30,10 +73,6 @@ class UnboundState:
     def __len__(self) -> int:
         return len(self.columns["number"])
 
-    def remember(self, name: str, shape: tuple, dtype: type, initial: object) -> np.ndarray:
-        """Return the column of this name."""
-        return self.columns[name]
-
     def restore_to(self, prefix: str) -> None:
         """Write the state of robots that still exist to the columns of this prefix."""
         columns = self.swarm.columns
@@ -45,37 +84,135 @@ class UnboundState:
                 columns[prefix + name.removeprefix(self.prefix)][known] = old[then]
 
 
-class LearningLayer:
-    """Base of layers that learn: bound again in the same model, they continue as if never unbound."""
+class LearningLayer(Generic[P]):
+    """Base of layers that learn: bound again in the same model, they continue as if never unbound.
 
+    Attributes
+    ----------
+    policy_class : type
+        Of its policies, and of its start.
+    learned : tuple of str
+        The columns of what it learns, which robots that learn together share.
+    of_policies, agreed : tuples of str
+        Parameters that its policies have too, and those in which a start has to agree with it.
+    stated : tuple of str
+        Parameters stored in the `training` of a policy.
+    checks : dict
+        What its own parameters may be, besides `CHECKS`.
+    acts_untrained : bool
+        Whether it may be frozen without a trained start.
+    """
+
+    policy_class: ClassVar[Any]
+    learned: ClassVar[tuple[str, ...]] = ("values",)
+    of_policies: ClassVar[tuple[str, ...]] = ()
+    agreed: ClassVar[tuple[str, ...]] = ()
+    stated: ClassVar[tuple[str, ...]]
+    checks: ClassVar[dict[str, Check]] = {}
+    acts_untrained: ClassVar[bool] = False
     name: str
     frozen: bool
-    start: Any = None
+    shared = False
+    start: P | None = None
     # The swarm, or its columns after unbinding.
     _home: Any = None
     _prefix = ""
 
+    def __post_init__(self) -> None:
+        checks = {**CHECKS, **self.checks}
+        for field in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            if field.name in checks and not (value is None and field.default is None):
+                checked = checks[field.name](field.name, value)
+                if not isinstance(checked, float):
+                    setattr(self, field.name, checked)
+        self._check_start()
+
+    def _check_start(self) -> None:
+        """Check that it can continue from its start, and that a frozen layer has something to act on."""
+        start = self.start
+        if start is not None:
+            if not isinstance(start, self.policy_class):
+                wanted = f"{self.policy_class.__name__}, as policy() and load_policy() return it"
+                raise InvalidValueError(f"start is {shortened(start)}; expected a {wanted}")
+            has, needs = ({name: getattr(owner, name) for name in self.agreed} for owner in (start, self))
+            if has != needs:
+                raise InvalidValueError(f"start has {_listed(has)}; expected {_listed(needs)}")
+        if self.frozen and not self.acts_untrained and not (start is not None and start.steps):
+            raise LearningError(
+                f"{self.name} is frozen and untrained; give it a trained policy as start, or let it learn"
+            )
+
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
-        """Make the columns of the swarm; continue with what was learned before, if anything."""
+        """Make the columns of the swarm; in the same model, continue with what was learned before."""
         home = self._home
-        left = home if isinstance(home, UnboundState) and home.swarm is swarm else None
-        if home is not None and left is None:
+        before = home if isinstance(home, UnboundState) and home.swarm is swarm else None
+        if home is not None and before is None:
             self._start_elsewhere()
         self._home, self._prefix, self._rng = swarm, prefix, rng
-        self._remember(swarm, prefix)
-        if left is not None:
-            left.restore_to(prefix)
+        self._check_sensors()
+        for name, declared in {**self._columns(), "lessons": COUNT, "born": ((), np.bool_, False)}.items():
+            swarm.remember(f"{prefix}.{name}", *declared)
+        if before is not None:
+            before.restore_to(prefix)
 
     def unbind(self) -> None:
         """Copy the columns, which are about to be dropped."""
         self._home = UnboundState(self._robots, self._prefix)
 
-    def _check_frozen(self) -> None:
-        """Check that a frozen layer has something to act on."""
-        if self.frozen and not (self.start and self.start.steps):
+    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
+        """Learn from the last step, choose where it is due, and drive robots that no other layer drives.
+
+        Values that diverge are an error that names the robot; what was learned before is unchanged.
+        """
+        self._init_new_robots()
+        diverged = self._learn(senses, command, layer, index)
+        if self.shared and not self.frozen:
+            for column in map(self._column, self.learned):
+                column[1:] = column[:1]
+        if diverged >= 0:
+            robot = self._robots.agents[diverged]
+            rates = " or ".join(name for name in ("eta", "alpha", "gamma") if hasattr(self, name))
             raise LearningError(
-                f"{self.name} is frozen and untrained; give it a trained policy as start, or let it learn"
+                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: its values grow "
+                f"beyond all bounds; lower {rates}"
             )
+
+    def policy(self, **training: str | float) -> P:
+        """Return what all robots have learned so far as a policy that no longer learns.
+
+        Parameters
+        ----------
+        **training
+            Figures to store with it, such as ``collisions=0.4``.
+
+        Raises
+        ------
+        LearningError
+            If there are no robots, or their sensors differ.
+        """
+        sensors = sensors_of(self._robots)
+        self._init_new_robots()
+        return self.policy_class(sensors=sensors, **self._fields_of_policy(), **self._training(training))
+
+    def _columns(self) -> dict[str, Declared]:
+        """Return the columns in which robots remember; those that count lessons and robots are added."""
+        raise NotImplementedError
+
+    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
+        """Make a step of all robots, see `decide`; return the row of one whose values diverged, or -1."""
+        raise NotImplementedError
+
+    def _fields_of_policy(self) -> dict[str, Any]:
+        """Return the fields of a policy that are not those of all policies."""
+        raise NotImplementedError
+
+    def _sets_of_start(self) -> dict[str, np.ndarray]:
+        """Return what the robots of the start have learned, by column."""
+        return {name: getattr(self.start, name) for name in self.learned}
+
+    def _begin(self, new: np.ndarray) -> None:
+        """Let robots in these rows begin with nothing learned: in columns as they are made."""
 
     def _check_sensors(self) -> None:
         """Check that all robots have the sensors that the start was trained with."""
@@ -83,25 +220,33 @@ class LearningLayer:
             check_designs(self.start.sensors, self._robots)
 
     def _init_new_robots(self) -> None:
-        """Initialise the weights of new robots."""
+        """Let new robots begin with what is shared, or with what the start has learned."""
         born = self._column("born")
         if not born.all():
             self._check_sensors()
             self._init_robots(np.flatnonzero(~born), np.flatnonzero(born))
             born[:] = True
 
-    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
-        """Initialise the weights in the rows `new`; those in `known` have learned."""
-        raise NotImplementedError
+    def _init_robots(self, new: np.ndarray, others: np.ndarray) -> None:
+        """Initialise what robots in the rows `new` have learned; those in `others` have begun before."""
+        if self.shared and len(others):
+            for column in map(self._column, self.learned):
+                column[new] = column[others[0]]
+        elif self.start is not None:
+            number = np.zeros_like(new) if self.shared else self._robots.columns["number"][new]
+            for name, sets in self._sets_of_start().items():
+                self._column(name)[new] = sets[number % len(sets)]
+        else:
+            self._begin(new)
 
-    def _training(self, names: Sequence[str], training: dict) -> dict:
+    def _training(self, training: dict) -> dict:
         """Return the steps and training of a policy: parameters, world, what it started from, and what is given."""
         lessons = int(self._column("lessons").sum())
         described = {
             "learner": type(self).__name__,
             "mesa_swarm": version("mesa-swarm"),
             **provenance(self._robots),
-            **{name: getattr(self, name) for name in names},
+            **{name: getattr(self, name) for name in (*self.stated, *self._set_apart())},
             "robots": len(self._robots),
             "lessons": lessons,
             **({"started_from": self.start.training} if self.start else {}),
@@ -109,21 +254,9 @@ class LearningLayer:
         }
         return {"steps": lessons + (self.start.steps if self.start else 0), "training": described}
 
-    def _check_diverged(self, row: int, problem: str) -> None:
-        """Raise an error about the robot in this row, unless it is -1."""
-        if row >= 0:
-            robot = self._robots.agents[row]
-            raise LearningError(
-                f"{self.name} diverged for robot {robot.unique_id} in step {robot.model.steps}: {problem}"
-            )
-
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns."""
-        raise NotImplementedError
-
-    def policy(self, **training: str | float) -> Any:
-        """Return what the robots have learned so far; see `QLearning.policy`."""
-        raise NotImplementedError
+    def _set_apart(self) -> list[str]:
+        """Return the names of parameters that a policy states only where they differ from their defaults."""
+        return []
 
     def _start_elsewhere(self) -> None:
         """Let the robots of another model start with what was learned."""
@@ -144,13 +277,51 @@ class LearningLayer:
         return self._robots.columns[f"{self._prefix}.{name}"]
 
 
-class ChoosingLayer(LearningLayer):
-    """Base of layers that learn and choose by chance, at a temperature."""
+def _listed(values: dict[str, object]) -> str:
+    return ", ".join(f"{name} {shortened(value)}" for name, value in values.items())
+
+
+class RewardedLayer(LearningLayer[P]):
+    """Base of layers whose robots are rewarded in every step."""
+
+    @property
+    def last_reward(self) -> np.ndarray:
+        """Every robot's reward for its last action (n,); a copy."""
+        return self._column("reward").copy()
+
+
+class ChoosingLayer(LearningLayer[P]):
+    """Base of layers that learn values of actions and choose by them, at a temperature."""
+
+    first_temperature: float | None
 
     @property
     def temperature(self) -> np.ndarray:
         """Of every robot's choice (n,); a copy."""
         return self._column("temperature").copy()
+
+    @property
+    def _begun_at(self) -> float | None:
+        """The initial temperature of robots."""
+        return self.first_temperature if self.start is None else self.start.temperature  # type: ignore[attr-defined]
+
+    def _fields_of_policy(self) -> dict[str, Any]:
+        own = {name: getattr(self, name) for name in self.of_policies}
+        return {"temperature": float(self._column("temperature").mean()), **own}
+
+
+class TableLayer(ChoosingLayer[P]):
+    """Base of layers that learn a table of the values of actions in states: nothing, or those of a start, at first."""
+
+    acts_untrained = True
+
+    @property
+    def values(self) -> np.ndarray:
+        """Every robot's values of the actions in each state (n, states, actions); a copy."""
+        return self._column("values").copy()
+
+    def _fields_of_policy(self) -> dict[str, Any]:
+        return {"values": self.values[: 1 if self.shared else None].copy(), **super()._fields_of_policy()}
 
 
 def provenance(robots: Swarm | UnboundState) -> dict[str, str | int]:
@@ -164,26 +335,55 @@ def provenance(robots: Swarm | UnboundState) -> dict[str, str | int]:
 
 
 class NetworkColumns:
-    """The networks of all robots of a swarm, `count` for each robot, with `per_sensor` inputs a proximity sensor.
+    """A mark in recordings of a learner with networks: its state is in columns of the swarm."""
 
-    Hidden units are twice the proximity sensors of the widest design present. The columns grow with it: new
-    weights of existing robots are 0, so that their outputs do not change.
+    def checkpoint(self) -> dict:
+        """Return nothing: columns are stored anyway."""
+        return {}
+
+    def restore(self, state: dict) -> None:
+        """Do nothing: the columns are restored by the swarm."""
+
+
+class NetworkLayer(ChoosingLayer[N]):
+    """Base of layers that learn values by networks, `_count` of them for each robot, with one layer of hidden units.
+
+    Attributes
+    ----------
+    units : tuple
+        Sides of the columns of hidden units: twice the proximity sensors of the widest design present. The columns
+        grow with it: new weights of robots that have learned are 0, so that their outputs do not change.
     """
 
-    def __init__(self, swarm: Swarm, prefix: str, count: int, per_sensor: int) -> None:
-        self._swarm, self._prefix = swarm, prefix
-        inputs, units = (per_sensor, "proximity"), (2, "proximity")
-        shapes = ((count, *inputs, *units), (count, *units), (count, *units), (count,))
-        for name, shape in zip(PARTS, shapes, strict=True):
-            swarm.remember(f"{prefix}.{name}", shape, np.float64, 0.0)
-        swarm.remember(f"{prefix}.born", (), np.bool_, False)
+    learned: ClassVar[tuple[str, ...]] = PARTS
+    units: ClassVar[tuple[int | str, ...]] = (2, "proximity")
 
     @property
-    def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def _count(self) -> int:
+        """The number of networks of a robot."""
+        raise NotImplementedError
+
+    @property
+    def _inputs(self) -> tuple[int | str, ...]:
+        """The sides of the columns of inputs."""
+        raise NotImplementedError
+
+    def _columns(self) -> dict[str, Declared]:
+        count, inputs = self._count, self._inputs
+        shapes = ((count, *inputs, *self.units), (count, *self.units), (count, *self.units), (count,))
+        return {
+            **{part: (shape, np.float64, 0.0) for part, shape in zip(PARTS, shapes, strict=True)},
+            "inputs": (inputs, np.float64, 1.0),
+            "temperature": ((), np.float64, self._begun_at),
+        }
+
+    @property
+    def _weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Views of all networks, robot after robot, for `networks.forward`."""
-        inner, inner_bias, outer, outer_bias = (self._swarm.columns[f"{self._prefix}.{part}"] for part in PARTS)
+        inner, inner_bias, outer, outer_bias = map(self._column, PARTS)
         networks = outer_bias.size
-        inputs, units = math.prod(inner.shape[2:4]), math.prod(inner.shape[4:])
+        units = math.prod(outer.shape[2:])
+        inputs = math.prod(self._column("inputs").shape[1:])
         return (
             inner.reshape(networks, inputs, units),
             inner_bias.reshape(networks, units),
@@ -191,12 +391,28 @@ class NetworkColumns:
             outer_bias.reshape(networks),
         )
 
-    def checkpoint(self) -> dict:
-        """Return nothing: the state is in columns of the swarm, which are stored anyway."""
-        return {}
+    def _last_inputs(self) -> np.ndarray:
+        """Return a view of every robot's last inputs (n, k)."""
+        inputs = self._column("inputs")
+        return inputs.reshape(len(inputs), math.prod(inputs.shape[1:]))
 
-    def restore(self, state: dict) -> None:
-        """Do nothing: the columns are restored by the swarm."""
+    def _sets_of_start(self) -> dict[str, np.ndarray]:
+        weights: Any = self.start.networks.weights if self.start else ()
+        return {
+            part: sets.reshape(-1, *self._column(part).shape[1:]) for part, sets in zip(PARTS, weights, strict=True)
+        }
+
+    def _begin(self, new: np.ndarray) -> None:
+        """Draw small random weights, the same for robots that share them."""
+        robots, (_, inputs, units) = 1 if self.shared else len(new), self._weights[0].shape
+        drawn = random_weights(robots * self._count, inputs, units, self._rng)
+        for column, weights in zip(map(self._column, PARTS), drawn, strict=True):
+            column[new] = weights.reshape(robots, *column.shape[1:])
+
+    def _fields_of_policy(self) -> dict[str, Any]:
+        networks = self._count * (1 if self.shared else len(self._robots))
+        own = Networks(*(weights[:networks].copy() for weights in self._weights))
+        return {"networks": own, **super()._fields_of_policy()}
 
 
 # Rewards are within [-1, 1], so that values are at most 1 / (1 - gamma), at most 1,000: a correction or a
@@ -204,16 +420,14 @@ class NetworkColumns:
 LARGEST = 1e9
 # T_0 of the thesis (8.3).
 HOT = 1.0
-# Stored in a policy's `training`.
-TRAINING_PARAMETERS = ("reward", "alpha", "eta", "gamma", "beta", "critical", "reward_of", "shared", "self_adjusting")
 
 
 @dataclass(kw_only=True)
-class Learner(ChoosingLayer):
+class Learner(NetworkLayer[Q], RewardedLayer[Q]):
     """Base of `QLearning`, where the parameters are described, and `WireFittedQ`: they learn in every step."""
 
-    policy_class: ClassVar[type[NetworkPolicy]]  # the class of its policies
-    last_action: ClassVar[tuple]  # the column of each robot's last action: shape, type, initial value
+    stated = ("reward", "alpha", "eta", "gamma", "beta", "critical", "reward_of", "shared", "self_adjusting")
+    last_action: ClassVar[Declared]  # the column of each robot's last action
     reward: str = "b"
     encoding: str = "distance"
     alpha: float = 0.4
@@ -233,43 +447,8 @@ class Learner(ChoosingLayer):
     alert_gamma: float | None = None
     least_speed: float | None = None
     frozen: bool = False
-    start: NetworkPolicy | None = None
+    start: Q | None = None
     name: str = "Learner"
-
-    def _check_rates(self) -> None:
-        check_choice("reward", self.reward, REWARDS)
-        check_choice("reward_of", self.reward_of, REWARD_STATES)
-        check_choice("encoding", self.encoding, ENCODINGS)
-        for name in ("alpha", "eta", "beta"):
-            check_number(name, getattr(self, name), minimum=0, maximum=1)
-        check_number("gamma", self.gamma, minimum=0, maximum=0.999)
-        check_number("last_eta", self._least_eta, minimum=0, maximum=1)
-        check_number("alert_gamma", self._alert, minimum=0, maximum=0.999)
-        check_number("first_temperature", self._hottest, above=0, maximum=1e6)
-        check_number("last_temperature", self.last_temperature, above=0, maximum=1e6)
-        for name in ("critical", "bump_rate"):
-            check_number(name, getattr(self, name), above=0, maximum=1)
-        check_number("bump_window", self.bump_window, minimum=1, maximum=1e9)
-        check_number("bump_distance", self.bump_distance, minimum=0, maximum=1e6)
-        if self.least_speed is not None:
-            check_number("least_speed", self.least_speed, minimum=-1, maximum=1)
-        for name in ("shared", "self_adjusting", "frozen"):
-            setattr(self, name, check_flag(name, getattr(self, name)))
-
-    def _check_start(self) -> None:
-        """Check that it can continue from its start."""
-        start, counted = self.start, self.policy_class.choices_field
-        if start is not None and not isinstance(start, self.policy_class):
-            raise InvalidValueError(
-                f"start is {shortened(start)}; expected a {self.policy_class.__name__}, as load_policy() returns it"
-            )
-        count = getattr(self, counted)
-        if start is not None and (getattr(start, counted), start.encoding) != (count, self.encoding):
-            raise InvalidValueError(
-                f"start has {getattr(start, counted)} {counted} and encoding {start.encoding!r}; "
-                f"expected {count} and {self.encoding!r}"
-            )
-        self._check_frozen()
 
     @property
     def _hottest(self) -> float:
@@ -296,36 +475,14 @@ class Learner(ChoosingLayer):
         """The initial temperature of robots."""
         return self._hottest if self.start is None or self.first_temperature is not None else self.start.temperature
 
-    def unbind(self) -> None:
-        """Copy the columns, which are about to be dropped."""
-        super().unbind()
-        self._memory = self._networks_in(self._home, self._prefix)
-
-    def _networks_in(self, swarm: Any, prefix: str) -> NetworkColumns:
-        self._check_sensors()
-        return NetworkColumns(swarm, prefix, self._count, ENCODINGS[self.encoding])
-
     @property
     def _count(self) -> int:
         """The number of networks of a robot."""
         return self.policy_class.networks_per_choice * getattr(self, self.policy_class.choices_field)
 
-    def _init_robots(self, new: np.ndarray, known: np.ndarray) -> None:
-        """Initialise the networks of new robots; shared ones are copied from the others."""
-        _, *inputs, _, _ = self._column("inner").shape[1:]
-        units = self._column("outer").shape[2:]
-        for index, part in enumerate(PARTS):
-            column = self._column(part)
-            if self.shared and len(known):
-                column[new] = column[known[0]]
-            elif self.start is not None:
-                sets = self.start.networks.weights[index].reshape(-1, *column.shape[1:])
-                column[new] = sets[0 if self.shared else self._robots.columns["number"][new] % len(sets)]
-            else:
-                # At most 1 / sqrt(weights that feed the node), the bias unit's included.
-                limit = 1.0 / math.sqrt(math.prod(inputs if part.startswith("inner") else units) + 1)
-                size = (1 if self.shared else len(new), *column.shape[1:])
-                column[new] = self._rng.uniform(-limit, limit, size)
+    @property
+    def _inputs(self) -> tuple[int | str, ...]:
+        return ENCODINGS[self.encoding], "proximity"
 
     def _start_elsewhere(self) -> None:
         """Let the robots of another model start with what was learned, at its temperature."""
@@ -333,18 +490,16 @@ class Learner(ChoosingLayer):
         if self.start is not None and self._column("lessons").any() and not self.self_adjusting:
             self.first_temperature = self.start.temperature
 
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns: networks of a robot, its last inputs and reward, its temperature and recent bumps."""
-        per_sensor = ENCODINGS[self.encoding]
-        self._memory = self._networks_in(swarm, prefix)
-        swarm.remember(f"{prefix}.inputs", (per_sensor, "proximity"), np.float64, 1.0)
-        swarm.remember(f"{prefix}.reward", (), np.float64, 0.0)
-        swarm.remember(f"{prefix}.temperature", (), np.float64, self._begun_at)
-        swarm.remember(f"{prefix}.bumps", (), np.float64, self.bump_rate)
-        if self._regulates:
-            swarm.remember(f"{prefix}.pace", (), np.float64, self.least_speed)
-        swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
-        swarm.remember(f"{prefix}.action", *self.last_action)
+    def _columns(self) -> dict[str, Declared]:
+        """Return the columns: networks of a robot, its last inputs and reward, its temperature and recent bumps."""
+        self._memory = NetworkColumns()
+        return {
+            **super()._columns(),
+            "reward": NUMBER,
+            "bumps": ((), np.float64, self.bump_rate),
+            **({"pace": ((), np.float64, self.least_speed)} if self._regulates else {}),
+            "action": self.last_action,
+        }
 
     @property
     def discount(self) -> np.ndarray:
@@ -352,27 +507,20 @@ class Learner(ChoosingLayer):
         share = np.minimum(1.0, self._column("bumps") / self.bump_rate) if self.self_adjusting else 0.0
         return np.full(len(self._robots), self.gamma) + (self._alert - self.gamma) * share
 
-    @property
-    def last_reward(self) -> np.ndarray:
-        """Every robot's reward for its last action (n,); a copy."""
-        return self._column("reward").copy()
-
     def _known(self, senses: Senses) -> tuple[object, ...]:
         """Return the first arguments of the learners' compiled functions, with each robot's chance of this step."""
-        self._init_new_robots()
-        inputs = self._column("inputs")
         return (
             senses.distance,
             senses.kind,
             ranges_of(senses.sensors),
             senses.design,
             senses.max_speed,
-            self._memory.weights,
-            inputs.reshape(len(inputs), math.prod(inputs.shape[1:])),
+            self._weights,
+            self._last_inputs(),
             self._column("action"),
             self._column("lessons"),
             (*map(self._column, ("reward", "temperature", "bumps")), self._pace()),
-            self._rng.random(len(inputs)),
+            self._rng.random(len(senses.design)),
             REWARDS.index(self.reward),
             (float(self.gamma), float(self._alert), float(self.critical)),
             (float(self.alpha) * float(self.eta), float(self.alpha) * float(self._least_eta)),
@@ -382,40 +530,18 @@ class Learner(ChoosingLayer):
         )
 
     def _set_apart(self) -> list[str]:
-        """Return the names of parameters that a policy stores only where they differ from their defaults."""
         return [] if self.last_eta is None else ["last_eta"]
 
     def _pace(self) -> np.ndarray:
         """Return every robot's recent speed, which only self-adjusting robots with a least speed remember."""
         return self._robots.columns.get(f"{self._prefix}.pace", np.empty(0)) if self._regulates else np.empty(0)
 
-    def _end_lesson(self, diverged: int) -> None:
-        """Copy what was learned to all robots if they share it; raise if it diverged for one of them."""
-        if self.shared and not self.frozen:
-            for column in map(self._column, PARTS):
-                column[1:] = column[:1]
-        self._check_diverged(diverged, "its values grow beyond all bounds; lower eta, alpha or gamma")
-
-    def _last_outputs(self, row: int, networks: int) -> np.ndarray:
+    def _last_outputs(self, row: int) -> np.ndarray:
         """Return the outputs of a robot's networks for its last inputs (networks,)."""
-        rows = slice(row * networks, (row + 1) * networks)
-        inner, bias, outer, outer_bias = (weights[rows] for weights in self._memory.weights)
-        inputs = self._column("inputs")[row].ravel()
-        hidden = np.tanh(bias + np.einsum("i,mih->mh", inputs, inner))
+        rows = slice(row * self._count, (row + 1) * self._count)
+        inner, bias, outer, outer_bias = (weights[rows] for weights in self._weights)
+        hidden = np.tanh(bias + np.einsum("i,mih->mh", self._last_inputs()[row], inner))
         return outer_bias + (hidden * outer).sum(axis=1)
-
-    def _learned(self, training: dict) -> dict:
-        """Return the fields that all families of policies have."""
-        sensors = sensors_of(self._robots)
-        self._init_new_robots()
-        networks = self._count * (1 if self.shared else len(self._robots))
-        return {
-            "sensors": sensors,
-            "networks": Networks(*(weights[:networks].copy() for weights in self._memory.weights)),
-            "encoding": self.encoding,
-            "temperature": float(self._column("temperature").mean()),
-            **self._training((*TRAINING_PARAMETERS, *self._set_apart()), training),
-        }
 
 
 @compiled
@@ -440,6 +566,15 @@ def rate_of(rates, temperature, cooling):
 def discount_of(gamma, alert, bumps, usual, self_adjusting):
     """Return the gamma of a robot; a self-adjusting one looks the farther ahead, the more often it has bumped."""
     return gamma + (alert - gamma) * min(1.0, bumps / usual) if self_adjusting else gamma
+
+
+@compiled
+def adapt(distance, i, ahead, temperature, bumps, pace, cooling, bumping, self_adjusting):
+    """Set the temperature of robot i, which drove ahead by this share of its speed, for its next choice."""
+    before = temperature[i]
+    cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
+    if pace.shape[0]:
+        regulate(pace, i, ahead, before, temperature, cooling, bumping)
 
 
 @compiled

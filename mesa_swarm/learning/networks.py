@@ -1,17 +1,19 @@
 """Stacks of small networks, back-propagation, and policies that choose by network outputs."""
 
 import math
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import ClassVar, Self
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.actions import ENCODINGS, as_floats, choose_all, described
-from mesa_swarm.learning.policy import SensorLayout, check_stored, checked_chances, checked_numbers
+from mesa_swarm.learning.actions import ENCODINGS, as_floats, described
+from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
 
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
 REGRESSION_RATE = 0.5
@@ -21,6 +23,8 @@ TANH = "tanh"
 ACTIVATIONS = (TANH, "step", "linear", "logistic")
 # Indices of the others.
 STEP, LINEAR, LOGISTIC = range(1, 4)
+# How tasks that are learned one after another are rehearsed, without which networks forget them (thesis 6.4).
+REHEARSALS = ("none", "interleaved", "consolidated")
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +109,7 @@ class Networks:
             )
         m, k = check_count("count", count, minimum=1), check_count("inputs", inputs, minimum=1)
         h = 2 * k if hidden is None else check_count("hidden", hidden, minimum=1)
-        low, high = 1 / math.sqrt(k + 1), 1 / math.sqrt(h + 1)
-        shapes = [((m, k, h), low), ((m, h), low), ((m, h), high), ((m,), high)]
-        weights = (rng.uniform(-limit, limit, shape) for shape, limit in shapes)
-        return cls(*weights, activation=activation, gain=gain)
+        return cls(*random_weights(m, k, h, rng), activation=activation, gain=gain)
 
     @property
     def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -117,11 +118,8 @@ class Networks:
 
     def outputs(self, inputs: ArrayLike) -> np.ndarray:
         """Return the output of every network (m,) for its own inputs (m, k)."""
-        given, out = self._checked("inputs", inputs, self.inner.shape[:2]), np.empty(len(self.inner))
-        if self._units is None:
-            write_outputs(*self.weights, given, out)
-        else:
-            write_outputs_of(*self._units, *self.weights, given, out)
+        rows, out = self._checked("inputs", inputs, self.inner.shape[:2]), np.empty(len(self.inner))
+        write_outputs(*self._units, *self.weights, rows, out)
         return out
 
     def learn(self, inputs: ArrayLike, targets: ArrayLike, rate: float = REGRESSION_RATE) -> np.ndarray:
@@ -130,26 +128,29 @@ class Networks:
         Inputs are (m, k), targets (m,), and `rate` is the learning rate eta, 0 to 1. Returned are the errors
         ``target - y`` (m,) before the step.
         """
-        given = self._checked("inputs", inputs, self.inner.shape[:2])
+        rows = self._checked("inputs", inputs, self.inner.shape[:2])
         desired = self._checked("targets", targets, self.outer_bias.shape)
         errors, rate = np.empty(len(desired)), check_number("rate", rate, minimum=0, maximum=1)
-        if self._units is None:
-            descend(*self.weights, given, desired, rate, errors)
-        else:
-            descend_of(*self._units, *self.weights, given, desired, rate, errors)
+        descend(*self._units, *self.weights, rows, desired, rate, errors)
         return errors
 
     @property
-    def _units(self) -> tuple[int, float] | None:
-        """The kind and gain of hidden units, None for tanh of the sum, which has faster functions."""
-        plain = self.activation == TANH and self.gain == 1
-        return None if plain else (ACTIVATIONS.index(self.activation), float(self.gain))
+    def _units(self) -> tuple[int, float]:
+        """The kind and gain of hidden units."""
+        return ACTIVATIONS.index(self.activation), float(self.gain)
 
     def _checked(self, name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
         array = as_floats(values)
         if array.shape != shape or not np.isfinite(array).all():
             raise InvalidValueError(f"{name} is {shortened(values)}; expected finite numbers of shape {shape}")
         return array
+
+
+def random_weights(networks: int, inputs: int, hidden: int, rng: np.random.Generator) -> list[np.ndarray]:
+    """Return the four arrays of `Networks`, uniform within 1 / sqrt(weights that feed the node), the bias included."""
+    low, high = 1 / math.sqrt(inputs + 1), 1 / math.sqrt(hidden + 1)
+    shapes = [((inputs, hidden), low), ((hidden,), low), ((hidden,), high), ((), high)]
+    return [rng.uniform(-limit, limit, (networks, *shape)) for shape, limit in shapes]
 
 
 def fit(
@@ -206,6 +207,74 @@ def fit(
     return stack
 
 
+def fit_in_turn(
+    tasks: Sequence[tuple[ArrayLike, ArrayLike]],
+    *,
+    rng: np.random.Generator,
+    rehearsal: str = "none",
+    networks: int = 1,
+    hidden: int = 8,
+    presentations: int = 200,
+    rate: float = 0.1,
+    activation: str = TANH,
+) -> list[Networks]:
+    """Fit the same networks to one task after another; return them as they are after each.
+
+    Parameters
+    ----------
+    tasks : sequence of (x, y), ndarrays of shape (p,)
+        Points, as for `fit`.
+    rng : numpy.random.Generator
+    rehearsal : str
+        "none": only the points of the task are presented. "interleaved": together with them, the stored points of all
+        earlier tasks, in every round. "consolidated": the points of the task alone, and afterwards as many rounds with
+        all stored points, those of the task included: twice the presentations.
+    networks, hidden, presentations, rate, activation
+        As for `fit`.
+
+    Returns
+    -------
+    list of Networks
+        One for each task.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError, LearningError
+
+    Examples
+    --------
+    >>> left, right = np.linspace(-1, -0.1, 10), np.linspace(0.1, 1, 10)
+    >>> tasks = [(left, np.full(10, -0.5)), (right, np.full(10, 0.5))]
+    >>> after = {way: fit_in_turn(tasks, rng=np.random.default_rng(1), rehearsal=way)[1] for way in REHEARSALS}
+    >>> [bool(abs(after[way].outputs([[-0.5]])[0] + 0.5) < 0.2) for way in REHEARSALS]
+    [False, True, True]
+    """
+    check_choice("rehearsal", rehearsal, REHEARSALS)
+    shown = _checked_tasks(tasks)
+    stack = Networks.random(
+        check_count("networks", networks, minimum=1), inputs=1, hidden=hidden, rng=rng, activation=activation
+    )
+    after = []
+    for k, points in enumerate(shown):
+        stored = np.concatenate(shown[: k + 1])
+        first = stored if rehearsal == "interleaved" else points
+        for rounds in (first, stored) if rehearsal == "consolidated" else (first,):
+            present(stack, rounds, rng=rng, presentations=presentations, rate=rate)
+        after.append(deepcopy(stack))
+    return after
+
+
+def _checked_tasks(tasks: Sequence[tuple[ArrayLike, ArrayLike]]) -> list[np.ndarray]:
+    """Return the points of each task (p, 2)."""
+    try:
+        pairs = [(x, y) for x, y in tasks]
+    except (TypeError, ValueError):
+        raise InvalidValueError(f"tasks is {shortened(tasks)}; expected pairs (x, y) of arrays") from None
+    if not pairs:
+        raise InvalidValueError("tasks is empty; give at least one pair (x, y)")
+    return [points_of(x, y) for x, y in pairs]
+
+
 def present(stack: Networks, points: np.ndarray, *, rng: np.random.Generator, presentations: int, rate: float) -> None:
     """Let networks of one input learn from points (p, 2), all in every round, in orders drawn at random."""
     networks = len(stack.outer_bias)
@@ -234,20 +303,55 @@ def _row(shape: tuple[int | str, ...]) -> str:
 
 
 @compiled
-def write_outputs(inner, inner_bias, outer, outer_bias, inputs, out):
+def write_outputs(kind, gain, inner, inner_bias, outer, outer_bias, inputs, out):
     """Write the output of every network for its own row of inputs (m, k)."""
-    hidden = np.empty(inner.shape[2])
+    hidden, slopes = np.empty(inner.shape[2]), np.empty(inner.shape[2])
     for m in range(inner.shape[0]):
-        out[m] = forward(inner, inner_bias, outer, outer_bias, m, inputs, m, hidden)
+        out[m] = output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, hidden, slopes)
 
 
 @compiled
-def descend(inner, inner_bias, outer, outer_bias, inputs, targets, rate, errors):
+def descend(kind, gain, inner, inner_bias, outer, outer_bias, inputs, targets, rate, errors):
     """Take one step of gradient descent in every network; write the errors before it."""
-    hidden = np.empty(inner.shape[2])
+    hidden, slopes = np.empty(inner.shape[2]), np.empty(inner.shape[2])
     for m in range(inner.shape[0]):
-        errors[m] = targets[m] - forward(inner, inner_bias, outer, outer_bias, m, inputs, m, hidden)
-        back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, m, hidden, rate * errors[m])
+        errors[m] = targets[m] - output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, hidden, slopes)
+        step = rate * errors[m]
+        outer_bias[m] += step
+        for h in range(hidden.shape[0]):
+            back = step * outer[m, h] * slopes[h]
+            outer[m, h] += step * hidden[h]
+            inner_bias[m, h] += back
+            for k in range(inner.shape[1]):
+                inner[m, k, h] += back * inputs[m, k]
+
+
+@compiled
+def output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, hidden, slopes):
+    """Return the output of network m for row m of the inputs; write the outputs and slopes of its hidden units."""
+    y = outer_bias[m]
+    for h in range(hidden.shape[0]):
+        total = inner_bias[m, h]
+        for k in range(inner.shape[1]):
+            total += inner[m, k, h] * inputs[m, k]
+        hidden[h], slopes[h] = activated(kind, gain, total)
+        y += outer[m, h] * hidden[h]
+    return y
+
+
+@compiled
+def activated(kind, gain, x):
+    """Return the output of a unit for the sum of its inputs, and its slope; of an index into `ACTIVATIONS`.
+
+    The slope of a step is that of the logistic unit: its own is 0, and at 0 infinite.
+    """
+    if kind == LINEAR:
+        return gain * x, gain
+    if kind in (STEP, LOGISTIC):
+        y = 1.0 / (1.0 + math.exp(-gain * x))
+        return (y if kind == LOGISTIC else 1.0 if x >= 0.0 else 0.0), gain * y * (1.0 - y)
+    y = math.tanh(gain * x)
+    return y, gain * (1.0 - y * y)
 
 
 @compiled
@@ -283,71 +387,50 @@ def back_propagate(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden, s
             inner[m, k, h] += hidden[h] * x
 
 
-@compiled
-def activated(kind, gain, x):
-    """Return the output of a unit for the sum of its inputs: an index into `ACTIVATIONS`, and k of the thesis."""
-    if kind == STEP:
-        return 1.0 if x >= 0.0 else 0.0
-    if kind == LINEAR:
-        return gain * x
-    if kind == LOGISTIC:
-        return 1.0 / (1.0 + math.exp(-gain * x))
-    return math.tanh(gain * x)
+class PolicyOfNetworks(LearnedPolicy):
+    """Base of policies that choose by the outputs of networks, stored as the four arrays of their weights."""
 
+    __slots__ = ()
+    stored: ClassVar[tuple[str, ...]] = PARTS
+    networks: Networks
 
-@compiled
-def slope_of(kind, gain, x):
-    """Return the slope of a unit, of a step that of the logistic unit: its own is 0, and at 0 infinite."""
-    if kind == LINEAR:
-        return gain
-    if kind in (STEP, LOGISTIC):
-        y = 1.0 / (1.0 + math.exp(-gain * x))
-        return gain * y * (1.0 - y)
-    y = math.tanh(gain * x)
-    return gain * (1.0 - y * y)
+    @property
+    def group(self) -> int:
+        """The number of networks of a robot."""
+        raise NotImplementedError
 
+    @property
+    def copies(self) -> int:
+        """The number of robots' sets of networks: the k-th robot acts by set ``k % copies``."""
+        return len(self.networks.outer_bias) // self.group
 
-@compiled
-def output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, sums):
-    """Return the output of network m for row m of the inputs; write the sums of its hidden units' inputs."""
-    y = outer_bias[m]
-    for h in range(sums.shape[0]):
-        sums[h] = inner_bias[m, h]
-        for k in range(inner.shape[1]):
-            sums[h] += inner[m, k, h] * inputs[m, k]
-        y += outer[m, h] * activated(kind, gain, sums[h])
-    return y
+    def _set_of(self, k: int) -> dict[str, Any]:
+        rows = slice(k * self.group, (k + 1) * self.group)
+        return {"networks": Networks(*(weights[rows].copy() for weights in self.networks.weights))}
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the weights by name."""
+        return dict(zip(PARTS, self.networks.weights, strict=True))
 
-@compiled
-def write_outputs_of(kind, gain, inner, inner_bias, outer, outer_bias, inputs, out):
-    """Write the output of every network for its own row of inputs (m, k)."""
-    sums = np.empty(inner.shape[2])
-    for m in range(inner.shape[0]):
-        out[m] = output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, sums)
+    @classmethod
+    def _of_arrays(cls, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+        return {"networks": Networks(*(arrays[part] for part in PARTS))}
 
-
-@compiled
-def descend_of(kind, gain, inner, inner_bias, outer, outer_bias, inputs, targets, rate, errors):
-    """Take one step of gradient descent in every network; write the errors before it."""
-    sums = np.empty(inner.shape[2])
-    for m in range(inner.shape[0]):
-        errors[m] = targets[m] - output_of(kind, gain, inner, inner_bias, outer, outer_bias, m, inputs, sums)
-        step = rate * errors[m]
-        outer_bias[m] += step
-        for h in range(sums.shape[0]):
-            back = step * outer[m, h] * slope_of(kind, gain, sums[h])
-            outer[m, h] += step * activated(kind, gain, sums[h])
-            inner_bias[m, h] += back
-            for k in range(inner.shape[1]):
-                inner[m, k, h] += back * inputs[m, k]
+    def _check_networks(self) -> None:
+        """Check that these are networks, and the other fields."""
+        self._check_settings()
+        if not isinstance(self.networks, Networks):
+            raise InvalidValueError(f"networks is {shortened(self.networks)}; expected Networks(...)")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NetworkPolicy:
+class NetworkPolicy(PolicyOfNetworks, ChoosingPolicy):
     """Base of `QPolicy` and `WirePolicy`, which choose by Boltzmann's probabilities of network outputs."""
 
-    family: ClassVar[str]
+    checks: ClassVar[dict[str, Callable[[str, Any], object]]] = {
+        "encoding": partial(check_choice, choices=ENCODINGS),
+        "temperature": partial(check_number, above=0),
+    }
     choices_field: ClassVar[str]  # the field with the number of choices
     networks_per_choice: ClassVar[int]  # networks for each choice
     sensors: SensorLayout
@@ -364,12 +447,9 @@ class NetworkPolicy:
 
     def _check_parts(self) -> None:
         """Check that the networks form groups for robots with these sensors."""
-        inputs = ENCODINGS[check_choice("encoding", self.encoding, ENCODINGS)] * len(self.sensors)
-        check_number("temperature", self.temperature, above=0)
-        check_count("steps", self.steps, maximum=2**62)
-        if not isinstance(self.networks, Networks):
-            raise InvalidValueError(f"networks is {shortened(self.networks)}; expected Networks(...)")
-        if self.networks._units is not None:
+        self._check_networks()
+        inputs = ENCODINGS[self.encoding] * len(self.sensors)
+        if (self.networks.activation, self.networks.gain) != (TANH, 1):
             raise InvalidValueError(
                 f"networks have {self.networks.activation} units of gain {self.networks.gain:g}; expected tanh of gain "
                 "1, as robots learn with"
@@ -385,16 +465,6 @@ class NetworkPolicy:
         if not all(np.isfinite(w).all() for w in weights):
             raise InvalidValueError("networks hold weights that are not finite; train them anew")
 
-    @property
-    def copies(self) -> int:
-        """The number of robots' sets of networks."""
-        return len(self.networks.outer_bias) // self.group
-
-    def of_robot(self, index: int) -> Self:
-        """Return the policy of one robot, 0 to ``copies - 1``, to share it with others."""
-        row = check_count("index", index, maximum=self.copies - 1) * self.group
-        return replace(self, networks=Networks(*(w[row : row + self.group].copy() for w in self.networks.weights)))
-
     @cached_property
     def _ranges(self) -> np.ndarray:
         return np.array([self.sensors.ranges])
@@ -403,29 +473,3 @@ class NetworkPolicy:
         """Return readings, kinds, ranges, weights and numbers for the compiled functions."""
         distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
         return distance, kind, self._ranges, self.networks.weights, checked_numbers(numbers, len(distance))
-
-    def _taken(self, values: np.ndarray, chance: ArrayLike | None) -> np.ndarray:
-        """Return every robot's choice (n,), given values (n, a)."""
-        chances = np.empty(0) if chance is None else checked_chances(chance, len(values))
-        taken = np.empty(len(values), np.int64)
-        choose_all(values, float(self.temperature), chances, taken)
-        return taken
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Return the weights by name."""
-        return dict(zip(PARTS, self.networks.weights, strict=True))
-
-    def settings(self) -> dict:
-        """Return the other fields that acting depends on."""
-        return {name: getattr(self, name) for name in (self.choices_field, "encoding", "temperature")}
-
-    @classmethod
-    def restored(
-        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
-    ) -> Self:
-        """Return the policy with these parts, from a file."""
-        check_stored(cls.family, (*arrays, *settings), (*PARTS, cls.choices_field, "encoding", "temperature"))
-        networks = Networks(*(arrays[part] for part in PARTS))
-        known = {**settings, cls.choices_field: check_count(cls.choices_field, settings[cls.choices_field])}
-        known["temperature"] = check_number("temperature", settings["temperature"])
-        return cls(sensors=sensors, networks=networks, steps=steps, training=training, **known)

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count, shortened, without_middle
+from mesa_swarm.base.errors import LearningError, check_count, shortened, without_middle
 from mesa_swarm.base.extras import require_extra
 from mesa_swarm.base.files import show_path, write_whole
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.c_source import exportable
 from mesa_swarm.learning.policy import Policy, SensorLayout, checked_chances, checked_numbers
-from mesa_swarm.learning.policy_files import stored_sensors
+from mesa_swarm.learning.policy_files import file_at, stored_sensors
 from mesa_swarm.learning.q_learning import QPolicy
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.learning.wire_learning import STARTS, WirePolicy
@@ -81,10 +81,7 @@ def export_onnx(policy: Policy, path: str | os.PathLike[str], *, copy: int | Non
         ...
     mesa_swarm.base.errors.LearningError: 'robot.txt' does not end with .onnx; give the policy such a name
     """
-    try:
-        file = Path(path)
-    except TypeError:
-        raise InvalidValueError(f"path is {shortened(path)}; expected a text or Path") from None
+    file = file_at(path)
     if file.suffix != ".onnx":
         raise LearningError(f"{shortened(file.name)} does not end with .onnx; give the policy such a name")
     chosen = exportable(policy, copy)

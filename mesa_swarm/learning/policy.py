@@ -1,10 +1,10 @@
 """Trained controllers, their inputs, and the layer that drives robots by them."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from inspect import signature
-from typing import Any, ClassVar, Protocol, cast
+from typing import Any, ClassVar, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from mesa_swarm.base.errors import (
     BehaviourError,
     InvalidValueError,
     LearningError,
+    check_count,
     check_flag,
     check_name,
     read_attribute,
@@ -21,7 +22,7 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.actions import as_floats, described
+from mesa_swarm.learning.actions import as_floats, choose_all, described
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -245,6 +246,105 @@ class Policy(Protocol):
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
     ) -> "Policy":
         """Return the policy with these parts, or raise a SwarmError if they do not fit together."""
+
+
+class LearnedPolicy:
+    """Base of the policies that learners return: what files store of them, and the sets of weights of their robots.
+
+    Attributes
+    ----------
+    stored : tuple of str
+        The arrays in files.
+    of_copies : tuple of str
+        Of these fields every robot has an item of its own.
+    checks : dict
+        The other fields that acting depends on, each with what checks its value, given its name too.
+    """
+
+    __slots__ = ()
+    family: ClassVar[str]
+    stored: ClassVar[tuple[str, ...]] = ("values",)
+    of_copies: ClassVar[tuple[str, ...]] = ("values",)
+    checks: ClassVar[dict[str, Callable[[str, Any], object]]]
+    sensors: SensorLayout
+    steps: int
+    training: dict
+
+    def _check_settings(self) -> None:
+        """Check the fields that are not arrays."""
+        check_layout(self.sensors)
+        check_count("steps", self.steps, maximum=2**62)
+        for name, check in self.checks.items():
+            checked = check(name, getattr(self, name))
+            if not isinstance(checked, float):
+                object.__setattr__(self, name, checked)
+
+    @property
+    def copies(self) -> int:
+        """The number of robots' sets of weights: the k-th robot acts by set ``k % copies``."""
+        return len(getattr(self, self.of_copies[0]))
+
+    def of_robot(self, index: int) -> Self:
+        """Return the policy of one robot, 0 to ``copies - 1``, to share it with others."""
+        k = check_count("index", index, maximum=self.copies - 1)
+        return cast(Self, replace(cast(Any, self), **self._set_of(k)))
+
+    def _set_of(self, k: int) -> dict[str, Any]:
+        """Return the fields of the k-th set of weights."""
+        return {name: getattr(self, name)[k : k + 1].copy() for name in self.of_copies}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return the weights by name: finite float64 arrays."""
+        return {name: np.asarray(getattr(self, name), np.float64) for name in self.stored}
+
+    def settings(self) -> dict:
+        """Return the other fields that acting depends on."""
+        return {name: getattr(self, name) for name in self.checks}
+
+    @classmethod
+    def restored(
+        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
+    ) -> Self:
+        """Return the policy with these parts, from a file."""
+        check_stored(cls.family, (*arrays, *settings), (*cls.stored, *cls.checks))
+        fields: dict[str, Any] = {**settings, **cls._of_arrays(arrays)}
+        return cls(sensors=sensors, steps=steps, training=training, **fields)  # type: ignore[call-arg]
+
+    @classmethod
+    def _of_arrays(cls, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+        """Return the fields that these arrays are stored of."""
+        return arrays
+
+
+class ChoosingPolicy(LearnedPolicy):
+    """Base of policies that choose one of several actions by Boltzmann's probabilities of their values."""
+
+    __slots__ = ()
+    temperature: float
+
+    def act(
+        self,
+        readings: ArrayLike,
+        kinds: ArrayLike | None = None,
+        chance: ArrayLike | None = None,
+        *,
+        numbers: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
+
+        The robot with number k, of ``numbers`` (n,), acts by set ``k % copies``; by default they are 0, 1, and so on.
+        """
+        values, actions = self._choices(readings, kinds, numbers)
+        chances = np.empty(0) if chance is None else checked_chances(chance, len(values))
+        taken = np.empty(len(values), np.int64)
+        choose_all(values, float(self.temperature), chances, taken)
+        return actions[taken] if actions.ndim == 2 else actions[np.arange(len(values)), taken]
+
+    def _choices(
+        self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the values of every robot's actions (n, a), and these actions: (a, 2) of all, or (n, a, 2)."""
+        raise NotImplementedError
 
 
 @dataclass(kw_only=True)

@@ -74,7 +74,7 @@ def save_policy(policy: Policy, path: str | os.PathLike[str]) -> Path:
     True
     """
     check_policy(policy, "arrays", "settings")
-    file = _file_of(path)
+    file = file_at(path)
     if file.suffix != ".npz":
         raise LearningError(f"{file.name} does not end with .npz; give the policy such a name")
     header = {
@@ -105,7 +105,7 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     LearningError
         If the file is missing, damaged, hostile, or not a policy.
     """
-    file = _file_of(path)
+    file = file_at(path)
     try:
         _check_list(file)
         with zipfile.ZipFile(file) as archive:
@@ -123,7 +123,8 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
     return _policy_of(file, _header_of(file, arrays), arrays)
 
 
-def _file_of(path: str | os.PathLike[str]) -> Path:
+def file_at(path: str | os.PathLike[str]) -> Path:
+    """Return a path that a user gave."""
     try:
         return Path(path)
     except TypeError:

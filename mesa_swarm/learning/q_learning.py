@@ -2,25 +2,39 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_name, shortened
+from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, shortened
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import (
-    ACTION_NAMES,
     ACTIONS,
     ENCODINGS,
+    action_of,
     best_of,
+    check_actions,
     checked_actions,
     chosen,
     least_of,
+    named_values,
+    take,
     write_inputs,
 )
-from mesa_swarm.learning.learner import Learner, UnboundState, cool, discount_of, is_bounded, rate_of, regulate
+from mesa_swarm.learning.learner import (
+    INDEX,
+    Check,
+    Declared,
+    Learner,
+    UnboundState,
+    adapt,
+    discount_of,
+    is_bounded,
+    rate_of,
+)
 from mesa_swarm.learning.networks import NetworkPolicy, Networks, back_propagate, forward
 from mesa_swarm.learning.policy import SensorLayout
 from mesa_swarm.learning.rewards import rewarded
@@ -109,12 +123,12 @@ class QPolicy(NetworkPolicy):
     """
 
     family: ClassVar[str] = "q"
+    checks: ClassVar[dict] = {"actions": check_actions, **NetworkPolicy.checks}
     choices_field: ClassVar[str] = "actions"
     networks_per_choice: ClassVar[int] = 1
     actions: int = 8
 
     def __post_init__(self) -> None:
-        checked_actions(self.actions)
         self._check_parts()
 
     @classmethod
@@ -144,19 +158,10 @@ class QPolicy(NetworkPolicy):
         value_of_actions(*known, values)
         return values
 
-    def act(
-        self,
-        readings: ArrayLike,
-        kinds: ArrayLike | None = None,
-        chance: ArrayLike | None = None,
-        *,
-        numbers: ArrayLike | None = None,
-    ) -> np.ndarray:
-        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
-
-        The robot with number k, of ``numbers`` (n,), acts by set ``k % copies``; by default they are 0, 1, and so on.
-        """
-        return ACTIONS[self._taken(self.values(readings, kinds, numbers=numbers), chance)]
+    def _choices(
+        self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        return self.values(readings, kinds, numbers=numbers), ACTIONS
 
 
 @compiled
@@ -180,7 +185,7 @@ def action_values(weights, first, inputs, row, hidden, values):
 
 
 @dataclass(kw_only=True)
-class QLearning(Learner):
+class QLearning(Learner[QPolicy]):
     """Learn in every step the values of a few actions, and choose by them; always active.
 
     Each robot has a network for each action, of its sensors' readings, twice as many hidden units as
@@ -280,43 +285,21 @@ class QLearning(Learner):
     0.7
     """
 
-    policy_class: ClassVar[type[QPolicy]] = QPolicy
-    last_action: ClassVar[tuple] = ((), np.int64, -1)
+    policy_class = QPolicy
+    of_policies = agreed = ("actions", "encoding")
+    checks: ClassVar[dict[str, Check]] = {
+        "replay": partial(check_count, maximum=1_000_000),
+        "replays": partial(check_count, minimum=1, maximum=10_000),
+    }
+    last_action = INDEX
     actions: int = 8
     replay: int = 0
     replays: int = 1
     start: QPolicy | None = None
     name: str = "QLearning"
 
-    def __post_init__(self) -> None:
-        check_name("name", self.name)
-        checked_actions(self.actions)
-        check_count("replay", self.replay, maximum=1_000_000)
-        check_count("replays", self.replays, minimum=1, maximum=10_000)
-        self._check_rates()
-        self._check_start()
-
-    def policy(self, **training: str | float) -> QPolicy:
-        """Return what all robots have learned so far as a policy that no longer learns.
-
-        Parameters
-        ----------
-        **training
-            Figures to store with it, such as ``collisions=0.4``.
-
-        Raises
-        ------
-        LearningError
-            If there are no robots, or their sensors differ.
-        """
-        return QPolicy(actions=self.actions, **self._learned(training))
-
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last action, and choose the next one for robots that no other layer drives.
-
-        Values that diverge are an error that names the robot; what was learned before is unchanged.
-        """
-        self._end_lesson(learn_and_choose(*self._known(senses), self._past(), command, layer, index))
+    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
+        return learn_and_choose(*self._known(senses), self._past(), command, layer, index)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Make the columns of the swarm; in the same model, continue with what was learned before."""
@@ -334,14 +317,11 @@ class QLearning(Learner):
                 f"set {stored}, or continue with QLearning(start=learner.policy(), replay=...)"
             )
 
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns, also those of the experiences that each robot stores."""
-        super()._remember(swarm, prefix)
-        if self.replay:
-            inputs = (self.replay, ENCODINGS[self.encoding], "proximity")
-            shapes = (inputs, np.float64, 1.0), ((self.replay,), np.int64, 0), ((self.replay,), np.float64, 0.0)
-            for name, column in zip(REPLAYED, (shapes[0], *shapes), strict=True):
-                swarm.remember(f"{prefix}.{name}", *column)
+    def _columns(self) -> dict[str, Declared]:
+        """Return the columns, also those of the experiences that each robot stores."""
+        inputs: Declared = ((self.replay, *self._inputs), np.float64, 1.0)
+        columns = (inputs, inputs, ((self.replay,), np.int64, 0), ((self.replay,), np.float64, 0.0))
+        return {**super()._columns(), **(dict(zip(REPLAYED, columns, strict=True)) if self.replay else {})}
 
     def _past(self) -> tuple[np.ndarray, ...]:
         """Return all stored experiences, and the chances by which those to learn from again are drawn."""
@@ -355,7 +335,6 @@ class QLearning(Learner):
         return before.reshape(shape), after.reshape(shape), *others, self._rng.random((robots, self.replays))
 
     def _set_apart(self) -> list[str]:
-        """Return the names of parameters that a policy stores only where they differ from their defaults."""
         return [*super()._set_apart(), *(("replay", "replays") if self.replay else ())]
 
     def worth(self, row: int) -> list[tuple[str, float]]:
@@ -363,20 +342,14 @@ class QLearning(Learner):
 
         Before its first choice the list is empty.
         """
-        if self._column("action")[row] < 0:
-            return []
-        values = self._last_outputs(row, self.actions)
-        return [(name, float(value)) for name, value in zip(ACTION_NAMES, values, strict=False)]
+        return named_values(self._last_outputs(row)) if self._column("action")[row] >= 0 else []
 
     def reason(self, moment: Moment) -> Reason:
         """Return the chosen action, and the nearest reading."""
-        speeds = moment.command / max(float(np.abs(moment.command).max()), 1e-300)
-        action = ACTION_NAMES[int(np.argmin(np.abs(ACTIONS - speeds).sum(axis=1)))]
         seen = np.flatnonzero(moment.kind >= 0)
-        nearest = seen[np.argmin(moment.distance[seen])] if len(seen) else -1
-        near = (int(nearest),) if nearest >= 0 else ()
+        near = (int(seen[np.argmin(moment.distance[seen])]),) if len(seen) else ()
         beside = f" with {moment.reading(near[0])}" if near else " with nothing in sight"
-        return Reason(f"it chose {action}, by what it learned and by chance,{beside}", near)
+        return Reason(f"it chose {action_of(moment.command)}, by what it learned and by chance,{beside}", near)
 
 
 @compiled
@@ -414,17 +387,12 @@ def learn_and_choose(
                     diverged = i if diverged < 0 else diverged
                 action_values(weights, first, now, 0, hidden, values)
         if not frozen:
-            before = temperature[i]
-            cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
-            if pace.shape[0]:
-                ahead = 0.5 * (ACTIONS[a, 0] + ACTIONS[a, 1]) if a >= 0 else bumping[3]
-                regulate(pace, i, ahead, before, temperature, cooling, bumping)
+            ahead = 0.5 * (ACTIONS[a, 0] + ACTIONS[a, 1]) if a >= 0 else bumping[3]
+            adapt(distance, i, ahead, temperature, bumps, pace, cooling, bumping, self_adjusting)
         action[i] = -1
         if layer[i] < 0:
             action[i] = chosen(values, temperature[i], chance[i])
-            command[i, 0] = max_speed[i] * ACTIONS[action[i], 0]
-            command[i, 1] = max_speed[i] * ACTIONS[action[i], 1]
-            layer[i] = index
+            take(action[i], i, max_speed, command, layer, index)
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
     return diverged

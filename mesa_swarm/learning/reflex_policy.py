@@ -1,9 +1,9 @@
 """Reflexes: weights from readings to wheels, with optional recurrent units and mirror symmetry."""
 
 import math
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, ClassVar
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.geometry.masks import fill_masked
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.policy import DOUBLE, SensorLayout, check_stored, checked_chances, checked_numbers
+from mesa_swarm.learning.policy import (
+    DOUBLE,
+    LearnedPolicy,
+    SensorLayout,
+    checked_chances,
+    checked_numbers,
+)
 from mesa_swarm.world.statics import ROBOT
 
 # A wheel's sum is clipped to [-1, 1], or made full speed ahead or back, or softly limited.
@@ -23,7 +29,7 @@ MOST_UNITS = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ReflexPolicy:
+class ReflexPolicy(LearnedPolicy):
     """Drive each wheel by a weighted sum of how near things are.
 
     With the proximities ``p_s = 1 - reading / range`` (0 where nothing is in range), h the hidden units' outputs in the
@@ -47,10 +53,8 @@ class ReflexPolicy:
         "linear" (cut off at -1 and 1), "threshold" (-1 or 1) or "tanh".
     encoding : str
         "distance", or "typed": also whether a sensor sees a robot.
-    steps : int
-        Robot-steps of training, 0 for none.
-    training : dict
-        Provenance, and figures of its training.
+    steps, training
+        As for `QPolicy`.
 
     Raises
     ------
@@ -68,6 +72,12 @@ class ReflexPolicy:
     """
 
     family: ClassVar[str] = "reflex"
+    stored: ClassVar[tuple[str, ...]] = PARTS
+    of_copies: ClassVar[tuple[str, ...]] = PARTS
+    checks: ClassVar[dict] = {
+        "squash": partial(check_choice, choices=SQUASHES),
+        "encoding": partial(check_choice, choices=REFLEX_ENCODINGS),
+    }
     sensors: SensorLayout
     hidden: np.ndarray
     wheel: np.ndarray
@@ -77,8 +87,7 @@ class ReflexPolicy:
     training: dict = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_choice("squash", self.squash, SQUASHES)
-        check_count("steps", self.steps, maximum=2**62)
+        self._check_settings()
         hidden, wheel = np.asarray(self.hidden), np.asarray(self.wheel)
         copies, units = (hidden.shape[0], hidden.shape[-1]) if hidden.ndim == 3 else (0, 0)
         rows = rows_of(self.sensors, units, self.encoding)
@@ -120,16 +129,6 @@ class ReflexPolicy:
         """The number of values each robot remembers from one step to the next."""
         return self.hidden.shape[2]
 
-    @property
-    def copies(self) -> int:
-        """The number of robots' sets of weights."""
-        return len(self.wheel)
-
-    def of_robot(self, index: int) -> "ReflexPolicy":
-        """Return the policy of one robot; see `QPolicy.of_robot`."""
-        k = check_count("index", index, maximum=self.copies - 1)
-        return replace(self, hidden=self.hidden[k : k + 1].copy(), wheel=self.wheel[k : k + 1].copy())
-
     def act(
         self,
         readings: ArrayLike,
@@ -167,24 +166,12 @@ class ReflexPolicy:
     def _ranges(self) -> np.ndarray:
         return np.array(self.sensors.ranges)
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Return the weights by name."""
-        return {part: getattr(self, part) for part in PARTS}
-
-    def settings(self) -> dict:
-        """Return the other fields that acting depends on."""
-        return {"squash": self.squash, "encoding": self.encoding}
-
     @classmethod
     def restored(
         cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
-    ) -> "ReflexPolicy":
-        """Return the policy with these parts, from a file."""
-        # Older files have no encoding.
-        check_stored(cls.family, (*arrays, *{"encoding": "", **settings}), (*PARTS, "encoding", "squash"))
-        hidden, wheel = (arrays[part] for part in PARTS)
-        texts: dict[str, Any] = {name: str(value) for name, value in settings.items()}
-        return cls(sensors=sensors, hidden=hidden, wheel=wheel, steps=steps, training=training, **texts)
+    ) -> Self:
+        """Return the policy with these parts, from a file; older ones have no encoding."""
+        return super().restored(sensors, steps, training, {"encoding": "distance", **settings}, arrays)
 
 
 def rows_of(sensors: SensorLayout, units: int, encoding: str = "distance") -> int:

@@ -1,50 +1,61 @@
 """Q-learning in a look-up table of discrete states (thesis 7.3.2), beside the networks of `QLearning`."""
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from itertools import pairwise
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.base.errors import (
-    InvalidValueError,
-    check_choice,
-    check_count,
-    check_flag,
-    check_name,
-    check_number,
-    shortened,
-)
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import (
-    ACTION_NAMES,
     ACTIONS,
+    action_of,
     as_floats,
     best_of,
     checked_actions,
-    choose_all,
     chosen,
+    named_values,
     ranges_of,
+    take,
 )
-from mesa_swarm.learning.learner import TRAINING_PARAMETERS
-from mesa_swarm.learning.policy import SensorLayout, check_stored, checked_chances, checked_numbers, sensors_of
-from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE, rewarded
-from mesa_swarm.learning.value_tables import TableLayer, ValueTables
+from mesa_swarm.learning.learner import COUNT, INDEX, NUMBER, POSITIVE, Check, Declared, RewardedLayer, TableLayer
+from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
+from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARDS, STATE, rewarded
 from mesa_swarm.robots.reasons import Moment, Reason
-from mesa_swarm.robots.swarm import Swarm
 
 # A robot's table of eight actions then has 6.4 MB.
 MOST_STATES = 100_000
-# Stored in a policy's `training`: those of networks that tables have too.
-OF_TABLES = tuple(name for name in TRAINING_PARAMETERS if name not in ("eta", "self_adjusting"))
+check_sectors = partial(check_count, minimum=1, maximum=64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, slots=True)
+class ValueTables(LearnedPolicy):
+    """Values of actions in states, one table or several: base class of `TablePolicy` and `SkillPolicy`."""
+
+    sensors: SensorLayout
+    values: np.ndarray
+    temperature: float = 0.2
+    steps: int = 0
+    training: dict = field(default_factory=dict)
+
+    def _check(self, states: int, actions: int) -> None:
+        """Refuse tables of another shape, and what is out of its range."""
+        self._check_settings()
+        values = as_floats(self.values)
+        if values.ndim != 3 or not len(values) or values.shape[1:] != (states, actions):
+            raise InvalidValueError(f"values have shape {values.shape}; expected (copies, {states}, {actions})")
+        if not np.isfinite(values).all():
+            raise InvalidValueError("values hold numbers that are not finite; train the policy anew")
+        object.__setattr__(self, "values", values)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TablePolicy(ValueTables):
+class TablePolicy(ValueTables, ChoosingPolicy):
     """Choose an action by Boltzmann's probabilities of values in a table, which `TableQLearning` learned.
 
     Parameters
@@ -55,12 +66,8 @@ class TablePolicy(ValueTables):
     edges : tuple of float
     sectors : int
         As for `TableQLearning`.
-    temperature : float
-        Of the choice, above 0.
-    steps : int
-        Robot-steps of training, 0 for none.
-    training : dict
-        Provenance, and figures of its training.
+    temperature, steps, training
+        As for `QPolicy`.
 
     Raises
     ------
@@ -78,6 +85,8 @@ class TablePolicy(ValueTables):
     """
 
     family: ClassVar[str] = "table"
+    stored: ClassVar[tuple[str, ...]] = ("values", "edges")
+    checks: ClassVar[dict[str, Check]] = {"sectors": check_sectors, "temperature": POSITIVE}
     edges: tuple[float, ...]
     sectors: int
 
@@ -85,26 +94,13 @@ class TablePolicy(ValueTables):
         shape = as_floats(self.values).shape
         self._check(states_of(self.edges, self.sectors), checked_actions(shape[2]) if len(shape) == 3 else 8)
 
-    def act(
-        self,
-        readings: ArrayLike,
-        kinds: ArrayLike | None = None,
-        chance: ArrayLike | None = None,
-        *,
-        numbers: ArrayLike | None = None,
-    ) -> np.ndarray:
-        """Return wheel commands (n, 2) as shares of max_speed; see `Policy.act`.
-
-        The robot with number k, of ``numbers`` (n,), acts by set ``k % copies``; by default they are 0, 1, and so on.
-        """
+    def _choices(
+        self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         distance, _ = self.sensors.check_readings(readings, kinds)
-        given = np.empty((len(distance), self.values.shape[2]))
-        count = checked_numbers(numbers, len(distance))
-        look_up(distance, *self._layout, np.array(self.edges, float), int(self.sectors), self.values, count, given)
-        chances = np.empty(0) if chance is None else checked_chances(chance, len(distance))
-        taken = np.empty(len(distance), np.int64)
-        choose_all(given, float(self.temperature), chances, taken)
-        return ACTIONS[taken]
+        values, count = np.empty((len(distance), self.actions)), checked_numbers(numbers, len(distance))
+        look_up(distance, *self._layout, np.array(self.edges, float), int(self.sectors), self.values, count, values)
+        return values, ACTIONS
 
     @cached_property
     def _layout(self) -> tuple[np.ndarray, np.ndarray]:
@@ -112,28 +108,20 @@ class TablePolicy(ValueTables):
         bearings = [math.remainder(math.radians(degrees), 2 * math.pi) for degrees in self.sensors.bearings]
         return np.array([self.sensors.ranges]), np.array([bearings])
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Return the values and the edges by name."""
-        return {"values": np.asarray(self.values, np.float64), "edges": np.array(self.edges, np.float64)}
-
-    def settings(self) -> dict:
-        """Return the other fields that acting depends on."""
-        return {"sectors": self.sectors, "temperature": self.temperature}
+    @property
+    def actions(self) -> int:
+        """The number of actions."""
+        return self.values.shape[2]
 
     @classmethod
-    def restored(
-        cls, sensors: SensorLayout, steps: int, training: dict, settings: dict, arrays: dict[str, np.ndarray]
-    ) -> "TablePolicy":
-        """Return the policy with these parts, from a file."""
-        check_stored(cls.family, (*arrays, *settings), ("values", "edges", "sectors", "temperature"))
-        edges = tuple(arrays["edges"].ravel().tolist())
-        return cls(sensors=sensors, values=arrays["values"], edges=edges, steps=steps, training=training, **settings)
+    def _of_arrays(cls, arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+        return {**arrays, "edges": tuple(arrays["edges"].ravel().tolist())}
 
 
 def states_of(edges: object, sectors: int) -> int:
     """Return the number of states, if it is not too large."""
     bins = len(checked_edges(edges)) + 1
-    states = bins ** check_count("sectors", sectors, minimum=1, maximum=64)
+    states = bins ** check_sectors("sectors", sectors)
     if states > MOST_STATES:
         raise InvalidValueError(
             f"sectors is {sectors}, which makes {states:,} states with {bins} bins; "
@@ -143,7 +131,7 @@ def states_of(edges: object, sectors: int) -> int:
 
 
 @dataclass(kw_only=True)
-class TableQLearning(TableLayer):
+class TableQLearning(TableLayer[TablePolicy], RewardedLayer[TablePolicy]):
     """Learn the values of actions in a table, one a robot, in every step; drive by Boltzmann's choice.
 
     The circle around a robot is divided into equal sectors, the first centred straight ahead and the others following
@@ -179,6 +167,13 @@ class TableQLearning(TableLayer):
     243
     """
 
+    policy_class = TablePolicy
+    of_policies, agreed = ("edges", "sectors"), ("edges", "sectors", "actions")
+    stated = ("reward", "alpha", "gamma", "beta", "critical", "reward_of", "shared")
+    checks: ClassVar[dict[str, Check]] = {
+        "edges": lambda _, edges: checked_edges(edges),
+        "sectors": check_sectors,
+    }
     edges: tuple[float, ...] = (CRITICAL, 0.3)
     sectors: int = 5
     reward: str = "b"
@@ -196,107 +191,45 @@ class TableQLearning(TableLayer):
     name: str = "TableQLearning"
 
     def __post_init__(self) -> None:
-        check_name("name", self.name)
-        self.edges = checked_edges(self.edges)
+        super().__post_init__()
         states_of(self.edges, self.sectors)
-        checked_actions(self.actions)
-        check_choice("reward", self.reward, REWARDS)
-        check_choice("reward_of", self.reward_of, REWARD_STATES)
-        for name in ("alpha", "beta"):
-            check_number(name, getattr(self, name), minimum=0, maximum=1)
-        check_number("gamma", self.gamma, minimum=0, maximum=0.999)
-        check_number("critical", self.critical, above=0, maximum=1)
-        for name in ("first_temperature", "last_temperature"):
-            check_number(name, getattr(self, name), above=0, maximum=1e6)
-        for name in ("shared", "frozen"):
-            setattr(self, name, check_flag(name, getattr(self, name)))
-        self._check_start()
-
-    def _check_start(self) -> None:
-        """Check that it can continue from its start."""
-        start = self.start
-        if start is None:
-            return
-        if not isinstance(start, TablePolicy):
-            raise InvalidValueError(f"start is {shortened(start)}; expected a TablePolicy, as policy() returns it")
-        given, own = (start.edges, start.sectors, start.values.shape[2]), (self.edges, self.sectors, self.actions)
-        if given != own:
-            raise InvalidValueError(
-                f"start has edges, sectors and actions {shortened(given)}; expected {shortened(own)}"
-            )
 
     @property
     def states(self) -> int:
-        """The number of states."""
+        """The number of states: ``sum_k bin_k bins^k`` over the sectors k is that of a robot; bin 0 is the nearest."""
         return (len(self.edges) + 1) ** self.sectors
 
-    def policy(self, **training: str | float) -> TablePolicy:
-        """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
-        sensors = sensors_of(self._robots)
-        self._init_new_robots()
-        return TablePolicy(
-            sensors=sensors,
-            values=self._column("values")[: 1 if self.shared else None].copy(),
-            edges=self.edges,
-            sectors=int(self.sectors),
-            temperature=float(self._column("temperature").mean()),
-            **self._training(OF_TABLES, training),
-        )
+    def _columns(self) -> dict[str, Declared]:
+        """Return the columns: a table, the last state, its nearest reading, action and reward, and the temperature."""
+        return {
+            "values": ((self.states, self.actions), np.float64, 0.0),
+            "state": COUNT,
+            "nearest": ((), np.float64, 1.0),
+            "action": INDEX,
+            "reward": NUMBER,
+            "temperature": ((), np.float64, self._begun_at),
+        }
 
-    def _remember(self, swarm: Swarm, prefix: str) -> None:
-        """Make the columns: a table, the last state, its nearest reading, action and reward, and the temperature."""
-        self._check_sensors()
-        swarm.remember(f"{prefix}.values", (self.states, self.actions), np.float64, 0.0)
-        swarm.remember(f"{prefix}.born", (), np.bool_, False)
-        swarm.remember(f"{prefix}.state", (), np.int64, 0)
-        swarm.remember(f"{prefix}.nearest", (), np.float64, 1.0)
-        swarm.remember(f"{prefix}.action", (), np.int64, -1)
-        swarm.remember(f"{prefix}.reward", (), np.float64, 0.0)
-        first = self.first_temperature if self.start is None else self.start.temperature
-        swarm.remember(f"{prefix}.temperature", (), np.float64, first)
-        swarm.remember(f"{prefix}.lessons", (), np.int64, 0)
-
-    @property
-    def values(self) -> np.ndarray:
-        """Every robot's values of the actions in each state (n, states, actions); a copy.
-
-        The state is ``sum_k bin_k bins^k`` over the sectors k; bin 0 is the nearest.
-        """
-        return self._column("values").copy()
-
-    @property
-    def last_reward(self) -> np.ndarray:
-        """Every robot's reward for its last action (n,); a copy."""
-        return self._column("reward").copy()
-
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last action, and choose the next one for robots that no other layer drives."""
-        self._init_new_robots()
-        values = self._column("values")
+    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
         learn_table(
-            senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed, values,
-            tuple(map(self._column, ("state", "action", "lessons"))),
+            senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed,
+            self._column("values"), tuple(map(self._column, ("state", "action", "lessons"))),
             tuple(map(self._column, ("nearest", "reward", "temperature"))),
             self._rng.random(len(layer)), np.array(self.edges), int(self.sectors), REWARDS.index(self.reward),
             (float(self.alpha), float(self.gamma), float(self.critical)),
             (float(self.beta), float(self.last_temperature)),
             (bool(self.shared), bool(self.frozen), self.reward_of == NEXT_STATE), command, layer, index,
         )  # fmt: skip
-        if self.shared:
-            values[1:] = values[:1]
+        return -1  # means of rewards do not diverge
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return the name and value Q(s, a) of each action in the last state of the robot in this row."""
-        if self._column("action")[row] < 0:
-            return []
         values = self._column("values")[row, self._column("state")[row]]
-        return [(name, float(value)) for name, value in zip(ACTION_NAMES, values, strict=False)]
+        return named_values(values) if self._column("action")[row] >= 0 else []
 
     def reason(self, moment: Moment) -> Reason:
         """Return the chosen action."""
-        speeds = moment.command / max(float(np.abs(moment.command).max()), 1e-300)
-        action = ACTION_NAMES[int(np.argmin(np.abs(ACTIONS - speeds).sum(axis=1)))]
-        return Reason(f"it chose {action}, by its table and by chance")
+        return Reason(f"it chose {action_of(moment.command)}, by its table and by chance")
 
 
 def checked_edges(edges: object) -> tuple[float, ...]:
@@ -358,9 +291,7 @@ def learn_table(
         state[i], last[i], action[i] = now, least, -1
         if layer[i] < 0:
             action[i] = chosen(values[row, now], temperature[i], chance[i])
-            command[i, 0] = max_speed[i] * ACTIONS[action[i], 0]
-            command[i, 1] = max_speed[i] * ACTIONS[action[i], 1]
-            layer[i] = index
+            take(action[i], i, max_speed, command, layer, index)
 
 
 @compiled

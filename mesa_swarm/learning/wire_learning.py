@@ -2,16 +2,17 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mesa_swarm.base.errors import InvalidValueError, check_count, check_name, check_number, shortened
+from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ACTIONS, as_floats, best_of, chosen, least_of, write_inputs
-from mesa_swarm.learning.learner import LARGEST, Learner, cool, discount_of, is_bounded, rate_of, regulate
+from mesa_swarm.learning.learner import LARGEST, Check, Learner, adapt, discount_of, is_bounded, rate_of
 from mesa_swarm.learning.networks import NetworkPolicy, back_propagate, forward
 from mesa_swarm.learning.rewards import rewarded
 
@@ -103,6 +104,7 @@ def squashed(output, start):
 
 # Wires begin at the thesis's actions, but inside of the limits, so that they can move.
 STARTS = 0.8 * ACTIONS
+check_wires = partial(check_count, minimum=1, maximum=len(STARTS))
 # Networks of a wire: for the left wheel, the right wheel, the value.
 OUTPUTS = 3
 
@@ -129,12 +131,12 @@ class WirePolicy(NetworkPolicy):
     """
 
     family: ClassVar[str] = "wires"
+    checks: ClassVar[dict] = {"wires": check_wires, **NetworkPolicy.checks}
     choices_field: ClassVar[str] = "wires"
     networks_per_choice: ClassVar[int] = OUTPUTS
     wires: int = 4
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "wires", check_count("wires", self.wires, minimum=1, maximum=len(STARTS)))
         self._check_parts()
 
     def proposals(
@@ -146,17 +148,11 @@ class WirePolicy(NetworkPolicy):
         propose_all(*known, actions, values)
         return actions, values
 
-    def act(
-        self,
-        readings: ArrayLike,
-        kinds: ArrayLike | None = None,
-        chance: ArrayLike | None = None,
-        *,
-        numbers: ArrayLike | None = None,
-    ) -> np.ndarray:
-        """Return wheel commands (n, 2) as shares of max_speed; see `QPolicy.act`."""
+    def _choices(
+        self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         actions, values = self.proposals(readings, kinds, numbers=numbers)
-        return actions[np.arange(len(values)), self._taken(values, chance)]
+        return values, actions
 
 
 @compiled
@@ -185,7 +181,7 @@ def propose(weights, first, inputs, row, hidden, actions, values):
 
 
 @dataclass(kw_only=True)
-class WireFittedQ(Learner):
+class WireFittedQ(Learner[WirePolicy]):
     """Learn the values of wheel commands, continuous in [-1, 1] of max_speed; always active.
 
     Networks propose a few actions, the wires, and their values; values between wires are interpolated, see
@@ -216,36 +212,29 @@ shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, leas
     'c'
     """
 
-    policy_class: ClassVar[type[WirePolicy]] = WirePolicy
-    last_action: ClassVar[tuple] = ((2,), np.float64, math.nan)
+    policy_class = WirePolicy
+    of_policies = agreed = ("wires", "encoding")
+    checks: ClassVar[dict[str, Check]] = {
+        "wires": check_wires,
+        "jitter": partial(check_number, minimum=0, maximum=10),
+    }
+    last_action = ((2,), np.float64, math.nan)
     wires: int = 4
     jitter: float = 0.2
     reward: str = "c"
     start: WirePolicy | None = None
     name: str = "WireFittedQ"
 
-    def __post_init__(self) -> None:
-        check_name("name", self.name)
-        check_count("wires", self.wires, minimum=1, maximum=len(STARTS))
-        check_number("jitter", self.jitter, minimum=0, maximum=10)
-        self._check_rates()
-        self._check_start()
-
-    def policy(self, **training: str | float) -> WirePolicy:
-        """Return what the robots have learned so far as a policy that no longer learns; see `QLearning.policy`."""
-        return WirePolicy(wires=self.wires, **self._learned(training))
-
-    def decide(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> None:
-        """Learn from the last action, and choose the next one for robots that no other layer drives."""
+    def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
         known = self._known(senses)
         errors = float(self.jitter) * self._rng.normal(size=(len(layer), 2))
-        self._end_lesson(learn_wires(*known, errors, self.wires, command, layer, index))
+        return learn_wires(*known, errors, self.wires, command, layer, index)
 
     def worth(self, row: int) -> list[tuple[str, float]]:
         """Return the values of a robot's wires at its last choice; see `QLearning.worth`."""
         if np.isnan(self._column("action")[row, 0]):
             return []
-        outputs = self._last_outputs(row, OUTPUTS * self.wires).reshape(self.wires, OUTPUTS)
+        outputs = self._last_outputs(row).reshape(self.wires, OUTPUTS)
         ends = np.tanh(outputs[:, :2] + np.arctanh(STARTS[: self.wires]))
         return [
             (f"wheels {left:+.2f} {right:+.2f}", float(value))
@@ -281,11 +270,8 @@ def learn_wires(
                 lessons[i] += 1
             propose(weights, first, now, 0, hidden, ends, values)
         if not frozen:
-            before = temperature[i]
-            cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
-            if pace.shape[0]:
-                ahead = 0.5 * (action[i, 0] + action[i, 1]) if not math.isnan(action[i, 0]) else bumping[3]
-                regulate(pace, i, ahead, before, temperature, cooling, bumping)
+            ahead = 0.5 * (action[i, 0] + action[i, 1]) if not math.isnan(action[i, 0]) else bumping[3]
+            adapt(distance, i, ahead, temperature, bumps, pace, cooling, bumping, self_adjusting)
         action[i, 0] = math.nan
         if layer[i] < 0:
             w = chosen(values, temperature[i], chance[i])

@@ -5,9 +5,9 @@ import pytest
 
 from mesa_swarm import AGENT_FIRE, SwarmModel
 from mesa_swarm.base.errors import InvalidValueError
-from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.control import Subsumption
 from mesa_swarm.fire import FireConstants
-from mesa_swarm.learning import PolicyLayer, SensorLayout, SkillPolicy, load_policy, save_policy
+from mesa_swarm.learning import PolicyLayer, SensorLayout, SkillPolicy
 from mesa_swarm.learning.fire_learning import (
     APPROACH,
     BACK_OFF,
@@ -142,38 +142,6 @@ def test_a_model_of_learners_goes_on_from_a_recording_as_if_it_had_not_stopped(t
     assert again.run(100).state_hash() == whole.run(100).state_hash()
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"gamma": 1.0}, {"alpha": -1}, {"hold": 0}, {"arrival": np.nan}, {"beta": 2}, {"shared": "no"}]
-)
-def test_nonsense_is_refused_in_words(wrong):
-    (name,) = wrong
-    with pytest.raises(InvalidValueError, match=f"{name} is "):
-        LearnFires(**wrong)
-
-
-def frozen_by(policy, **options):
-    model = SwarmModel(map="openspace_fire", rng=9)
-    model.add_robots(AGENT_FIRE, 6)
-    model.control = Subsumption(Avoid(fires="never"), LearnFires(start=policy, frozen=True, **options))
-    return model
-
-
-@pytest.mark.parametrize("controller", ["shared", "own"])
-def test_what_was_learned_is_saved_and_drives_frozen_robots_of_another_world_unchanged(controller, tmp_path):
-    layer = LearningFires(controller=controller, n_robots=4, rng=2).run(1500).control.layers[1]
-    policy = load_policy(save_policy(layer.policy(put_out=0.5), tmp_path / "fires.npz"))
-    assert (policy.values == layer.values[: policy.copies]).all()
-    assert policy.copies == (1 if controller == "shared" else 4)
-    assert policy.steps == layer.policy().steps == policy.training["lessons"] > 0
-    assert policy.training["put_out"] == 0.5
-    model = frozen_by(policy).run(300)
-    frozen = model.control.layers[1]
-    assert (frozen.values == policy.values[np.arange(6) % policy.copies]).all()
-    assert (frozen.temperature == policy.temperature).all()
-    assert frozen.policy().steps == policy.steps
-    assert frozen_by(policy).run(300).state_hash() == model.state_hash()
-
-
 def test_a_frozen_robot_does_what_its_table_values_most():
     values = np.zeros((2, len(SITUATIONS), len(SKILLS)))
     values[0, :, WAIT], values[1, :, BACK_OFF] = 1.0, 1.0
@@ -185,17 +153,6 @@ def test_a_frozen_robot_does_what_its_table_values_most():
     assert policy.best(1)["free"] == "back off"
     model.control = Subsumption(LearnFires(start=policy.of_robot(1), frozen=True))
     assert (model.run(1).swarm.command == -1.0).all()
-
-
-def test_in_another_model_robots_begin_with_the_skills_that_were_learned():
-    one = LearningFires(n_robots=4, rng=2).run(1500)
-    learned = one.control.layers[1].policy()
-    other = SwarmModel(map="openspace_fire", rng=1)
-    other.add_robots(AGENT_FIRE, 3)
-    other.control = Subsumption(one.control.layers[1])
-    begun = other.control.layers[0].policy()
-    assert (begun.values == learned.values).all()
-    assert (begun.steps, begun.temperature) == (learned.steps, learned.temperature)
 
 
 @pytest.mark.parametrize(

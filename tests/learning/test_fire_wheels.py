@@ -5,9 +5,9 @@ import pytest
 
 from mesa_swarm import AGENT9, AGENT_FIRE, SwarmModel
 from mesa_swarm.base.errors import InvalidValueError, LearningError
-from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.control import Subsumption
 from mesa_swarm.fire import FireConstants
-from mesa_swarm.learning import FireWheelPolicy, LearnFireWheels, Networks, SensorLayout, load_policy, save_policy
+from mesa_swarm.learning import FireWheelPolicy, LearnFireWheels, Networks, SensorLayout
 from mesa_swarm.learning.actions import ACTIONS
 from mesa_swarm.learning.fire_wheels import AT_FIRE, COOLING, FREE, IN_HEAT, UNITS, shaped
 
@@ -88,50 +88,12 @@ def test_an_action_lasts_until_its_steps_are_over_or_the_situation_changes():
     assert changed[:, same].any()
 
 
-def test_all_robots_share_networks_and_those_that_come_later_know_the_same():
-    model = world(LearnFireWheels()).run(60)
-    model.add_robots(AGENT_FIRE, 2)
-    model.run(1)
-    for part in networks_of(model):
-        assert (part == part[0]).all()
-    assert not (networks_of(model)[0][0] == networks_of(world(LearnFireWheels()).run(1))[0][0]).all()
-
-
-def test_a_saved_policy_drives_frozen_robots_elsewhere_without_change(tmp_path):
-    learner = world(LearnFireWheels()).run(100).control.layers[0]
-    policy = load_policy(save_policy(learner.policy(share=0.5), tmp_path / "wheels.npz"))
-    assert (policy.steps, policy.training["share"]) == (learner.policy().steps, 0.5)
-    assert 4 * 80 < policy.steps <= 4 * 100
-    one, two = (world(LearnFireWheels(start=policy, frozen=True), robots=7, seed=5).run(50) for _ in range(2))
-    assert one.state_hash() == two.state_hash()
-    layer = one.control.layers[0]
-    assert (layer.policy().networks.inner == policy.networks.inner).all()
-    assert (layer.temperature == policy.temperature).all()
-    assert layer.policy().steps == policy.steps
-
-
 def test_a_frozen_robot_takes_the_action_of_the_largest_value():
     networks = Networks(np.zeros((8, 32, UNITS)), np.zeros((8, UNITS)), np.zeros((8, UNITS)), np.arange(8.0))
     networks.outer_bias[6] = 9.0
     policy = FireWheelPolicy(sensors=SensorLayout.of(AGENT_FIRE), networks=networks, temperature=1e-3, steps=1)
     model = world(LearnFireWheels(start=policy, frozen=True)).run(3)
     assert (model.swarm.command == ACTIONS[6]).all()
-
-
-def test_no_policy_is_learned_without_robots():
-    model = SwarmModel(map="openspace_fire", rng=1)
-    model.control = Subsumption(LearnFireWheels())
-    with pytest.raises(LearningError, match="there are no robots"):
-        model.run(1).control.layers[0].policy()
-
-
-def test_it_learns_of_its_own_actions_only():
-    model = SwarmModel(map="original", rng=1)
-    model.add_robots(AGENT_FIRE, 10)
-    model.control = Subsumption(Avoid(distance=49.0), LearnFireWheels())
-    model.run(30)
-    assert (model.swarm.columns["1.LearnFireWheels.action"][model.swarm.layer == 0] == -1).all()
-    assert (model.swarm.layer == 0).any()
 
 
 def test_without_a_trained_start_it_cannot_be_frozen_and_other_sensors_are_refused():
@@ -141,13 +103,6 @@ def test_without_a_trained_start_it_cannot_be_frozen_and_other_sensors_are_refus
     model.add_robots(AGENT9.with_proximity(range=20), 1)
     with pytest.raises(LearningError, match="the policy was trained with"):
         model.control = Subsumption(LearnFireWheels())
-
-
-@pytest.mark.parametrize("wrong", [{"gamma": 1.0}, {"eta": -1}, {"hold": 0}, {"margin": 0}, {"work": np.nan}], ids=str)
-def test_what_is_out_of_range_is_refused(wrong):
-    (name,) = wrong
-    with pytest.raises(InvalidValueError, match=f"{name} is "):
-        LearnFireWheels(**wrong)
 
 
 def test_what_is_no_policy_of_wheel_actions_is_refused():

@@ -53,9 +53,7 @@ def test_one_task_alone_is_a_fit():
 
 def test_interleaving_presents_every_stored_point_once_a_round(monkeypatch):
     shown = []
-    monkeypatch.setattr(
-        "mesa_swarm.learning.forgetting.present", lambda stack, points, **how: shown.append(len(points))
-    )
+    monkeypatch.setattr("mesa_swarm.learning.networks.present", lambda stack, points, **how: shown.append(len(points)))
     for way, expected in (("none", [10, 10]), ("interleaved", [10, 20]), ("consolidated", [10, 10, 10, 20])):
         shown.clear()
         learned(way)

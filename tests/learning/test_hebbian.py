@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
-from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
-from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.base.errors import InvalidValueError, LearningError
+from mesa_swarm.control import Subsumption
 from mesa_swarm.learning import PolicyLayer, ReflexPolicy, SensorLayout, reward
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.q_learning import QLearning
@@ -149,41 +149,3 @@ def test_the_same_seed_gives_the_same_bits_and_weights_stay_within_their_limits(
     one, two = (learning(150, eta=1.0, limit=0.5, contact=20.0) for _ in range(2))
     assert one.state_hash() == two.state_hash()
     assert np.abs(weights(one)[:, :-1]).max() == 0.5
-
-
-def test_learns_of_its_own_actions_only():
-    model = SwarmModel(map="original", rng=1)
-    model.add_robots(AGENT9, 3)
-    model.control = Subsumption(Avoid(distance=50), HebbianLearning())
-    model.run(100)
-    lessons = model.swarm.columns["1.HebbianLearning.lessons"]
-    assert (lessons < 99).any()
-    driven = SwarmModel(map="original", rng=1)
-    driven.add_robots(AGENT9, 3)
-    driven.control = Subsumption(PolicyLayer(policy=model.control.layers[1].policy()))
-    assert driven.run(3).steps == 3
-
-
-def test_no_policy_is_learned_without_robots():
-    with pytest.raises(LearningError, match="there are no robots"):
-        learning(0, robots=0).control.layers[0].policy()
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"reward": "d"},
-        {"eta": 2},
-        {"eta": math.nan},
-        {"forgetting": -0.1},
-        {"contact": -1},
-        {"critical": 0},
-        {"limit": 0},
-        {"start": "mine.npz"},
-        {"frozen": "no"},
-    ],
-)
-def test_what_is_out_of_range_is_refused_in_one_line(wrong):
-    with pytest.raises(SwarmError) as caught:
-        HebbianLearning(**wrong)
-    assert "\n" not in str(caught.value)

@@ -9,7 +9,7 @@ import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.base.errors import LearningError
-from mesa_swarm.control import Avoid, Subsumption
+from mesa_swarm.control import Subsumption
 from mesa_swarm.learning import (
     HebbianLearning,
     Networks,
@@ -336,24 +336,7 @@ def test_readings_without_kinds_are_of_obstacles_and_what_is_not_seen_is_nothing
     assert kind.tolist() == [[0, -1, 0, 0, -1, 0, 0, 0, 0]]
 
 
-LEARNERS = [QLearning, WireFittedQ, HebbianLearning]
-
-
-@pytest.mark.parametrize("learner", LEARNERS)
-def test_a_lesson_is_learned_in_just_those_steps_that_follow_an_action_of_the_layer_itself(learner):
-    model = SwarmModel(map="original", rng=1)
-    model.add_robots(AGENT9, 6)
-    model.control = Subsumption(Avoid(distance=25), learner())
-    lessons, own = np.zeros(6, int), np.zeros(6, bool)
-    for _ in range(80):
-        model.step()
-        lessons += own
-        own = model.swarm.layer == 1
-        assert (model.swarm.columns[f"1.{learner.__name__}.lessons"] == lessons).all()
-    assert len(set(lessons)) > 1
-
-
-@pytest.mark.parametrize("learner", LEARNERS[:2])
+@pytest.mark.parametrize("learner", [QLearning, WireFittedQ])
 @pytest.mark.parametrize("rows", [(0, 1, 2), (1, 2), (2,)])
 def test_of_several_robots_that_diverge_the_first_is_named(learner, rows):
     model = learning(learner()).run(3)
@@ -379,15 +362,6 @@ def test_first_weights_of_robots_are_within_the_root_of_what_feeds_a_node(learne
         assert 0.95 * limit < weights.max() <= limit
         assert -limit <= weights.min() < -0.95 * limit
         assert len(np.unique(weights)) == weights.size
-
-
-def test_robots_that_come_to_others_that_share_what_they_learn_know_the_same():
-    model = learning(QLearning(shared=True)).run(10)
-    model.add_robots(FAST, 2)
-    model.run(1)
-    for part in PARTS:
-        assert (column(model, part) == column(model, part)[0]).all()
-    assert (learning(QLearning(shared=True)).run(1).control.layers[0].policy().copies) == 1
 
 
 def test_policies_are_untrained_of_distances_and_moderately_random_unless_they_are_given_otherwise():

@@ -17,7 +17,7 @@ from mesa_swarm.learning import (
     TableQLearning,
     WireFittedQ,
 )
-from mesa_swarm.learning.actions import boltzmann, choose_all, chosen, temperature_at
+from mesa_swarm.learning.actions import boltzmann, checked_actions, choose_all, chosen, temperature_at
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.fire_learning import LearnFires
 from mesa_swarm.learning.fitness import Fitness
@@ -197,3 +197,16 @@ def test_no_temperature_of_0_is_chosen_by():
     assert boltzmann([1.0, 1.0], ABOVE_0).tolist() == [0.5, 0.5]
     with pytest.raises(InvalidValueError, match="temperature is 0"):
         boltzmann([1.0, 1.0], 0)
+
+
+@pytest.mark.parametrize("values", ["ab", None, [], [[1.0]], [1.0, np.nan], [[1], [1, 2]], 3.0])
+def test_values_that_are_no_row_of_numbers_are_refused(values):
+    with pytest.raises(InvalidValueError, match=r"^values is .*; expected a row of finite numbers$"):
+        boltzmann(values, 1)
+
+
+@pytest.mark.parametrize("actions", [8.0, "8", 5, None, np.array([4, 8])])
+def test_actions_are_the_whole_number_4_or_8(actions):
+    with pytest.raises(InvalidValueError, match=r"^actions is .*; expected 4 or 8, a whole number$"):
+        QLearning(actions=actions)
+    assert checked_actions(np.int64(8)) == 8

@@ -29,15 +29,6 @@ def test_a_policy_is_what_the_robots_learned_and_does_not_change_with_them():
     assert {"reward": "b", "collisions": 0.5, "robots": 3}.items() <= policy.training.items()
 
 
-def test_acts_for_any_number_of_robots_and_every_robot_by_its_own_networks(policy):
-    rng = np.random.default_rng(1)
-    readings, kinds = rng.uniform(0, 50, (7, 9)), np.zeros((7, 9))
-    commands = policy.act(readings, kinds)
-    for i in range(7):
-        assert policy.of_robot(i % 3).act(readings[i : i + 1], kinds[i : i + 1]).tolist() == [commands[i].tolist()]
-    assert policy.act(np.empty((0, 9)), np.empty((0, 9))).shape == (0, 2)
-
-
 def test_without_chances_it_does_what_is_worth_most(policy):
     readings, kinds = np.full((3, 9), -1.0), np.full((3, 9), -1)
     assert (policy.act(readings, kinds) == ACTIONS[policy.values(readings, kinds).argmax(axis=1)]).all()
@@ -69,11 +60,6 @@ def test_a_layer_leaves_robots_to_layers_above_and_explains_why_it_drove(policy)
     assert 0 < model.watched["layer"].mean() < 1
     for robot in model.robots:
         assert len(str(model.explain(robot))) < 1500
-
-
-def test_a_layer_gives_the_same_bits_with_the_same_seed(policy):
-    hashes = {driven(PolicyLayer(policy=policy)).run(50).state_hash() for _ in range(2)}
-    assert len(hashes) == 1
 
 
 class Own:
@@ -196,7 +182,7 @@ def test_readings_of_another_shape_or_not_finite_are_refused(policy, readings, k
 
 
 def test_a_start_of_another_kind_is_refused(policy):
-    with pytest.raises(InvalidValueError, match="start has 8 actions"):
+    with pytest.raises(InvalidValueError, match="start has actions 8"):
         QLearning(start=policy, actions=4)
 
 
@@ -227,6 +213,7 @@ def test_numbers_choose_the_set_by_which_each_robot_acts_and_of_robot_gives_that
         assert alone.act(readings[i : i + 1], kinds[i : i + 1]).tolist() == [wheels[i].tolist()]
     assert (policy.act(readings, kinds) == policy.act(readings, kinds, numbers=np.arange(7))).all()
     assert policy.copies == 3
+    assert policy.act(np.empty((0, 9)), np.empty((0, 9))).shape == (0, 2)
     with pytest.raises(InvalidValueError, match="index is 3"):
         policy.of_robot(3)
 

@@ -58,10 +58,14 @@ def test_numpys_numbers_among_the_figures_are_kept_as_numbers(tmp_path):
     assert {"seen": 3, "share": 0.5, "good": True, "long": 2.0}.items() <= kept.items()
 
 
-@pytest.mark.parametrize("figure", [np.float32("nan"), np.datetime64("2020-01-01"), np.complex64(1), np.clongdouble(1)])
-def test_numpys_other_figures_are_refused(tmp_path, figure):
+FIGURES = [np.float32("nan"), np.datetime64("2020-01-01"), np.complex64(1), np.clongdouble(1), np.zeros(3)]
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+def test_figures_that_json_does_not_know_are_refused(tmp_path, figure):
     with pytest.raises(LearningError, match="may only hold texts and finite numbers"):
         save_policy(learned(trained(steps=2), figure=figure), tmp_path / "a.npz")
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_is_no_path_is_refused(policy):
@@ -124,6 +128,8 @@ def refused(file):
         ({"outer": np.full((24, 18), np.nan)}, "finite"),
         ({"outer": np.zeros((24, 18), complex)}, "finite float64 numbers"),
         ({"outer": np.array(["a"])}, "finite float64 numbers"),
+        ({"outer": np.zeros((24, 18), np.float32)}, "its 'outer' holds other values than finite float64 numbers"),
+        ({"outer": np.zeros((24, 18), np.int64)}, "its 'outer' holds other values than finite float64 numbers"),
         ({"header": None}, "no header"),
         ({"header": np.zeros(3)}, "no header"),
         ({"header": np.frombuffer(b"[" * 10_000, np.uint8)}, "not JSON"),
@@ -157,11 +163,6 @@ def test_pickles_are_never_loaded(file, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_a_file_that_would_fill_the_memory_is_refused_before_it_is_unpacked(file, monkeypatch):
-    monkeypatch.setattr(policy_files, "LARGEST_BYTES", 1000)
-    assert "unpacks to more than" in refused(file)
-
-
 def test_any_flipped_byte_or_cut_is_refused_or_changes_nothing(file):
     whole, kept = file.read_bytes(), load_policy(file)
     rng = np.random.default_rng(1)
@@ -186,17 +187,6 @@ def test_members_of_one_name_twice_are_refused(file):
     assert "two arrays of the same name" in refused(file)
 
 
-@pytest.mark.parametrize(
-    ("limit", "value", "message"),
-    [("LARGEST_SAVED", 1000, "bytes, more than the 1,000 of a file"), ("LONGEST_HEADER", 100, "more than the 100 of")],
-)
-def test_what_is_too_large_to_be_loaded_is_not_saved(policy, tmp_path, monkeypatch, limit, value, message):
-    monkeypatch.setattr(policy_files, limit, value)
-    with pytest.raises(LearningError, match=message):
-        save_policy(policy, tmp_path / "mine.npz")
-    assert not list(tmp_path.iterdir())
-
-
 def test_the_largest_policy_of_noise_that_is_saved_can_be_loaded(policy, tmp_path, monkeypatch):
     size = sum(array.nbytes for array in policy.arrays().values())
     monkeypatch.setattr(policy_files, "LARGEST_BYTES", size + size // 100 + 5000)
@@ -216,13 +206,6 @@ def test_a_file_that_cannot_be_written_is_refused(policy, tmp_path, name):
     with pytest.raises(LearningError) as caught:
         save_policy(policy, tmp_path / name)
     assert "\n" not in str(caught.value)
-
-
-def test_training_figures_that_json_does_not_know_are_refused(policy, tmp_path):
-    wrong = learned(trained(steps=2), curve=np.zeros(3))
-    with pytest.raises(LearningError, match="may only hold texts and finite numbers"):
-        save_policy(wrong, tmp_path / "a.npz")
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_policy_of_just_the_largest_size_is_saved_and_loaded_and_one_byte_more_is_not(policy, tmp_path, monkeypatch):
@@ -273,12 +256,6 @@ def test_the_sensors_of_a_file_are_no_more_than_those_of_a_design(file, more, me
     rows = {name: [1.0] * (MOST_SENSORS + more) for name in ("bearings", "ranges", "fields_of_view")}
     remade(file, sensors=rows)
     assert message in refused(file)
-
-
-@pytest.mark.parametrize("array", [np.zeros((24, 18), np.float32), np.zeros((24, 18), np.int64)])
-def test_arrays_of_other_numbers_are_refused(file, array):
-    remade(file, outer=array)
-    assert "its 'outer' holds other values than finite float64 numbers" in refused(file)
 
 
 def test_an_array_that_is_as_large_as_its_shape_claims_is_read_and_one_that_claims_more_is_not(file):

@@ -1,8 +1,6 @@
 """QLearning: the update of the thesis, the choice, rewards, and what happens to what was learned."""
 
-import copy
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -10,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, SwarmModel
-from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
-from mesa_swarm.control import Avoid, Subsumption, behaviour
+from mesa_swarm.base.errors import LearningError, SwarmError
+from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.learning.actions import ACTIONS, boltzmann, chosen, temperature_at
 from mesa_swarm.learning.learner import is_bounded
 from mesa_swarm.learning.networks import Networks, back_propagate
@@ -168,12 +166,6 @@ class TestWhatIsLearned:
         assert (inner[0] != inner[1]).all()
         assert lessons.tolist() == [19, 19, 19]
 
-    def test_is_the_same_for_all_where_it_is_shared(self):
-        model = learning(shared=True).run(20)
-        for part in columns(model, *PARTS):
-            assert (part == part[:1]).all()
-        assert (columns(model, "inner")[0][0] != columns(learning(shared=True).run(1), "inner")[0][0]).any()
-
     def test_stays_when_other_robots_go_and_new_ones_begin_anew(self):
         model = learning().run(20)
         before = columns(model, "inner")[0]
@@ -192,34 +184,12 @@ class TestWhatIsLearned:
         model.step()
         model.add_robots(AGENT9, 1)
         model.step()
-        views = layer_of(model)._memory.weights
+        views = layer_of(model)._weights
         readings, kinds = model.swarm.distance[:1, :3], model.swarm.kind[:1, :3]
         wide = type(policy.networks)(*(w[:8] for w in views))
         inputs = np.ones((8, 9))
         inputs[:, :3] = np.where(readings < 0, 1.0, readings / 50.0)
         assert wide.outputs(inputs) == pytest.approx(policy.values(readings, kinds)[0])
-
-    def test_goes_on_in_copies_as_it_does_in_the_model(self):
-        model = learning().run(30)
-        for other in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
-            assert other.run(30).state_hash() == copy.deepcopy(model).run(30).state_hash()
-        assert model.steps == 30
-
-    def test_does_not_change_when_frozen(self):
-        model = learning().run(2)
-        layer_of(model).frozen = True
-        before = columns(model, *PARTS, "temperature")
-        after = columns(model.run(40), *PARTS, "temperature")
-        assert all((a == b).all() for a, b in zip(before, after, strict=True))
-
-    def test_comes_from_a_robots_own_actions_only(self):
-        @behaviour
-        def always(me):
-            """Stand still."""
-            return 0.0, 0.0
-
-        model = learning(above=(always,)).run(20)
-        assert not columns(model, "lessons", place=1)[0].any()
 
     def test_works_below_a_reflex(self):
         model = learning(robots=10, above=(Avoid(distance=10),)).run(300)
@@ -358,19 +328,3 @@ def test_a_step_within_bounds_leaves_weights_finite(step, outer, inner):
 )
 def test_steps_and_weights_beyond_bounds_are_not_taken(step, outer):
     assert not is_bounded(np.array([[0.0, outer, 0.0]]), 0, step)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"reward": "d"}, {"reward_of": "action"}, {"reward_of": 1},
-        {"actions": 5}, {"actions": "8"}, {"encoding": "colour"}, {"alpha": 2}, {"eta": math.nan},
-        {"gamma": 1}, {"beta": -1}, {"first_temperature": 0}, {"last_temperature": 0}, {"critical": 0},
-        {"bump_rate": 0}, {"bump_window": 0}, {"bump_distance": -1}, {"start": "a.npz"},
-        {"shared": "no"}, {"self_adjusting": "no"}, {"frozen": 1},
-    ],
-)  # fmt: skip
-def test_nonsense_is_refused_in_one_line(wrong):
-    with pytest.raises(SwarmError if {"reward", "reward_of", "encoding"} & set(wrong) else InvalidValueError) as caught:
-        QLearning(**wrong)
-    assert "\n" not in str(caught.value)

@@ -13,6 +13,8 @@ from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.environments.task_world import Commanded
 from mesa_swarm.learning import (
     HebbianLearning,
+    LearnFires,
+    LearnFireWheels,
     PolicyLayer,
     QLearning,
     TableQLearning,
@@ -20,9 +22,8 @@ from mesa_swarm.learning import (
     load_policy,
     save_policy,
 )
-from mesa_swarm.learning.fire_learning import LearnFires
 
-LEARNERS = [QLearning, WireFittedQ, HebbianLearning, LearnFires, TableQLearning]
+LEARNERS = [QLearning, WireFittedQ, HebbianLearning, LearnFires, LearnFireWheels, TableQLearning]
 OF_POLICIES = [QLearning, WireFittedQ, HebbianLearning, TableQLearning]
 
 
@@ -42,7 +43,8 @@ def same(one, other):
     return one.keys() == other.keys() and all(np.array_equal(one[n], other[n], equal_nan=True) for n in one)
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
+# Not wheel actions, whose reward is of the command before, which ends with a control.
+@pytest.mark.parametrize("learner", [*OF_POLICIES, LearnFires])
 def test_a_run_whose_control_is_replaced_by_the_same_layer_goes_on_to_the_same_bits(learner):
     model = learning(learner)
     model.control = Subsumption(model.control.layers[0])
@@ -103,7 +105,7 @@ def test_a_learner_that_was_taken_out_still_has_what_it_learned(learner):
         assert len(layer.worth(0)) > 2
 
 
-@pytest.mark.parametrize("learner", OF_POLICIES)
+@pytest.mark.parametrize("learner", LEARNERS)
 def test_in_another_model_robots_begin_with_what_was_learned(learner):
     model = learning(learner)
     policy = model.control.layers[0].policy()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.base.errors import LearningError, SwarmError
+from mesa_swarm.base.errors import LearningError
 from mesa_swarm.control import Avoid, Subsumption
 from mesa_swarm.learning import QLearning, WireFittedQ
 from mesa_swarm.learning.learner import rate_of
@@ -180,11 +180,3 @@ def test_experiences_that_diverge_are_an_error_that_names_the_robot():
     model.swarm.columns["0.QLearning.replay_reward"][1] = 1e30
     with pytest.raises(LearningError, match=f"robot {model.robots[1].unique_id} in step 6"):
         model.run(1)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"replay": -1}, {"replay": 0.5}, {"replay": 10, "replays": 0}, {"last_eta": 1.1}, {"last_eta": "0.1"}]
-)
-def test_what_is_no_replay_and_no_rate_is_refused(wrong):
-    with pytest.raises(SwarmError):
-        QLearning(**wrong)

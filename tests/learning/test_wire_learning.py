@@ -1,15 +1,72 @@
-"""WireFittedQ: back-propagation through the interpolation, bounds, files, and what is refused."""
-
-import copy
+"""WireFittedQ: interpolation, back-propagation through it against finite differences, bounds, files."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.base.errors import LearningError, SwarmError
+from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.control import Subsumption
 from mesa_swarm.learning import Networks, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
-from mesa_swarm.learning.wire_learning import STARTS, learn_one, propose
+from mesa_swarm.learning.wire_learning import STARTS, learn_one, propose, wire_value
+
+SEEDS = st.integers(0, 2**32)
+
+
+def some(seed):
+    rng = np.random.default_rng(seed)
+    count = rng.integers(1, 7)
+    return rng.uniform(-1, 1, 2), rng.uniform(-1, 1, (count, 2)), rng.uniform(-2, 2, count)
+
+
+def plain(u, wires, q, c=0.1, eps=0.01):
+    distance = ((u - wires) ** 2).sum(axis=1) + c * (q.max() - q) + eps
+    return (q / distance).sum() / (1 / distance).sum()
+
+
+@given(SEEDS)
+def test_the_value_is_that_of_plain_numpy_and_between_the_worst_and_the_best(seed):
+    u, wires, q = some(seed)
+    value, _, _ = wire_value(u, wires, q)
+    assert value == pytest.approx(plain(u, wires, q), abs=1e-12)
+    assert q.min() - 1e-12 <= value <= q.max() + 1e-12
+
+
+@given(SEEDS, st.booleans())
+def test_gradients_are_those_of_finite_differences_also_at_the_best_wire(seed, at_the_best):
+    u, wires, q = some(seed)
+    if at_the_best:
+        u = wires[q.argmax()].copy()
+    _, by_wire, by_value = wire_value(u, wires, q)
+    tiny = 1e-6
+    for exact, part in ((by_wire, wires), (by_value, q)):
+        for place in np.ndindex(part.shape):
+            before, sides = part[place], []
+            for side in (tiny, -tiny):
+                part[place] = before + side
+                sides.append(plain(u, wires, q))
+            part[place] = before
+            assert exact[place] == pytest.approx((sides[0] - sides[1]) / (2 * tiny), abs=2e-6, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("u", "wires", "q"),
+    [
+        ([0, 0], [[0, 0]], [np.nan]),
+        ([0], [[0, 0]], [1]),
+        ([0, 0], [[0]], [1]),
+        ([0, 0], np.empty((0, 2)), []),
+        ("ab", [[0, 0]], [1]),
+        ([0, 0], [[0, 0], [1]], [1]),
+        ([0, 0], [[0, 0]], 1),
+        ([0, 0], [[0, 0]], None),
+    ],
+)
+def test_nonsense_is_refused(u, wires, q):
+    with pytest.raises(InvalidValueError) as caught:
+        wire_value(u, wires, q)
+    assert "\n" not in str(caught.value)
 
 
 def learning(robots=3, rng=1, **options):
@@ -71,13 +128,6 @@ def test_commands_are_any_within_full_speed():
     assert len(np.unique(seen)) > 400
 
 
-def test_learns_shared_and_typed_and_goes_on_in_copies():
-    model = learning(shared=True, encoding="typed", self_adjusting=True, wires=2).run(20)
-    inner = model.swarm.columns["0.WireFittedQ.inner"]
-    assert (inner == inner[:1]).all()
-    assert copy.deepcopy(model).run(10).state_hash() == model.run(10).state_hash()
-
-
 def test_a_policy_of_it_is_saved_drives_and_is_gone_on_with(tmp_path):
     model = learning().run(30)
     policy = load_policy(save_policy(model.control.layers[0].policy(), tmp_path / "wires.npz"))
@@ -120,22 +170,3 @@ def test_a_best_wire_that_is_the_only_one_worth_anything_can_be_learned_of():
     model.swarm.columns["0.WireFittedQ.outer_bias"][:, 5::3] = -1e8
     assert model.run(200).steps == 203
     assert all(np.isfinite(column).all() for name, column in model.swarm.columns.items() if "outer" in name)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"wires": 0},
-        {"wires": 9},
-        {"jitter": -1},
-        {"reward": "d"},
-        {"gamma": 1},
-        {"start": 3},
-        {"eta": "x"},
-        {"shared": "no"},
-    ],
-)
-def test_nonsense_is_refused_in_one_line(wrong):
-    with pytest.raises(SwarmError) as caught:
-        WireFittedQ(**wrong)
-    assert "\n" not in str(caught.value)
