@@ -11,10 +11,12 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
-from mesa_swarm.dashboard.gallery_drawing import Window, WorldDrawing, sight_of
 from mesa_swarm.errors import check_choice
 from mesa_swarm.files import write_whole
 from mesa_swarm.gallery import find_model
+from mesa_swarm.recording.frames import PICTURED, frame_of
+from mesa_swarm.viewing.drawing import Window, WorldDrawing, scene_of_all
+from mesa_swarm.viewing.scene import scene_of
 
 FOLDER = Path(__file__).parent / "gallery"
 KIND = "image/svg+xml"
@@ -147,13 +149,13 @@ def _file_of(name: str, kind: str) -> Path:
 
 def draw_still(name: str) -> str:
     """Return the picture at rest, drawn anew."""
-    return drawing_of(name, moments=1).still()
+    return drawing_of(name, moments=1).text()
 
 
 def draw_both(name: str) -> tuple[str, str]:
     """Return the picture at rest and the moving one, drawn anew."""
     drawing = drawing_of(name, moments=MOMENTS)
-    return drawing.still(), drawing.moving(SECONDS)
+    return drawing.first().text(), drawing.text()
 
 
 def drawing_of(name: str, moments: int) -> WorldDrawing:
@@ -162,12 +164,22 @@ def drawing_of(name: str, moments: int) -> WorldDrawing:
     model, every = find_model(name)(**shot.settings, rng=shot.seed), shot.steps // (MOMENTS - 1)
     earlier = min(EARLIER, shot.start // every) if shot.trail else 0
     model.run(shot.start - earlier * every)
-    sights = [sight_of(model, shot.marked)]
-    for _ in range(earlier + moments - 1):
-        model.run(every)
-        sights.append(sight_of(model, shot.marked))
-    look: dict[str, Any] = {"window": shot.part, "marked": shot.marked, "larger": shot.larger, "trail": shot.trail}
-    return WorldDrawing(sights[earlier:], before=sights[:earlier], name=name, **look)
+    frames, scenes = [], []
+    for place in range(earlier + moments):
+        model.run(every if place else 0)
+        frames.append(frame_of(model, dict.fromkeys((*PICTURED, shot.marked))))
+        scenes.append(scene_of(model))
+    return WorldDrawing(
+        frames=frames[earlier:],
+        before=frames[:earlier],
+        scene=scene_of_all(scenes),
+        seconds=SECONDS,
+        name=name,
+        window=shot.part,
+        marked=shot.marked,
+        larger=shot.larger,
+        trail=shot.trail,
+    )
 
 
 def main(names: Sequence[str]) -> None:

@@ -10,10 +10,10 @@ import solara
 import traitlets
 
 from mesa_swarm.dashboard import page_models
-from mesa_swarm.dashboard.gallery_drawing import drawn
 from mesa_swarm.dashboard.gallery_pictures import SHOTS, address_of, still_of
 from mesa_swarm.gallery import description, find_model, short_name
 from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.drawing import drawing_of_model
 from mesa_swarm.viewing.faults import reported
 
 # Steps before the picture of a model that does not come with one, so that its behaviour is visible.
@@ -35,7 +35,7 @@ def thumbnail(name: str) -> str:
         model.run(STEPS)
     except Exception as problem:  # likewise
         reported(problem)
-    return drawn(model, LARGER, f"own{crc32(name.encode()):x}")
+    return drawing_of_model(model, LARGER, f"own{crc32(name.encode()):x}")
 
 
 def title(name: str) -> str:

@@ -22,7 +22,7 @@ class LegendEntry:
     Parameters
     ----------
     form : str
-        "body", "value" or "field".
+        "body", "radiant", "value" or "field".
     label : str
     light, dark : tuple of str
         Its colour in each theme, #rrggbb; of values and fields those from the least to the greatest value.
@@ -83,6 +83,12 @@ def value_entry(looks: dict) -> LegendEntry:
     return LegendEntry(
         form="value", label=column["label"], light=light, dark=dark, low=column["low"], high=column["high"]
     )
+
+
+def heat_entry(kind: str) -> LegendEntry:
+    """Return the entry of a kind of body that is drawn in the colour of its temperature."""
+    light, dark = (palette.fire[::4] for palette in PALETTES.values())
+    return LegendEntry(form="radiant", label=f"{kind}, temperature", light=light, dark=dark, high=1.0)
 
 
 def field_entry(name: str, place: int) -> LegendEntry:
