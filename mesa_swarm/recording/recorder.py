@@ -35,6 +35,7 @@ from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.recording.objects import summary
 from mesa_swarm.recording.provenance import (
     as_metadata,
+    drawn_heat,
     drawn_parts,
     from_metadata,
     provenance_of,
@@ -200,7 +201,7 @@ class RowBuffer:
 
 def _seen(model: EngineModel) -> tuple:
     """Return what changes whenever the scenery may change."""
-    return population_of(model), model.fire_constants, drawn_parts(model)
+    return population_of(model), model.fire_constants, drawn_parts(model), drawn_heat(model)
 
 
 def _is_readable(batch: pa.RecordBatch) -> bool:
