@@ -18,7 +18,7 @@ from mesa_swarm.dashboard.series import ChartTable, Curves, Plot, row_until
 from mesa_swarm.errors import InvalidValueError, UnknownNameError, unknown_name
 from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.faults import reported
-from mesa_swarm.viewing.pictures import literal
+from mesa_swarm.viewing.figures import literal, plain_figure
 from mesa_swarm.wording import quantity
 
 MOST_POINTS = 256
@@ -317,14 +317,12 @@ def phase_figure(series: ChartTable, chosen: ChosenChart, step: int | None = Non
 
 
 def _figure(x: Axis, y: Axis, title: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(7, 3.6), layout="constrained")
-    axes: Axes = figure.subplots()
+    figure, ((axes,),) = plain_figure((7, 3.6))
     axes.set(title=literal(title), xlabel=literal(x.label), ylabel=literal(y.label))
     if x.log:
         axes.set_xscale("log")
     if y.log:
         axes.set_yscale("log")
-    axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
 
 

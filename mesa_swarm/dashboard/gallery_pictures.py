@@ -147,11 +147,6 @@ def _file_of(name: str, kind: str) -> Path:
     return FOLDER / f"{check_choice('model', name, SHOTS)}{kind}.svg"
 
 
-def draw_still(name: str) -> str:
-    """Return the picture at rest, drawn anew."""
-    return drawing_of(name, moments=1).text()
-
-
 def draw_both(name: str) -> tuple[str, str]:
     """Return the picture at rest and the moving one, drawn anew."""
     drawing = drawing_of(name, moments=MOMENTS)

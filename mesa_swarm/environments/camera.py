@@ -99,8 +99,8 @@ class Camera:
 
     The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only some robots are
     commanded, these have a dark rim. Fires go from black to red with their temperature and are pale once they are out.
-    So does whatever else radiates. Bodies that a task adds have the colour of loads, or of marks if they are marks on the
-    ground.
+    So does what else radiates. Other bodies that a task adds have the colour of loads, or of marks if they are marks on
+    the ground.
     """
 
     def __init__(self, map: Map, longest_side: int = LONGEST_SIDE) -> None:

@@ -556,7 +556,7 @@ def _strip(entries: Sequence[LegendEntry], width: float, size: float) -> tuple[s
     parts, x, y = [], size, size
     for entry in entries:
         sign = (1.2 if entry.form == "body" else 4.0) * size
-        text = f"robot, {entry.text}" if entry.form == "value" else entry.text
+        text = entry.text
         length = sign + (0.62 * len(text) + 2.0) * size
         if x > size and x + length > width:
             x, y = size, y + 1.9 * size

@@ -39,8 +39,9 @@ class LegendEntry:
 
     @property
     def text(self) -> str:
-        """The label, with the range of values if there is one."""
-        return f"{self.label}, {self.low:.3g} to {self.high:.3g}" if self.high > self.low else self.label
+        """The label, with the range of values if there is one, and with what has these values."""
+        label = f"robot, {self.label}" if self.form == "value" else self.label
+        return f"{label}, {self.low:.3g} to {self.high:.3g}" if self.high > self.low else label
 
     def as_json(self) -> dict:
         """Return the entry as a browser shows it."""

@@ -1,17 +1,14 @@
 """Pictures of the world, and of single steps of a recording."""
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection, PatchCollection, PathCollection
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
@@ -33,6 +30,8 @@ from mesa_swarm.progress import progress_bar
 from mesa_swarm.recording.frames import Frame, field_levels, frame_of
 from mesa_swarm.robots.real_robots import Scale, length_unit
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
+from mesa_swarm.viewing.drawing import tracks
+from mesa_swarm.viewing.figures import DOTS_PER_INCH, literal, png, svg
 from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.legend import LegendEntry
 from mesa_swarm.viewing.palette import LIGHT, MEANINGS, kind_colour, scalar_pixels
@@ -49,7 +48,6 @@ CAPTION, MARGIN = 32, 4
 Shown = EngineModel | FinalState | tuple[Frame, Scene]
 # Points of a trail, from which on some are left out: films draw them in every frame.
 MOST_POINTS = 60
-DOTS_PER_INCH = 200
 # Around labels of robots, which may stand on fields and on other robots.
 HALO = [withStroke(linewidth=1.6, foreground=LIGHT.ground)]
 
@@ -92,35 +90,21 @@ def parsed_size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
-    """Return the positions (k, 2) of each robot of a step during the last `length` steps up to it, oldest first.
-
-    Of more than `MOST_POINTS` only as many are left out as permits lines between the others that keep away from walls.
-    """
-    tracks = _tracks(drawn, step, length)
-    spared = _spared(drawn, tracks)
-    return [positions[::-1][::spared][::-1] for _, positions in tracks]
-
-
 def _tracks(drawn: PicturedSteps, step: int, length: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the same of all recorded steps, each robot's steps (k,) before its positions."""
+    """Return recorded steps (k,) and positions (k, 2) of each robot of a step, in the last `length` steps up to it."""
     steps = drawn.steps[(drawn.steps >= step - length) & (drawn.steps <= step)]
     frames = [drawn.frame(number) for number in steps.tolist()]
     robots = frames[-1].robots
     if all(np.array_equal(frame.robots, robots) for frame in frames):
         return [(steps, track) for track in np.stack([frame["position"] for frame in frames], axis=1)]
-    places: dict[int, list] = {robot: [] for robot in robots.tolist()}
-    for frame in frames:
-        for robot, place in zip(frame.robots.tolist(), frame["position"].tolist(), strict=True):
-            places.get(robot, []).append((frame.step, place))
-    rows = (zip(*places[robot], strict=True) for robot in robots.tolist())
-    return [(np.array(times), np.array(track)) for times, track in rows]
+    found = {track.number: track for track in tracks((frame.robots, frame["position"]) for frame in frames)}
+    return [(steps[found[robot].present], found[robot].values[found[robot].present]) for robot in robots.tolist()]
 
 
-def _spared(drawn: PicturedSteps, tracks: Sequence[tuple[np.ndarray, np.ndarray]]) -> int:
+def _spared(drawn: PicturedSteps, ways: Sequence[tuple[np.ndarray, np.ndarray]]) -> int:
     """Return of how many points one is drawn: all of short trails, and of long ones as many as lines need."""
     designs = drawn.scene.designs[:-1] or drawn.scene.designs  # the last one is that of unknown robots
-    longest = max((len(steps) for steps, _ in tracks), default=1)
+    longest = max((len(steps) for steps, _ in ways), default=1)
     return min(-(-longest // MOST_POINTS), *(stride(design.radius, design.max_speed) for design in designs))
 
 
@@ -130,9 +114,9 @@ def trail_parts(drawn: PicturedSteps, step: int, length: int) -> tuple[list[np.n
     Where a robot was put somewhere else, a line ends and another begins.
     """
     designs = drawn.scene.designs
-    tracks, lines, dots = _tracks(drawn, step, length), [], [np.empty((0, 2))]
-    spared, kinds = _spared(drawn, tracks), drawn.scene.design_of(drawn.frame(step).robots)
-    for (steps, places), kind in zip(tracks, kinds.tolist(), strict=True):
+    ways, lines, dots = _tracks(drawn, step, length), [], [np.empty((0, 2))]
+    spared, kinds = _spared(drawn, ways), drawn.scene.design_of(drawn.frame(step).robots)
+    for (steps, places), kind in zip(ways, kinds.tolist(), strict=True):
         gaps, way = np.diff(steps), np.hypot(*np.diff(places, axis=0).T)
         design = designs[kind]
         jumps = way > [reach(design.radius, design.max_speed, gap) for gap in gaps.tolist()]
@@ -422,8 +406,7 @@ def entry_artist(entry: LegendEntry) -> Artist:
     """Return an entry of a legend as Matplotlib takes it."""
     if entry.form == "body":
         return Patch(color=entry.light[0], label=literal(entry.label))
-    about = "robot, " if entry.form == "value" else ""
-    return ColourBar(entry.light, literal(about + entry.text))
+    return ColourBar(entry.light, literal(entry.text))
 
 
 def _robot_entry(label: str, colour: str) -> Line2D:
@@ -464,19 +447,6 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False, more: Sequen
     return figure
 
 
-def literal(text: str) -> str:
-    """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics."""
-    return text.replace("$", "\\$")
-
-
-def png(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> bytes:
-    """Return a figure as a PNG; the same figure gives the same bytes."""
-    file = io.BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(file, format="png", dpi=dots_per_inch, metadata={"Software": None})
-    return file.getvalue()
-
-
 def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
     """Return which steps each file shows: a single file has the given name, several have their steps added.
 
@@ -514,11 +484,3 @@ def still_figure(drawn: PicturedSteps, steps: Sequence[int], look: Look) -> Figu
         width, height = look.size
         figure.set_size_inches(width / DOTS_PER_INCH, height / DOTS_PER_INCH)
     return figure
-
-
-def svg(figure: Figure) -> bytes:
-    """Return a figure as SVG; the same figure gives the same bytes."""
-    file = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "mesa_swarm"}):
-        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    return file.getvalue()

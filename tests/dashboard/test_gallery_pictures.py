@@ -21,7 +21,6 @@ from mesa_swarm.dashboard.gallery_pictures import (
     SHOTS,
     address_of,
     draw_both,
-    draw_still,
     drawing_of,
     main,
     moving_of,
@@ -95,7 +94,7 @@ def test_all_pictures_together_are_small():
 
 @pytest.mark.parametrize("name", FEW)
 def test_the_stored_pictures_at_rest_are_as_drawn_today(name):
-    assert unpacked(draw_still(name)) == unpacked(still_of(name)[0].decode()), COMMAND
+    assert unpacked(drawing_of(name, moments=1).text()) == unpacked(still_of(name)[0].decode()), COMMAND
 
 
 @pytest.mark.slow
