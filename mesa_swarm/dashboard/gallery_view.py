@@ -57,7 +57,7 @@ def card_of(name: str) -> dict[str, str]:
 class GalleryCards(anywidget.AnyWidget):
     """The cards, of which each is a button."""
 
-    _esm = text_of("dashboard/gallery.js")
+    _esm = text_of("viewing/elements.js", "dashboard/gallery.js")
     cards: traitlets.List = traitlets.List().tag(sync=True)
     # Pictures that were drawn meanwhile, by the names of their models.
     drawn = traitlets.Dict().tag(sync=True)
