@@ -120,8 +120,15 @@ def joined(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, dict], ...
             if last > newest:
                 robots.append([max(first, newest + 1), last, designs.index(scenery["designs"][which])])
         loads |= {load["id"]: load for load in scenery["loads"]}
-    same = {"designs": designs, "robots": robots, "loads": list(loads.values())}
-    return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
+    same = {"designs": designs, "robots": robots}
+    return tuple(
+        (step, {**scenery, **same, "loads": _with_own(loads, scenery["loads"])}) for step, scenery in sceneries
+    )
+
+
+def _with_own(loads: dict[int, dict], there: Sequence[dict]) -> list[dict]:
+    """Return all loads, those that are there at the temperature that they have there."""
+    return list((loads | {load["id"]: load for load in there}).values())
 
 
 def _written_design(design: RobotDesign) -> dict:

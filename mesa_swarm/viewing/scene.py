@@ -111,11 +111,9 @@ class Scene:
     @property
     def later(self) -> list[dict]:
         """How the world of the first step changes: the step of each change, and what is true from then on."""
-        first, names = self.changes[0][1]["loads"], (*OWN, "loads")
-        return [
-            {"step": step, **{name: scenery[name] for name in names[: None if scenery["loads"] != first else -1]}}
-            for step, scenery in self.changes[1:]
-        ]
+        warmer = any(scenery["loads"] != self.changes[0][1]["loads"] for _, scenery in self.changes)
+        names = (*OWN, "loads") if warmer else OWN
+        return [{"step": step, **{name: scenery[name] for name in names}} for step, scenery in self.changes[1:]]
 
     @property
     def looks(self) -> dict:

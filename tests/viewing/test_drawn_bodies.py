@@ -58,18 +58,19 @@ def test_an_animation_has_the_colours_of_kinds_and_carried_bodies_on_top(tmp_pat
 
 
 class Lit(SwarmModel):
-    """A lamp that stands, one that is carried about, and a pillar; from the third step on the first is out."""
+    """A lamp that stands, one that is carried about, and a pillar; after two steps one is out, and one brighter."""
 
     def __init__(self, *, rng=None):
         super().__init__(map="openspace", rng=rng)
         self.lamp = self.add_body(disc((200, 200), 20), kind="lamp", mode="fixed", temperature=1.0)
-        self.add_body(disc((400, 200), 10), kind="lamp", temperature=0.5)
+        self.torch = self.add_body(disc((400, 200), 10), kind="lamp", temperature=0.5)
         self.add_obstacle(disc((600, 200), 10))
 
     def step(self):
         super().step()
         if self.completed == 2:
             self.lamp.temperature = 0.0
+            self.torch.temperature = 1.0
 
 
 def test_what_radiates_has_the_colour_of_its_temperature_in_pictures():
@@ -120,3 +121,7 @@ def test_a_recording_shows_when_a_temperature_has_changed(tmp_path):
     scene = scene_of_recording(recording)
     colours = [scene.standing(step)[-2][1] for step in (1, 2, 3, 4)]
     assert colours == [fire_colour(1.0), *[fire_colour(0.0)] * 3]
+    torch = [scene.loads(frame).colours[0, 0] for frame in recording]
+    assert torch == [fire_colour(0.5), *[fire_colour(1.0)] * 3]
+    (change,) = scene.later
+    assert [load["temperature"] for load in change["loads"]] == [1.0]
