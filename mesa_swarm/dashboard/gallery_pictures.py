@@ -159,10 +159,11 @@ def drawing_of(name: str, moments: int) -> WorldDrawing:
     model, every = find_model(name)(**shot.settings, rng=shot.seed), shot.steps // (MOMENTS - 1)
     earlier = min(EARLIER, shot.start // every) if shot.trail else 0
     model.run(shot.start - earlier * every)
+    columns = list(dict.fromkeys((*PICTURED, shot.marked)))
     frames, scenes = [], []
     for place in range(earlier + moments):
         model.run(every if place else 0)
-        frames.append(frame_of(model, dict.fromkeys((*PICTURED, shot.marked))))
+        frames.append(frame_of(model, columns))
         scenes.append(scene_of(model))
     return WorldDrawing(
         frames=frames[earlier:],

@@ -120,8 +120,9 @@ class Camera:
         pixels = self._ground.copy()
         for shape in sorted(added, key=lambda shape: shape.contact):  # ground marks below what is moved
             self._fill(pixels, shape, MOVED if shape.contact else MARK)
-        for body in (body for body in bodies if body.temperature is not None):
-            self._fill(pixels, body.shape, FIRE[fire_steps(body.temperature)])
+        for body in bodies:
+            if (heat := body.temperature) is not None:
+                self._fill(pixels, body.shape, FIRE[fire_steps(heat)])
         fires, robots = world.fires.columns, world.swarm.columns
         colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
         for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):

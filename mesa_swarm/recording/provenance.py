@@ -87,7 +87,7 @@ def drawn_parts(model: EngineModel) -> list[list[str]]:
 
 def drawn_heat(model: EngineModel) -> bytes:
     """Return what changes with the colour of a body that radiates, fires left out."""
-    table = model.parts["bodies"].table
+    table = model.parts.bodies.table
     return np.floor(table.temperature[table.kind != FIRE] * HEAT_STEPS + 0.5).tobytes()
 
 

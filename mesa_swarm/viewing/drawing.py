@@ -373,7 +373,7 @@ class WorldDrawing:
     def _robots(self) -> Iterator[str]:
         for track, (fills,) in self._tracks(partial(self.scene.robots, marked=self.marked)):
             drawn = f'href="#{self._prefix}body{self._radii.index(track.values[0, 3])}"'
-            used = self._painted("back", fills, lambda look, change, _, to=drawn: f"<use {look} {to}>{change}</use>")
+            used = self._painted("back", fills, partial(_use, drawn))
             yield self._moving(track, f'class="robot" data-robot="{track.number}"', used)
 
     @property
@@ -452,6 +452,10 @@ class WorldDrawing:
     def _label(self, text: str, shown: Sequence[str]) -> str:
         look = f'transform="scale(1 -1)" visibility="{"visible" if shown[0] == text else "hidden"}"'
         return f"<text {look}>{self._visible([other == text for other in shown])}{escape(text)}</text>"
+
+
+def _use(drawn: str, look: str, change: str, theme: str) -> str:
+    return f"<use {look} {drawn}>{change}</use>"
 
 
 def drawing_of_model(model: EngineModel, larger: float = 1.0, name: str = "own") -> str:
