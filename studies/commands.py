@@ -196,13 +196,12 @@ def _written(made: "Made", folder: Path, ending: str, beside: Path | None) -> li
     The ending of their names is one of its own for quick results, so that these do not replace full ones. `beside` is
     the folder of the pictures to which a page refers, if there will be one.
     """
-    from mesa_swarm.viewing import png
-    from mesa_swarm_studies.drawing import svg
+    from mesa_swarm.viewing import png, svg
 
     contents: dict[str, str | bytes] = {}
     for word, picture in made.result.pictures.items():
         name = f"figure_{made.item.figure}" + (f"_{word}" if word else "") + ending
-        contents |= {f"{name}.png": png(picture), f"{name}.svg": svg(picture)}
+        contents |= {f"{name}.png": png(picture), f"{name}.svg": svg(picture, words=True)}
     contents[f"figure_{made.item.figure}{ending}.csv"] = made.result.csv(made.item.source)
     if beside is not None:
         contents[f"{beside.absolute()}/{made.item.figure}.png"] = png(made.result.pictures[""], ON_PAGES)

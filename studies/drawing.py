@@ -1,19 +1,16 @@
 """Drawing for all results: figures with plain axes, means with their spread, files."""
 
-import io
 from collections.abc import Iterable, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 from numpy.typing import ArrayLike
 
 from mesa_swarm import SwarmModel
 from mesa_swarm.experiments import mean_interval
-from mesa_swarm.viewing import LIGHT, draw_world, frame_of, legend_of, literal, scene_of
+from mesa_swarm.viewing import LIGHT, frame_of, plain_figure, scene_of, world_figure
 
 # Points of long lines: more cannot be seen.
 MOST_POINTS = 1000
@@ -22,12 +19,9 @@ FAINT = 0.18
 
 def plain_axes(x: str, y: str) -> tuple[Figure, Axes]:
     """Return a figure with named axes without a frame."""
-    figure = Figure(figsize=(7.5, 4.2), layout="constrained")
-    axes = figure.subplots()
+    figure, ((axes,),) = plain_figure((7.5, 4.2), grid=True)
     axes.set(xlabel=x, ylabel=y)
     axes.set_prop_cycle(color=LIGHT.series)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(alpha=0.25)
     return figure, axes
 
 
@@ -64,30 +58,9 @@ def draw_means(
 
 def world_picture(model: SwarmModel, title: str, *, perceived: bool = False) -> Figure:
     """Return a picture of a model's world as it is now, with its legend."""
-    world = frame_of(model, perceived=perceived), scene_of(model)
-    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    axes = figure.add_subplot()
-    draw_world(world, axes)
-    axes.set_title(literal(title), fontsize=11)
-    entries = legend_of(world)
-    if entries:
-        figure.legend(
-            handles=entries,
-            loc="outside lower center",
-            ncols=3,
-            fontsize=8,
-            frameon=False,
-        )
+    figure = world_figure({title: (frame_of(model, perceived=perceived), scene_of(model))})
+    figure.set_size_inches(7.0, 6.0)
     return figure
-
-
-def svg(figure: Figure) -> bytes:
-    """Return a figure as an SVG; the same figure gives the same bytes."""
-    file = io.BytesIO()
-    FigureCanvasSVG(figure)
-    with matplotlib.rc_context({"svg.hashsalt": "mesa_swarm", "svg.fonttype": "none"}):
-        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    return file.getvalue()
 
 
 def column(rows: Sequence[dict], name: str) -> list:

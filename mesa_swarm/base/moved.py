@@ -54,6 +54,7 @@ MOVED = {
     "teaching.checks": "teaching.hints teaching.faults teaching.failures teaching.verdict teaching.wish",
     "teaching.pictures": "teaching.sizes",
     "viewing.canvas_widget": "dashboard.canvas_widget dashboard.notebook",
+    "viewing.drawing": "dashboard.gallery_drawing viewing.animation",
     "viewing.export": "exports",
     "viewing.pictures": "experiments.pictures",
     "viewing.run_pictures": "experiments.run_pictures",

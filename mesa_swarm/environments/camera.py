@@ -99,7 +99,8 @@ class Camera:
 
     The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only some robots are
     commanded, these have a dark rim. Fires go from black to red with their temperature and are pale once they are out.
-    Bodies that a task adds have the colour of loads, or of marks if they are marks on the ground.
+    So does what else radiates. Other bodies that a task adds have the colour of loads, or of marks if they are marks on
+    the ground.
     """
 
     def __init__(self, map: Map, longest_side: int = LONGEST_SIDE) -> None:
@@ -111,13 +112,17 @@ class Camera:
 
     def picture(self, world: SwarmModel) -> np.ndarray:
         """Return the world as it is, uint8, shape (height, width, 3)."""
-        shapes = [body.shape for body in world.obstacle_list]
+        bodies = world.obstacle_list
+        shapes = [body.shape for body in bodies]
         of_map, added = self._divided(shapes)
         if self._ground is None or of_map != self._drawn:
             self._ground, self._drawn = self._drawn_ground(of_map), of_map
         pixels = self._ground.copy()
         for shape in sorted(added, key=lambda shape: shape.contact):  # ground marks below what is moved
             self._fill(pixels, shape, MOVED if shape.contact else MARK)
+        for body in bodies:
+            if (heat := body.temperature) is not None:
+                self._fill(pixels, body.shape, FIRE[fire_steps(heat)])
         fires, robots = world.fires.columns, world.swarm.columns
         colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
         for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):

@@ -16,9 +16,10 @@ from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.figures import literal, plain_figure, plain_panels, png
 from mesa_swarm.viewing.final_state import FinalState, final_state_of
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal, png, world_figure
+from mesa_swarm.viewing.pictures import world_figure
 
 # Of a screen in a lecture room: 16 to 9, letters that can be read from the last row.
 WIDE = (12.8, 7.2)
@@ -49,9 +50,8 @@ def comparison_figure(comparison: PairedRuns, measures: Sequence[str]) -> Figure
     dotted line beyond a gap, where the axis has ended.
     """
     rows = list(measures)[:MOST_ROWS]
-    width, height = WIDE
-    figure = Figure(figsize=(width, height if len(rows) == 1 else 3.4 * len(rows)), layout="constrained")
-    panels = figure.subplots(len(rows), 2, squeeze=False, width_ratios=(1.15, 1))
+    size = WIDE if len(rows) == 1 else (WIDE[0], 3.4 * len(rows))
+    figure, panels = plain_figure(size, len(rows), 2, letters=TEXT - 2, width_ratios=(1.15, 1))
     plan = comparison.plan
     title = f"{plan.model_class.__name__}: {plan.parameter} compared over {quantity(len(plan.seeds), 'seed')}"
     figure.suptitle(literal(title), fontsize=TITLE)
@@ -213,9 +213,7 @@ def _label_values(
     turned: dict[str, Any] = {"rotation": 45, "ha": "right"} if len(labels) * max(map(len, labels)) > 60 else {}
     axes.set_xticks(places, labels, **turned)
     axes.set_xlabel(literal(plan.parameter), fontsize=TEXT)
-    axes.tick_params(labelsize=TEXT - 2)
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.6g}"))
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _count(comparison: PairedRuns, measure: str, value: Any, paired: bool) -> str:
@@ -281,7 +279,7 @@ def fires_figure(runs: Mapping[str, FinalState | SwarmModel]) -> Figure:
 def _draw_block(block: SubFigure, title: str, history: dict[str, np.ndarray], limits: tuple[int, int]) -> None:
     last, most = limits
     robots = history["robots"]
-    strips = block.subplots(robots.shape[1], 1, sharex=True, sharey=True, squeeze=False).ravel()
+    strips = plain_panels(block, robots.shape[1], letters=7, sharex=True, sharey=True).ravel()
     for i, axes in enumerate(strips):
         _draw_strip(axes, i, *_held(history["steps"], robots[:, i], last))
     strips[0].set(xlim=(0, last), ylim=(-1.6, most + 0.6), yticks=[-1, most])
@@ -307,8 +305,7 @@ def _draw_strip(axes: Axes, i: int, steps: np.ndarray, robots: np.ndarray) -> No
     axes.step(steps, burning, where="post", color=colour, linewidth=1.0, label=f"fire {i + 1}")
     axes.step(steps, out, where="post", color=LIGHT.faint, linewidth=2.5, label="out", solid_capstyle="butt")
     axes.set_ylabel(f"fire {i + 1}", rotation=0, ha="right", va="center", fontsize=9)
-    axes.tick_params(labelsize=7, length=2)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(length=2)
 
 
 def series_figure(portraits: dict[str, FinalState]) -> Figure:
@@ -317,8 +314,8 @@ def series_figure(portraits: dict[str, FinalState]) -> Figure:
     Lines are means over a fortieth of the steps, so that rare events can be seen as rates.
     """
     names = list(next(iter(portraits.values())).series)
-    figure = Figure(figsize=(7.5, 2.3 * len(names) + 0.4), layout="constrained")
-    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False).ravel()
+    figure, grid = plain_figure((7.5, 2.3 * len(names) + 0.4), len(names), sharex=True)
+    panels = grid[:, 0]
     for name, axes in zip(names, panels, strict=True):
         _draw_series(axes, name, portraits)
     panels[-1].set_xlabel("step")
@@ -340,7 +337,6 @@ def _draw_series(axes: Axes, name: str, portraits: dict[str, FinalState]) -> Non
         axes.plot(steps, means, style, color=COLOURS[i % len(COLOURS)], linewidth=1.4, label=literal(title))
     axes.set_ylabel(literal(f"{name.replace('_', ' ')}\n(window mean)"), fontsize=9)
     axes.margins(x=0)
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def window_means(values: np.ndarray, windows: int = 40) -> tuple[np.ndarray, np.ndarray]:

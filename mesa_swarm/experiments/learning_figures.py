@@ -21,8 +21,8 @@ from mesa_swarm.learning.actions import temperature_at
 from mesa_swarm.learning.reward_lab import Profile
 from mesa_swarm.learning.rewards import CRITICAL
 from mesa_swarm.model.gallery import find_model
+from mesa_swarm.viewing.figures import literal, plain_figure
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal
 
 STYLES = ("--", "-.", ":", "-")
 ROWS = ("reward", "learned value Q", "probability of choice")
@@ -56,8 +56,8 @@ def reward_figure(profiles: Mapping[str, tuple[Profile, Profile]], critical: flo
     >>> len(reward_figure({"reward a": (profile, profile)}).axes)
     3
     """
-    figure = Figure(figsize=(3.6 * len(profiles) + 0.6, 7.6), layout="constrained")
-    grid = figure.subplots(3, len(profiles), sharex=True, sharey="row", squeeze=False)
+    size = 3.6 * len(profiles) + 0.6, 7.6
+    figure, grid = plain_figure(size, 3, len(profiles), letters=8, sharex=True, sharey="row")
     for column, (title, (paid, learned)) in zip(grid.T, profiles.items(), strict=True):
         _draw(column[0], paid, paid.values)
         _draw(column[1], learned, learned.values)
@@ -104,9 +104,7 @@ def _draw(axes: Axes, profile: Profile, curves: np.ndarray) -> None:
     for a, name in enumerate(profile.actions):
         colour, style = COLOURS[a % len(COLOURS)], STYLES[a % len(STYLES)]
         axes.plot(profile.distance, _broken(profile, curves[:, a], name), style, color=colour, lw=1.4, label=name)
-    axes.tick_params(labelsize=8)
     axes.margins(x=0)
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _broken(profile: Profile, curve: np.ndarray, name: str) -> np.ndarray:
@@ -151,19 +149,15 @@ def fire_figure(runs: Mapping[str, Sequence[FireRun]]) -> Figure:
     """
     if not runs or not all(runs.values()):
         raise InvalidValueError("runs are missing; expected at least one run of every controller")
-    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
-    *shares, rounds = figure.subplots(1, 3, width_ratios=(1, 1, 1.3))
+    figure, ((*shares, rounds),) = plain_figure((11.0, 3.6), 1, 3, letters=8, width_ratios=(1, 1, 1.3))
     for axes, (measure, title) in zip(shares, TITLES.items(), strict=True):
         for place, done in enumerate(runs.values()):
             _draw_dots(axes, place, [run.results[measure] for run in done], COLOURS[place % len(COLOURS)])
-        axes.set_xticks(range(len(runs)), list(map(literal, runs)), rotation=30, fontsize=9)
+        axes.set_xticks(range(len(runs)), list(map(literal, runs)), rotation=30)
         axes.set_title(title, fontsize=10)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:.0%}"))
         axes.set_ylim(-0.03, 1.03)
     _draw_rounds(rounds, runs)
-    for axes in figure.axes:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=8)
     return figure
 
 

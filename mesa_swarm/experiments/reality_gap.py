@@ -30,8 +30,8 @@ from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
 from mesa_swarm.model.gallery import find_model, short_name
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections, combine_imperfections
 from mesa_swarm.swarm_model import SwarmModel
+from mesa_swarm.viewing.figures import literal, make_plain, plain_figure, png
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal, png
 
 DIAL = (0.0, 0.25, 0.5, 0.75, 1.0)
 SEEDS = 10
@@ -230,8 +230,8 @@ def chosen_measure(rows: dict[float, list[dict]], measure: str | None, first: Se
 
 def gap_figure(gap: Gap) -> Figure:
     """Return the standard picture: the score over the dial, each seed a thin line, means with their intervals."""
-    figure = Figure(figsize=(7.5, 4.5), layout="constrained")
-    draw_gap(figure.add_subplot(), gap)
+    figure, ((axes,),) = plain_figure((7.5, 4.5))
+    draw_gap(axes, gap)
     return figure
 
 
@@ -257,5 +257,4 @@ def draw_gap(axes: Axes, gap: Gap) -> None:
         axes.axhline(estimate[0], color=COLOURS[1], linestyle="--", linewidth=1)
     axes.set(xlabel=literal(f"dial: 0 ideal, 1 {gap.preset}"), ylabel=literal(gap.measure))
     axes.set_title(literal(f"{gap.model}: {quantity(len(gap.seeds), 'seed')} (thin), their mean, 95 %"), fontsize=11)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(alpha=0.25)
+    make_plain(axes, grid=True)

@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from mesa_swarm.experiments.figures import ASIDE, TEXT, TITLE, WIDE, draw_interval
 from mesa_swarm.experiments.sampling import Range
 from mesa_swarm.experiments.statistics import Interval
+from mesa_swarm.viewing.figures import literal, plain_panels
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal
 
 # Panels of parameters in a row, and at most.
 IN_A_ROW = 4
@@ -48,7 +48,7 @@ def sensitivity_figure(
     above, below = _halves(figure, 4.2, below_height)
     above.suptitle(literal(title), fontsize=TITLE)
     is_plane = "sigma" in indices
-    sides = above.subplots(1, 1 + is_plane, squeeze=False)[0]
+    sides = plain_panels(above, 1, 1 + is_plane, letters=TEXT - 2, grid=True)[0]
     _draw_indices(sides[0], {"mu*": indices["mu*"]} if is_plane else indices, names, floor)
     sides[0].set_ylabel("effect over the range" if is_plane else "share of variance", fontsize=TEXT)
     if is_plane:
@@ -71,9 +71,7 @@ def _draw_indices(axes: Axes, indices: Mapping[str, Mapping[str, Interval]], nam
         axes.axhline(floor, color=LIGHT.ink, linewidth=1, linestyle=":", label="by chance")
     axes.set_xticks(range(len(names)), [literal(name) for name in names])
     axes.set_xlim(-0.6, len(names) - 0.4)
-    axes.tick_params(labelsize=TEXT - 2)
     axes.legend(fontsize=TEXT - 2, frameon=False)
-    _plain(axes)
 
 
 def _draw_plane(axes: Axes, indices: Mapping[str, Mapping[str, Interval]], names: list[str]) -> None:
@@ -89,8 +87,6 @@ def _draw_plane(axes: Axes, indices: Mapping[str, Mapping[str, Interval]], names
     axes.set_ylim(bottom=0)
     axes.set_xlabel("mu*", fontsize=TEXT)
     axes.set_ylabel("sigma: interactions, curvature", fontsize=TEXT - 2)
-    axes.tick_params(labelsize=TEXT - 2)
-    _plain(axes)
 
 
 def _draw_over(axes: Axes, name: str, each: Range, values: Any, heights: np.ndarray) -> None:
@@ -110,7 +106,6 @@ def _draw_over(axes: Axes, name: str, each: Range, values: Any, heights: np.ndar
     faint = float(np.clip(60 / max(len(heights), 1), 0.15, 0.7))
     axes.plot(_places(each, values), heights, "o", color=LIGHT.series[0], markersize=4, alpha=faint, markeredgewidth=0)
     axes.set_xlabel(literal(f"{name}{', log' if each.log else ''}"), fontsize=SMALL)
-    _plain(axes)
 
 
 def _places(each: Range, values: Any) -> np.ndarray:
@@ -130,7 +125,7 @@ def calibration_figure(
     figure = Figure(figsize=(WIDE[0], 3.6 + below_height), layout="constrained")
     above, below = _halves(figure, 3.6, below_height)
     above.suptitle(literal(title), fontsize=TITLE)
-    axes = above.subplots()
+    axes = plain_panels(above, letters=TEXT - 2, grid=True)[0, 0]
     axes.plot(losses, "o", color=LIGHT.faint, markersize=5, label="point")
     axes.plot(
         np.fmin.accumulate(losses), color=LIGHT.series[0], linewidth=2, drawstyle="steps-post", label="least so far"
@@ -140,9 +135,7 @@ def calibration_figure(
     axes.set_xlabel("point", fontsize=TEXT)
     axes.set_ylabel("loss", fontsize=TEXT)
     axes.legend(fontsize=TEXT - 2, frameon=False)
-    axes.tick_params(labelsize=TEXT - 2)
     _by_ratio(axes, losses)
-    _plain(axes)
     for panel, name in zip(_panels(below, len(names)), names, strict=True):
         each, values = points[name]
         _draw_over(panel, name, each, values, losses)
@@ -165,7 +158,7 @@ def _halves(figure: Figure, above: float, below: float) -> tuple[SubFigure, SubF
 
 def _panels(figure: SubFigure, count: int) -> list[Axes]:
     """Return a number of panels, several in a row, that share the axis of heights."""
-    grid = np.ravel(figure.subplots(-(-count // IN_A_ROW), min(count, IN_A_ROW), squeeze=False, sharey=True))
+    grid = plain_panels(figure, -(-count // IN_A_ROW), min(count, IN_A_ROW), grid=True, sharey=True).ravel()
     for axes in grid[count:]:
         axes.set_visible(False)
     return list(grid[:count])
@@ -175,8 +168,3 @@ def _by_ratio(axes: Axes, losses: np.ndarray) -> None:
     """Draw losses on a logarithmic axis if all of them are above 0."""
     if np.nanmin(losses) > 0:
         axes.set_yscale("log")
-
-
-def _plain(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(alpha=0.25)

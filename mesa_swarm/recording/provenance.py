@@ -27,7 +27,7 @@ from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import mount_of
 from mesa_swarm.world.bodies import Body
 from mesa_swarm.world.shapes import outline_to_json, shape_to_json
-from mesa_swarm.world.statics import KINDS, LOAD, OBSTACLE
+from mesa_swarm.world.statics import FIRE, KINDS, LOAD, OBSTACLE
 
 # Since format 2 readings are those of the row's own poses, and interventions and changes of scenery are stored; since
 # format 5 states are of parts, and state hashes include bodies at rest and what steps only read. Formats 3 and 4 were
@@ -38,6 +38,8 @@ LAST_OF_EARLIER_HASHES = 2
 # Modules of classes that older versions had elsewhere.
 MOVED = {("mesa_swarm.model", "SwarmModel"): "mesa_swarm.swarm_model"}
 PACKAGES = ("mesa-swarm", "mesa", "numpy", "numba", "shapely", "pyarrow")
+# Temperatures that differ by this part of the hottest have different colours.
+HEAT_STEPS = 64
 # Classes of parameters, besides plain values: written as {name: fields}.
 PARTS = (FireConstants, Radio, Scale)
 CURE = "record a subclass of SwarmModel that makes it in its constructor from numbers and names, or use rerun=False"
@@ -50,11 +52,12 @@ def scenery_of(model: EngineModel) -> dict:
     -------
     dict
         ``designs``; ``robots``, rows [first id, last id, index of their design]; ``shapes`` of obstacles and
-        ground marks on the map; ``loads``, shapes of loads and driven bodies about their own centres, with the name of
-        their `kind` if it is not load; ``kinds``, the names of all kinds if there are own ones; ``layers``, names in
-        the order of the column `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below
-        which it has cooled; ``looks``, from `Looks.as_json`, if the model declares any; ``scale``, map units of a metre
-        and seconds of a step, if the model has one; ``parts``, name and colour of each added part that shows discs.
+        ground marks on the map; ``loads``, shapes of loads and driven bodies about their own centres; each with the
+        name of its ``kind`` if it is not the usual one, and its ``temperature`` if it radiates, to the next of 65
+        colours; ``kinds``, the names of all kinds if there are own ones; ``layers``, names in the order of the column
+        `layer`; ``leave``, the temperature above which a robot is too hot, and ``join``, below which it has cooled;
+        ``looks``, from `Looks.as_json`, if the model declares any; ``scale``, map units of a metre and seconds of a
+        step, if the model has one; ``parts``, name and colour of each added part that shows discs.
     """
     layers, looks = () if model.control is None else model.control.names, looks_of(model)
     still = [body for body in model.obstacle_list if body.mode == "fixed"]
@@ -62,9 +65,9 @@ def scenery_of(model: EngineModel) -> dict:
     return {
         "designs": [_design_to_json(design) for design in model.swarm.designs],
         "robots": _runs(model.swarm.unique_ids.tolist(), model.swarm.design.tolist()),
-        "shapes": [{**shape_to_json(body.shape), **_own_kind(body, OBSTACLE)} for body in still],
+        "shapes": [{**shape_to_json(body.shape), **_own_looks(body, OBSTACLE)} for body in still],
         "loads": [
-            {"id": body.unique_id, **outline_to_json(body.form.outline, body.form.radius), **_own_kind(body, LOAD)}
+            {"id": body.unique_id, **outline_to_json(body.form.outline, body.form.radius), **_own_looks(body, LOAD)}
             for body in model.displaced
         ],
         **kinds,
@@ -82,9 +85,18 @@ def drawn_parts(model: EngineModel) -> list[list[str]]:
     return [[part.name, part.colour] for part in with_discs(model)]
 
 
-def _own_kind(body: Body, usual: int) -> dict:
-    """Return the name of the kind of a body, if it is not the usual one."""
-    return {} if body.kind == KINDS[usual] else {"kind": body.kind}
+def drawn_heat(model: EngineModel) -> bytes:
+    """Return what changes with the colour of a body that radiates, fires left out."""
+    table = model.parts.bodies.table
+    return np.floor(table.temperature[table.kind != FIRE] * HEAT_STEPS + 0.5).tobytes()
+
+
+def _own_looks(body: Body, usual: int) -> dict:
+    """Return the name of the kind of a body, if it is not the usual one, and its temperature, if it radiates."""
+    kind = {} if body.kind == KINDS[usual] else {"kind": body.kind}
+    return (
+        kind if body.temperature is None else {**kind, "temperature": round(body.temperature * HEAT_STEPS) / HEAT_STEPS}
+    )
 
 
 def shows(scenery: dict, other: dict) -> bool:
@@ -108,8 +120,15 @@ def join_sceneries(sceneries: Sequence[tuple[int, dict]]) -> tuple[tuple[int, di
             if last > newest:
                 robots.append([max(first, newest + 1), last, designs.index(scenery["designs"][which])])
         loads |= {load["id"]: load for load in scenery["loads"]}
-    same = {"designs": designs, "robots": robots, "loads": list(loads.values())}
-    return tuple((step, {**scenery, **same}) for step, scenery in sceneries)
+    same = {"designs": designs, "robots": robots}
+    return tuple(
+        (step, {**scenery, **same, "loads": _with_own(loads, scenery["loads"])}) for step, scenery in sceneries
+    )
+
+
+def _with_own(loads: dict[int, dict], there: Sequence[dict]) -> list[dict]:
+    """Return all loads, those that are there at the temperature that they have there."""
+    return list((loads | {load["id"]: load for load in there}).values())
 
 
 def _design_to_json(design: RobotDesign) -> dict:

@@ -34,7 +34,15 @@ from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
 from mesa_swarm.recording.making import check_agent_class
 from mesa_swarm.recording.objects import summary
-from mesa_swarm.recording.provenance import as_metadata, drawn_parts, from_metadata, provenance_of, scenery_of, shows
+from mesa_swarm.recording.provenance import (
+    as_metadata,
+    drawn_heat,
+    drawn_parts,
+    from_metadata,
+    provenance_of,
+    scenery_of,
+    shows,
+)
 from mesa_swarm.recording.schema import (
     MOST_EVERY,
     check_recorded_columns,
@@ -190,7 +198,7 @@ class RowBuffer:
 
 def _signs_of_scenery(model: EngineModel) -> tuple:
     """Return what changes whenever the scenery may change."""
-    return population_of(model), model.fire_constants, drawn_parts(model)
+    return population_of(model), model.fire_constants, drawn_parts(model), drawn_heat(model)
 
 
 def _is_readable(batch: pa.RecordBatch) -> bool:

@@ -366,8 +366,8 @@ RINGS = _form_of_each(list, _form_of_each(list, (NUMBER, NUMBER)), least=1)
 
 
 def _shape(**more: Any) -> list:
-    disc = {"disc": (NUMBER, NUMBER, POSITIVE), "mark_": bool, "kind_": str, **more}
-    return [disc, {"rings": RINGS, "mark_": bool, "kind_": str, **more}]
+    more |= {"mark_": bool, "kind_": str, "temperature_": _number(0, 1)}
+    return [{"disc": (NUMBER, NUMBER, POSITIVE), **more}, {"rings": RINGS, **more}]
 
 
 DESIGN = {

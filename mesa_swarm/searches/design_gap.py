@@ -36,6 +36,7 @@ from mesa_swarm.searches.design import (
     evolve_network,
     settings_of_mission,
 )
+from mesa_swarm.viewing.figures import plain_figure
 from mesa_swarm.viewing.palette import LIGHT
 
 MACHINE, NETWORK = "state machine", "evolved network"
@@ -323,8 +324,7 @@ class ControllerFiles:
 
 def design_gap_figure(gap: DesignGap) -> Figure:
     """Return two charts over the dial: the scores of both kinds, and what they lose; thin lines are single designs."""
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure, ((left, right),) = plain_figure((11, 4.6), 1, 2, grid=True)
     for place, kind in enumerate(KINDS):
         rows = np.array(gap.scores[kind])
         _draw(left, gap.dial, rows, [gap.mean(kind, k) for k in range(len(gap.dial))], place, kind)
@@ -334,8 +334,6 @@ def design_gap_figure(gap: DesignGap) -> Figure:
     right.set(ylabel="score lost since dial 0", title="loss over the gap")
     for axes in (left, right):
         axes.set_xlabel(f"dial: 0 ideal, 1 {gap.preset}")
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.25)
     left.legend(frameon=False)
     return figure
 

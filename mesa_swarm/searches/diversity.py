@@ -32,6 +32,7 @@ from mesa_swarm.maps.map import Map
 from mesa_swarm.searches.design import LINK
 from mesa_swarm.searches.driving import driven_world, tallied
 from mesa_swarm.searches.evolution import Trial, checked_maps, checked_trial, settings_of
+from mesa_swarm.viewing.figures import plain_figure
 from mesa_swarm.viewing.palette import LIGHT
 
 # Measures of behaviour with their ranges.
@@ -259,8 +260,8 @@ def behaviour_figure(found: BehaviourMap) -> Figure:
     A quarter of the cells at most, those of the lowest fitness, share the last colour: a few that collide without end
     would else leave one colour to all others.
     """
-    figure = Figure(figsize=(7.2, 5.6), layout="constrained", facecolor=LIGHT.paper)
-    axes = figure.add_subplot()
+    figure, ((axes,),) = plain_figure((7.2, 5.6))
+    figure.set_facecolor(LIGHT.paper)
     axes.set_facecolor(LIGHT.outside)
     (low, high), (left, right) = (MEASURES[name] for name in found.measures)
     shown = np.ma.masked_invalid(found.fitness)
@@ -270,6 +271,5 @@ def behaviour_figure(found: BehaviourMap) -> Figure:
     image = axes.imshow(shown, origin="lower", extent=extent, aspect="auto", cmap=colours, vmin=least)
     axes.set(xlabel=found.measures[1], ylabel=found.measures[0])
     axes.set_title(f"{found.filled:.0%} of the cells filled by {found.tried:,} controllers", fontsize=11)
-    axes.spines[["top", "right"]].set_visible(False)
     figure.colorbar(image, ax=axes, extend="min", label="best fitness in the cell")
     return figure

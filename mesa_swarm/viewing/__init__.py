@@ -10,16 +10,18 @@ from mesa_swarm.base.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.recording.frames import frame_of
+    from mesa_swarm.viewing.figures import literal, make_plain, plain_figure, png, svg
     from mesa_swarm.viewing.palette import LIGHT
-    from mesa_swarm.viewing.pictures import draw_world, legend_of, literal, png, world_figure
+    from mesa_swarm.viewing.pictures import draw_world, legend_of, world_figure
     from mesa_swarm.viewing.run_pictures import trace
     from mesa_swarm.viewing.scene import scene_of
 
 # Module: the public names that live in it.
 _MODULES = {
     "recording.frames": "frame_of",
+    "viewing.figures": "literal make_plain plain_figure png svg",
     "viewing.palette": "LIGHT",
-    "viewing.pictures": "draw_world legend_of literal png world_figure",
+    "viewing.pictures": "draw_world legend_of world_figure",
     "viewing.run_pictures": "trace",
     "viewing.scene": "scene_of",
 }
@@ -30,8 +32,11 @@ __all__ = [
     "frame_of",
     "legend_of",
     "literal",
+    "make_plain",
+    "plain_figure",
     "png",
     "scene_of",
+    "svg",
     "trace",
     "world_figure",
 ]

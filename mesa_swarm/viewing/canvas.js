@@ -24,7 +24,8 @@
 
    world (JSON, made by `Scene.world` in viewing/scene.py):
      bounds      [x_min, y_min, x_max, y_max], map units, y up
-     shapes      [{ disc: [x, y, r] } or { rings: [[[x, y], ...], ...] }, each with mark: true on the ground]
+     shapes      [{ disc: [x, y, r] } or { rings: [[[x, y], ...], ...] }, each with mark: true on the ground, its kind if that
+                 is of the model's own, and its temperature if it radiates]
      loads       the same about their own centres
      designs     [{ name, radius, holonomic, sensors: [[mount_x, mount_y, bearing, half_angle, range], ...] }]
      scale       [map units a metre, seconds a step], if they are known
@@ -330,7 +331,7 @@ export class Stage {
   legend() {
     const { legend = [], looks, columns } = this.#world, { label, low, high } = looks?.column ?? {};
     const values = columns.some(({ name }) => name === "value") && this.#values, on = this.#toggles, colours = this.#colours;
-    const bodies = legend.filter(({ form }) => form === "body").map((entry) => ({ ...entry, colours: entry[this.#theme] }));
+    const bodies = legend.filter(({ form }) => form !== "field").map((entry) => ({ ...entry, colours: entry[this.#theme], low: 0, high: 1 }));
     const robots = values ? [{ form: "value", name: label, low, high, colours: values }] : [];
     const sectors = on.sectors && (!this.#dense || this.#chosen !== null);
     const only = (form, is, shades = [colours[form]]) => (is && this.#seen.has(form) ? [{ form, name: MEANINGS[form], colours: shades }] : []);
@@ -525,6 +526,12 @@ export class Stage {
 
   #kindColour(kind, usual) { return this.#world.looks?.kinds[this.#theme][kind] ?? usual; }
 
+  /** Return the colour of a body: of its kind if the model declares one, else of its temperature if it has one. */
+  #bodyColour({ kind, temperature }, usual) {
+    const colours = this.#colours, cold = temperature === undefined;
+    return this.#kindColour(kind ?? usual, cold ? colours[usual] : fireColour(colours, temperature));
+  }
+
   #fieldColour(index) {
     const { scalars } = this.#colours;
     return scalars[index % scalars.length];
@@ -550,7 +557,7 @@ export class Stage {
   #prepare() {
     const { designs, shapes, loads } = this.#world;
     this.#designs = designs.map((design) => ({ ...design, rows: design.sensors.map(sensorRow), reach: reachOf(design), area: areaOf(design) }));
-    this.#shapes = shapes.map((shape) => ({ path: pathOf(shape), mark: shape.mark, kind: shape.kind }));
+    this.#shapes = shapes.map((shape) => ({ ...shape, path: pathOf(shape) }));
     this.#loads = loads.map(pathOf);
     this.#reach = designs.reduce((most, design) => Math.max(most, reachOf(design)), 10);
     const least = Math.min(...designs.map(({ radius }) => radius));
@@ -610,9 +617,10 @@ export class Stage {
   #drawStanding(context) {
     const colours = this.#colours, [x0, y0, x1, y1] = this.#world.bounds;
     for (const wanted of [true, false]) {
-      for (const { path, mark, kind } of this.#shapes) {
+      for (const body of this.#shapes) {
+        const { path, mark } = body;
         if (Boolean(mark) !== wanted) continue;
-        context.fillStyle = this.#kindColour(kind ?? (mark ? "mark" : "obstacle"), mark ? colours.mark : colours.obstacle);
+        context.fillStyle = this.#bodyColour(body, mark ? "mark" : "obstacle");
         context.fill(path, "evenodd");
       }
     }
@@ -746,7 +754,7 @@ export class Stage {
       context.save();
       context.translate(x, y);
       context.rotate(heading);
-      context.fillStyle = this.#kindColour(this.#world.loads[index].kind ?? "load", this.#colours.load);
+      context.fillStyle = this.#bodyColour(this.#world.loads[index], "load");
       context.fill(this.#loads[index], "evenodd");
       context.restore();
     }
@@ -1456,7 +1464,7 @@ function fieldImage(field, colour) {
 }
 
 // Forms that are bars of colours, with a range.
-const BARS = ["value", "field", "fire"];
+const BARS = ["value", "field", "fire", "radiant"];
 // How others are drawn beside their names: paths in a box of 16 by 12, each filled or (from "-" on) a line, "=" a dashed one.
 const ROUND = (r, x = 8) => `M${x - r} 6a${r} ${r} 0 1 1 ${2 * r} 0a${r} ${r} 0 1 1 ${-2 * r} 0z`, HALVES = [ROUND(5), "M8 1a5 5 0 0 1 0 10z", "-" + ROUND(5)];
 const SECTOR = "M1 6L13.5 .5A13 13 0 0 1 13.5 11.5z";

@@ -34,7 +34,7 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.recording.frames import table_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.robots.real_robots import Scale
-from mesa_swarm.viewing.animation import export_animation
+from mesa_swarm.viewing.drawing import export_animation
 from mesa_swarm.viewing.films import check_even, export_film, export_gif, ffmpeg
 from mesa_swarm.viewing.pictures import Look, export_stills, still_paths
 from mesa_swarm.viewing.recorded_steps import PicturedSteps, RecordedSteps

@@ -30,13 +30,10 @@ from mesa_swarm.viewing.pictures import (
     entry_artist,
     film_size,
     literal,
-    peaks_of,
-    scaled,
-    step_text,
     trail_legend,
 )
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
-from mesa_swarm.viewing.scene import Scene
+from mesa_swarm.viewing.scene import Scene, peaks_of, scaled, step_text
 from mesa_swarm.world.fields import LEVELS
 
 DOTS_PER_INCH = 100

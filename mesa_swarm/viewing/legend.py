@@ -22,7 +22,7 @@ class LegendEntry:
     Parameters
     ----------
     form : str
-        "body", "value" or "field".
+        "body", "radiant", "value" or "field".
     label : str
     light, dark : tuple of str
         Its colour in each theme, #rrggbb; of values and fields those from the least to the greatest value.
@@ -39,8 +39,9 @@ class LegendEntry:
 
     @property
     def text(self) -> str:
-        """The label, with the range of values if there is one."""
-        return f"{self.label}, {self.low:.3g} to {self.high:.3g}" if self.high > self.low else self.label
+        """The label, with the range of values if there is one, and with what has these values."""
+        label = f"robot, {self.label}" if self.form == "value" else self.label
+        return f"{label}, {self.low:.3g} to {self.high:.3g}" if self.high > self.low else label
 
     def as_json(self) -> dict:
         """Return the entry as a browser shows it."""
@@ -83,6 +84,12 @@ def value_entry(looks: dict) -> LegendEntry:
     return LegendEntry(
         form="value", label=column["label"], light=light, dark=dark, low=column["low"], high=column["high"]
     )
+
+
+def heat_entry(kind: str) -> LegendEntry:
+    """Return the entry of a kind of body that is drawn in the colour of its temperature."""
+    light, dark = (palette.fire[::4] for palette in PALETTES.values())
+    return LegendEntry(form="radiant", label=f"{kind}, temperature", light=light, dark=dark, high=1.0)
 
 
 def field_entry(name: str, place: int) -> LegendEntry:

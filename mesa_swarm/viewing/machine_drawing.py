@@ -15,8 +15,8 @@ from matplotlib.text import Text
 
 from mesa_swarm.control.layer import Layer
 from mesa_swarm.control.state_machine import StateMachine
+from mesa_swarm.viewing.figures import literal
 from mesa_swarm.viewing.palette import LIGHT, layer_colour
-from mesa_swarm.viewing.pictures import literal
 
 # Radius of a disc, of the part of it in which text stands, and distance of an arrow's ends from the disc.
 RADIUS, INSIDE, GAP = 1.0, 0.84, 0.06

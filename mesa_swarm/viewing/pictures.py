@@ -1,17 +1,14 @@
 """Pictures of the world, and of single steps of a recording."""
 
-import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import shapely
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection, PatchCollection, PathCollection
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
@@ -28,42 +25,29 @@ from numpy.typing import ArrayLike
 from mesa_swarm.base.errors import ExportError, InvalidValueError, check_count, shortened
 from mesa_swarm.base.files import write_whole
 from mesa_swarm.base.progress import progress_bar
-from mesa_swarm.base.wording import time_text
 from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import LABEL_BYTES
-from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_peaks, frame_of
-from mesa_swarm.recording.layout import PIXELS
+from mesa_swarm.recording.frames import Frame, field_levels, frame_of
 from mesa_swarm.robots.real_robots import Scale, length_unit
 from mesa_swarm.robots.sensors import ProximitySensor, mount_of
+from mesa_swarm.viewing.drawing import tracks
+from mesa_swarm.viewing.figures import DOTS_PER_INCH, literal, png, svg
 from mesa_swarm.viewing.final_state import FinalState
 from mesa_swarm.viewing.legend import LegendEntry
-from mesa_swarm.viewing.palette import (
-    LIGHT,
-    MEANINGS,
-    fire_colour,
-    kind_colour,
-    scalar_pixels,
-    value_colours,
-    value_steps,
-)
+from mesa_swarm.viewing.palette import LIGHT, MEANINGS, kind_colour, scalar_pixels
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
-from mesa_swarm.viewing.scene import Scene, looks_in, scene_of
+from mesa_swarm.viewing.scene import PART_OPACITY, USUAL, Painted, Scene, in_one_scale, looks_in, scene_of, step_text
 from mesa_swarm.viewing.trails import reach, stride
 from mesa_swarm.world.shapes import Shape
 
 SMALLEST, LARGEST = 64, 4096
-# The longer side of the world in a film.
-USUAL = 800
 # Above the world of a film stands its name and step; around it is a margin.
 CAPTION, MARGIN = 32, 4
 # What can be drawn: a model as it is now, a stored final state, or a frame and the scene behind it.
 Shown = EngineModel | FinalState | tuple[Frame, Scene]
 # Points of a trail, from which on some are left out: films draw them in every frame.
 MOST_POINTS = 60
-DOTS_PER_INCH = 200
-# Of discs of parts; canvas.js has the same number.
-PART_OPACITY = 0.6
 # Around labels of robots, which may stand on fields and on other robots.
 HALO = [withStroke(linewidth=1.6, foreground=LIGHT.ground)]
 
@@ -106,35 +90,21 @@ def parsed_size(text: str) -> tuple[int, int]:
     return int(parts[0]), int(parts[1])
 
 
-def trails_of(drawn: PicturedSteps, step: int, length: int) -> list[np.ndarray]:
-    """Return the positions (k, 2) of each robot of a step during the last `length` steps up to it, oldest first.
-
-    Of more than `MOST_POINTS` only as many are left out as permits lines between the others that keep away from walls.
-    """
-    tracks = _tracks(drawn, step, length)
-    spared = _spared(drawn, tracks)
-    return [positions[::-1][::spared][::-1] for _, positions in tracks]
-
-
 def _tracks(drawn: PicturedSteps, step: int, length: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the same of all recorded steps, each robot's steps (k,) before its positions."""
+    """Return recorded steps (k,) and positions (k, 2) of each robot of a step, in the last `length` steps up to it."""
     steps = drawn.steps[(drawn.steps >= step - length) & (drawn.steps <= step)]
     frames = [drawn.frame(number) for number in steps.tolist()]
     robots = frames[-1].robots
     if all(np.array_equal(frame.robots, robots) for frame in frames):
         return [(steps, track) for track in np.stack([frame["position"] for frame in frames], axis=1)]
-    places: dict[int, list] = {robot: [] for robot in robots.tolist()}
-    for frame in frames:
-        for robot, place in zip(frame.robots.tolist(), frame["position"].tolist(), strict=True):
-            places.get(robot, []).append((frame.step, place))
-    rows = (zip(*places[robot], strict=True) for robot in robots.tolist())
-    return [(np.array(times), np.array(track)) for times, track in rows]
+    found = {track.number: track for track in tracks((frame.robots, frame["position"]) for frame in frames)}
+    return [(steps[found[robot].present], found[robot].values[found[robot].present]) for robot in robots.tolist()]
 
 
-def _spared(drawn: PicturedSteps, tracks: Sequence[tuple[np.ndarray, np.ndarray]]) -> int:
+def _spared(drawn: PicturedSteps, ways: Sequence[tuple[np.ndarray, np.ndarray]]) -> int:
     """Return of how many points one is drawn: all of short trails, and of long ones as many as lines need."""
     designs = drawn.scene.designs[:-1] or drawn.scene.designs  # the last one is that of unknown robots
-    longest = max((len(steps) for steps, _ in tracks), default=1)
+    longest = max((len(steps) for steps, _ in ways), default=1)
     return min(-(-longest // MOST_POINTS), *(stride(design.radius, design.max_speed) for design in designs))
 
 
@@ -144,9 +114,9 @@ def trail_parts(drawn: PicturedSteps, step: int, length: int) -> tuple[list[np.n
     Where a robot was put somewhere else, a line ends and another begins.
     """
     designs = drawn.scene.designs
-    tracks, lines, dots = _tracks(drawn, step, length), [], [np.empty((0, 2))]
-    spared, kinds = _spared(drawn, tracks), drawn.scene.design_of(drawn.frame(step).robots)
-    for (steps, places), kind in zip(tracks, kinds.tolist(), strict=True):
+    ways, lines, dots = _tracks(drawn, step, length), [], [np.empty((0, 2))]
+    spared, kinds = _spared(drawn, ways), drawn.scene.design_of(drawn.frame(step).robots)
+    for (steps, places), kind in zip(ways, kinds.tolist(), strict=True):
         gaps, way = np.diff(steps), np.hypot(*np.diff(places, axis=0).T)
         design = designs[kind]
         jumps = way > [reach(design.radius, design.max_speed, gap) for gap in gaps.tolist()]
@@ -199,12 +169,9 @@ def draw_scene(axes: Axes, scene: Scene, step: int) -> None:
     if scene.scale is not None:
         _in_metres(axes, scene.scale, scene.bounds)
         _draw_ruler(axes, scene.scale, scene.bounds)
-    obstacles = scene.obstacles(step)
-    pairs = list(zip(obstacles, scene.obstacle_kinds(step), strict=True))
-    for height, label, usual in ((1, "marks", LIGHT.mark), (2, "obstacles", LIGHT.obstacle)):
-        chosen = [(shape, kind) for shape, kind in pairs if shape.contact == (height == 2)]
-        colours = [kind_colour(scene.looks, kind, usual) for _, kind in chosen]
-        _draw_shapes(axes, [shape for shape, _ in chosen], colours, height, label)
+    for height, label in ((1, "marks"), (2, "obstacles")):
+        chosen = [pair for pair in scene.standing(step) if pair[0].contact == (height == 2)]
+        _draw_shapes(axes, chosen, height, label)
 
 
 def _in_metres(axes: Axes, scale: Scale, bounds: Bounds) -> None:
@@ -239,10 +206,10 @@ def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) ->
     _draw_fields(axes, frame, scene)
     _draw_discs(axes, frame, scene)
     _draw_loads(axes, frame, scene)
-    _draw_fires(axes, frame)
+    _draw_fires(axes, scene.fires(frame))
     if sectors:
         _draw_sectors(axes, frame, scene)
-    _draw_robots(axes, frame, scene)
+    _draw_robots(axes, scene.robots(frame))
     if "label" in scene.columns:
         _draw_labels(axes, frame, scene)
     if "perceived" in frame.columns:
@@ -251,12 +218,11 @@ def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) ->
 
 def _draw_loads(axes: Axes, frame: Frame, scene: Scene) -> None:
     """Draw loads below robots, and small ones, which robots may carry, above."""
-    small = [load in scene.small for load in scene.load_ids(frame)]
-    kinds, shapes = scene.load_kinds(frame), scene.loads(frame)
+    loads = scene.loads(frame)
+    rows = zip(loads.ids.tolist(), loads.poses.tolist(), loads.colours[:, 0].tolist(), strict=True)
+    shapes = [(load in scene.small, scene.forms[load].shape_at(tuple(pose)), colour) for load, pose, colour in rows]
     for height, above in ((2, False), (8, True)):
-        chosen = [place for place, is_small in enumerate(small) if is_small is above]
-        colours = [kind_colour(scene.looks, kinds[place], LIGHT.load) for place in chosen]
-        _draw_shapes(axes, [shapes[place] for place in chosen], colours, height, "loads")
+        _draw_shapes(axes, [pair for is_small, *pair in shapes if is_small is above], height, "loads")
 
 
 def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:
@@ -280,9 +246,11 @@ def _draw_discs(axes: Axes, frame: Frame, scene: Scene) -> None:
         _discs(axes, discs[:, 1:3], discs[:, 3], to_rgba_array(colours, PART_OPACITY), colours, 2.5, label="parts")
 
 
-def _draw_shapes(axes: Axes, shapes: Sequence[Shape], colours: Sequence[str], height: int, label: str) -> None:
+def _draw_shapes(axes: Axes, shapes: Sequence[Sequence], height: int, label: str) -> None:
+    """Draw shapes, each with its colour."""
     if shapes:
-        paths = [_outline(shape) for shape in shapes]
+        outlines, colours = zip(*shapes, strict=True)
+        paths = [_outline(shape) for shape in outlines]
         axes.add_collection(PathCollection(paths, facecolors=colours, linewidths=0, zorder=height, label=label))
 
 
@@ -295,17 +263,11 @@ def _outline(shape: Shape) -> Outline:
     return Outline.make_compound_path(*(Outline(shapely.get_coordinates(ring), closed=True) for ring in rings))
 
 
-def _draw_fires(axes: Axes, frame: Frame) -> None:
-    fires = frame.columns.get("fires", NO_ROWS["fires"])
-    out, position = fires["out"], np.column_stack([fires["x"], fires["y"]]).astype(float)
-    # Single precision may have rounded a temperature to just above 1.
-    burning = map(fire_colour, np.clip(fires["temperature"].astype(float), 0.0, 1.0))
-    colours = to_rgba_array([LIGHT.ashes if dead else warm for dead, warm in zip(out, burning, strict=True)])
-    rims = np.where(out, LIGHT.border, LIGHT.fire_rim)
-    _discs(axes, position, fires["radius"].astype(float), colours, rims, 3, label="fires")
-    for i, (x, y) in enumerate(position):
-        colour = LIGHT.on_ashes if out[i] else LIGHT.on_fire
-        axes.text(x, y, str(i + 1), color=colour, size=7, ha="center", va="center", zorder=4, clip_on=True)
+def _draw_fires(axes: Axes, fires: Painted) -> None:
+    discs, rims, inks = fires.colours.T
+    _discs(axes, fires.poses[:, :2], fires.radii, to_rgba_array(discs.tolist()), rims, 3, label="fires")
+    for number, ((x, y, _), ink) in enumerate(zip(fires.poses.tolist(), inks, strict=True), start=1):
+        axes.text(x, y, str(number), color=ink, size=7, ha="center", va="center", zorder=4, clip_on=True)
 
 
 def _discs(
@@ -318,30 +280,16 @@ def _discs(
     axes.add_collection(discs)
 
 
-def _draw_robots(axes: Axes, frame: Frame, scene: Scene) -> None:
-    position, facing = frame["position"].astype(float), scene.facing(frame)
-    if not len(position):
+def _draw_robots(axes: Axes, robots: Painted) -> None:
+    if not len(robots.ids):
         return
-    radius, backs = scene.radius_of(frame.robots), _backs(frame, scene)
-    _discs(axes, position, radius, backs, LIGHT.robot_outline, 5, label="robots")
-    ahead = radius[:, None] * np.column_stack([np.cos(facing), np.sin(facing)])
+    position, facing = robots.poses[:, :2], robots.poses[:, 2]
+    _discs(axes, position, robots.radii, robots.colours[:, 0], LIGHT.robot_outline, 5, label="robots")
+    ahead = robots.radii[:, None] * np.column_stack([np.cos(facing), np.sin(facing)])
     fronts = _half_discs(position, 0.92 * ahead)
     axes.add_collection(PathCollection(fronts, facecolors=LIGHT.robot_front, linewidths=0, zorder=6, label="fronts"))
-    tips = position + ahead
-    lines = LineCollection(
-        list(np.stack([position, tips], axis=1)), colors=LIGHT.robot_outline, linewidths=0.7, zorder=7
-    )
-    axes.add_collection(lines)
-
-
-def _backs(frame: Frame, scene: Scene) -> np.ndarray:
-    """Return the colour of each robot: of its value if the model's looks have one, else whether it is too hot."""
-    backs = np.where(frame["hot"], LIGHT.robot_hot, kind_colour(scene.looks, "robot", LIGHT.robot))
-    if "value" not in scene.columns:
-        return backs
-    column, values = scene.looks["column"], looks_in(frame, scene)[0]
-    steps = value_steps(values, column["low"], column["high"])
-    return np.where(steps < 0, backs, np.array(value_colours(scene.looks, "light"))[steps])
+    lines = np.stack([position, position + ahead], axis=1)
+    axes.add_collection(LineCollection(list(lines), colors=LIGHT.robot_outline, linewidths=0.7, zorder=7))
 
 
 def _draw_labels(axes: Axes, frame: Frame, scene: Scene) -> None:
@@ -458,8 +406,7 @@ def entry_artist(entry: LegendEntry) -> Artist:
     """Return an entry of a legend as Matplotlib takes it."""
     if entry.form == "body":
         return Patch(color=entry.light[0], label=literal(entry.label))
-    about = "robot, " if entry.form == "value" else ""
-    return ColourBar(entry.light, literal(about + entry.text))
+    return ColourBar(entry.light, literal(entry.text))
 
 
 def _robot_entry(label: str, colour: str) -> Line2D:
@@ -500,52 +447,6 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False, more: Sequen
     return figure
 
 
-def in_one_scale(worlds: dict[str, tuple[Frame, Scene]]) -> dict[str, tuple[Frame, Scene]]:
-    """Return worlds whose fields of one name are drawn alike: the largest value of all of them has the full colour."""
-    largest: dict[str, float] = {}
-    for frame, scene in worlds.values():
-        for name, peak in peaks_of(frame, scene).items():
-            largest[name] = max(peak, largest.get(name, 0.0))
-    return {title: (scaled(frame, scene, largest), scene) for title, (frame, scene) in worlds.items()}
-
-
-def peaks_of(frame: Frame, scene: Scene) -> dict[str, float]:
-    """Return the largest value so far of each field by name, 0 where it is not known."""
-    return dict(zip(scene.fields, field_peaks(frame, scene.fields), strict=True))
-
-
-def scaled(frame: Frame, scene: Scene, largest: dict[str, float]) -> Frame:
-    """Return a frame in which these values of its fields have the full colour, if they are known and no smaller."""
-    columns, peaks = frame.columns, peaks_of(frame, scene)
-    if "fields" not in columns or len(columns["fields"]) != len(scene.fields) or peaks == largest:
-        return frame
-    for name, peak in peaks.items():
-        if 0.0 < peak < largest[name]:
-            levels = np.rint(field_levels(frame, name) * np.sqrt(peak / largest[name])).astype(np.uint8)
-            columns = {**columns, PIXELS + name: levels}
-    table = columns["fields"].copy()
-    table["peak"] = [largest[name] for name in scene.fields]
-    return replace(frame, columns={**columns, "fields": table})
-
-
-def step_text(step: int, scale: Scale | None) -> str:
-    """Return the caption of a step, with its time if that is known."""
-    return f"step {step:,}" if scale is None else f"step {step:,}, {time_text(scale.seconds(step))}"
-
-
-def literal(text: str) -> str:
-    """Return a text that Matplotlib shows as it is: between dollars it would parse mathematics."""
-    return text.replace("$", "\\$")
-
-
-def png(figure: Figure, dots_per_inch: float = DOTS_PER_INCH) -> bytes:
-    """Return a figure as a PNG; the same figure gives the same bytes."""
-    file = io.BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(file, format="png", dpi=dots_per_inch, metadata={"Software": None})
-    return file.getvalue()
-
-
 def still_paths(path: Path, steps: Sequence[int], sheet: bool) -> dict[Path, list[int]]:
     """Return which steps each file shows: a single file has the given name, several have their steps added.
 
@@ -583,11 +484,3 @@ def still_figure(drawn: PicturedSteps, steps: Sequence[int], look: Look) -> Figu
         width, height = look.size
         figure.set_size_inches(width / DOTS_PER_INCH, height / DOTS_PER_INCH)
     return figure
-
-
-def svg(figure: Figure) -> bytes:
-    """Return a figure as SVG; the same figure gives the same bytes."""
-    file = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "mesa_swarm"}):
-        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
-    return file.getvalue()

@@ -1,5 +1,6 @@
 /* Plays a recording on a Stage. Frames come in chunks (see viewing/packing.py), out of the page itself or from
-   `mesa-swarm replay`; the page's element "about" has which of the two. `window.mesaSwarmReplay` is for tests. */
+   `mesa-swarm replay`; the page's element "about" has which of the two. Put behind canvas.js and
+   elements.js. `window.mesaSwarmReplay` is for tests. */
 
 import { Stage, TRAIL_STEPS, fillLegend, sameIds, togglesOf } from "./canvas.js";
 
@@ -398,9 +399,7 @@ class Player {
   }
 
   note(text) {
-    const line = document.createElement("p");
-    line.textContent = text;
-    if (![...find("notes").children].some((child) => child.textContent === text)) find("notes").append(line);
+    if (![...find("notes").children].some((child) => child.textContent === text)) find("notes").append(make("p", {}, text));
   }
 
   setSpeed(value) {
@@ -518,38 +517,24 @@ class Player {
   }
 
   toggleItem(name, label, on) {
-    const item = document.createElement("label"), box = document.createElement("input");
-    box.type = "checkbox";
-    box.checked = on;
-    box.name = name;
-    box.addEventListener("change", () => {
-      this.stage.set(name, box.checked);
+    const change = ({ target }) => {
+      this.stage.set(name, target.checked);
       if (name === "trails") this.goTo(this.row);
       this.describeLayers();
-    });
-    const text = document.createElement("span");
-    text.textContent = item.title = label;
-    item.classList.toggle("wide", name.startsWith("fields."));
-    item.append(box, text);
-    return item;
+    };
+    const box = make("input", { type: "checkbox", name, checked: on, change });
+    return make("label", { title: label, class: name.startsWith("fields.") && "wide" }, box, make("span", {}, label));
   }
 
   showEvents(events) {
     this.events = events;
     find("events-title").textContent = events.length ? `Events (${events.length})` : "No events";
     for (const event of events.slice(0, MOST_EVENTS)) {
-      const item = document.createElement("li"), button = document.createElement("button"), go = () => this.goTo(this.rowOf(event.step));
-      const place = document.createElement("span"), mark = document.createElement("i");
-      button.type = "button";
-      button.className = MARKS[event.kind] ?? "";
-      place.textContent = event.step.toLocaleString("en");
-      button.append(place, event.text);
-      button.addEventListener("click", go);
-      item.append(button);
-      find("events").append(item);
-      mark.className = button.className;
-      mark.title = `step ${event.step}: ${event.text}`;
-      mark.style.left = `${this.last > 0 ? (100 * this.rowOf(event.step)) / this.last : 0}%`;
+      const kind = MARKS[event.kind] ?? "", row = this.rowOf(event.step), place = make("span", {}, event.step.toLocaleString("en"));
+      const button = make("button", { type: "button", class: kind, click: () => this.goTo(row) }, place, event.text);
+      const mark = make("i", { class: kind, title: `step ${event.step}: ${event.text}` });
+      mark.style.left = `${this.last > 0 ? (100 * row) / this.last : 0}%`;
+      find("events").append(make("li", {}, button));
       find("marks").append(mark);
     }
     if (events.length > MOST_EVENTS) this.note(`Of ${events.length} events the first ${MOST_EVENTS} are listed.`);
@@ -601,12 +586,8 @@ class Player {
 }
 
 function fill(list, facts) {
-  list.replaceChildren(...Object.entries(facts).flatMap(([name, value]) => {
-    const term = document.createElement("dt"), text = document.createElement("dd");
-    term.textContent = name.replaceAll("_", " ");
-    text.textContent = String(value);
-    return [term, text];
-  }));
+  const rows = Object.entries(facts).map(([name, value]) => [make("dt", {}, name.replaceAll("_", " ")), make("dd", {}, String(value))]);
+  list.replaceChildren(...rows.flat());
 }
 
 function nearest({ distance, kind, counts }, row, kinds) {

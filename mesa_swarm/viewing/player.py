@@ -11,7 +11,7 @@ from typing import Protocol
 
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.recording.provenance import drawn_parts
+from mesa_swarm.recording.provenance import drawn_heat, drawn_parts
 from mesa_swarm.recording.recorder import Recorder
 from mesa_swarm.recording.shown import pictures_of, shown_of
 from mesa_swarm.viewing.faults import reported
@@ -441,7 +441,7 @@ class Player(Played):
         standing = model.obstacle_list
         last = standing[-1].unique_id if standing else 0  # ids only grow: with the number they identify every change
         key = id(model), model.swarm.version, len(standing), last, id(model.control), model.fire_constants.leave
-        key = *key, *pictures_of(model), *map(tuple, drawn_parts(model))
+        key = *key, *pictures_of(model), *map(tuple, drawn_parts(model)), drawn_heat(model)
         if self._scene is None or key != self._scene_key:
             self._scene, self._scene_key = scene_of(model), key
             world = self._scene.world()

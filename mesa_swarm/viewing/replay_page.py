@@ -132,7 +132,8 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
 
 def script() -> str:
     """Return all that the page runs."""
-    return "\n" + palette.script() + text_of("viewing/canvas.js") + text_of("viewing/player.js").replace(IMPORT, "")
+    made = palette.script() + text_of("viewing/canvas.js", "viewing/elements.js")
+    return "\n" + made + text_of("viewing/player.js").replace(IMPORT, "")
 
 
 def style() -> str:

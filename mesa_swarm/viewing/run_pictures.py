@@ -18,8 +18,8 @@ from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.snapshots import check_watched
 from mesa_swarm.viewing.palette import LIGHT, layer_colour
-from mesa_swarm.viewing.pictures import Shown, literal, step_text, world_figure
-from mesa_swarm.viewing.scene import scene_of
+from mesa_swarm.viewing.pictures import Shown, literal, world_figure
+from mesa_swarm.viewing.scene import scene_of, step_text
 from mesa_swarm.viewing.trails import reach, stride
 
 MOST_TRACES = 8

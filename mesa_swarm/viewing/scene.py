@@ -6,22 +6,33 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
 from mesa_swarm.base.errors import RecordingError
+from mesa_swarm.base.wording import time_text
 from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import LABEL, LABEL_BYTES, VALUE, label_text
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_names, field_peaks
+from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.recording.provenance import recorded_map, scenery_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.shown import pictures_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import ProximitySensor
-from mesa_swarm.viewing.legend import STANDARD, LegendEntry, body_entries, field_entry, part_entry, value_entry
-from mesa_swarm.viewing.palette import LIGHT, PALETTES, value_colours
+from mesa_swarm.viewing.legend import (
+    STANDARD,
+    LegendEntry,
+    body_entries,
+    field_entry,
+    heat_entry,
+    part_entry,
+    value_entry,
+)
+from mesa_swarm.viewing.palette import LIGHT, PALETTES, fire_colour, kind_colour, value_colours, value_steps
 from mesa_swarm.world.bodies import Form
 from mesa_swarm.world.shapes import Shape, shape_from_json, shape_to_json
 
@@ -48,7 +59,8 @@ OF_LOOKS = {"value": "column", "label": "label"}
 # Which recorded column a drawn one is made from, where the names differ; those that are always there are not named.
 MADE_FROM = {"heat": "temperature", "heard": "heard_from"}
 ALWAYS = frozenset({"ids", "pose", "design", "fires", "loads", "contacts"})
-# What may change within a scene: robots, designs and loads that were added later are known from its beginning.
+# What may change within a scene, beside the temperature of loads: robots, designs and loads that were added later are
+# known from its beginning.
 OWN = ("shapes", "layers", "leave")
 # Of robots and loads in recordings without scenery, which version 0.1.0 wrote.
 USUAL_DESIGN = {"name": "robot", "radius": 5.0, "max_speed": 1.0, "holonomic": False, "sensors": []}
@@ -57,9 +69,22 @@ USUAL_LEAVE = 100.0
 THEMES = tuple(enumerate(PALETTES))
 # Commanded speed below which a robot stands, map units a step.
 STANDS = 1e-3
+# The longer side of the world in films and moving drawings, pixels.
+USUAL = 800
+# Of discs of parts; canvas.js has the same number.
+PART_OPACITY = 0.6
 # Of discs of parts that name no colour.
 USUAL_COLOUR = LIGHT.scalars[0][:7]
 UNKNOWN = RobotDesign(name="unknown", radius=5.0)
+
+
+class Painted(NamedTuple):
+    """What is drawn of the bodies of one sort in a step, with a row for each of them."""
+
+    ids: np.ndarray  # (k,)
+    poses: np.ndarray  # (k, 3): x, y, and the azimuth of its front
+    radii: np.ndarray  # (k,)
+    colours: np.ndarray  # (k, c): of its parts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +111,9 @@ class Scene:
     @property
     def later(self) -> list[dict]:
         """How the world of the first step changes: the step of each change, and what is true from then on."""
-        return [{"step": step, **{name: scenery[name] for name in OWN}} for step, scenery in self.changes[1:]]
+        warmer = any(scenery["loads"] != self.changes[0][1]["loads"] for _, scenery in self.changes)
+        names = (*OWN, "loads") if warmer else OWN
+        return [{"step": step, **{name: scenery[name] for name in names}} for step, scenery in self.changes[1:]]
 
     @property
     def looks(self) -> dict:
@@ -100,7 +127,8 @@ class Scene:
 
     def legend(self, frame: Frame) -> list[LegendEntry]:
         """Return the entries of a frame: kinds of bodies in it, fields with their ranges, values of robots."""
-        bodies = body_entries(self.looks, self.obstacle_kinds(frame.step), self.load_kinds(frame))
+        scenery, there = self.changes[self._place(frame.step)][1], self.loads(frame).ids
+        bodies = self._bodies_in({**scenery, "loads": [load for load in scenery["loads"] if load["id"] in there]})
         return [*bodies, *self._parts_in_legend, *self._fields_in(frame), *self._values_in_legend]
 
     def own_legend(self, frame: Frame) -> list[LegendEntry]:
@@ -132,13 +160,20 @@ class Scene:
 
     def _own_bodies(self, scenery: dict) -> list[LegendEntry]:
         """Return the entries of bodies if there are kinds of the model's own, or colours of its own for bodies."""
-        kinds = {_kind_of(shape) for shape in scenery["shapes"]} | set(self.kind_of_load.values())
+        kinds = {*map(_kind_of, scenery["shapes"]), *map(_kind_of_load, scenery["loads"])}
         own = kinds - set(STANDARD) or kinds & self.looks.get("kinds", {}).keys()
         return self._bodies_in(scenery) if own else []
 
     def _bodies_in(self, scenery: dict) -> list[LegendEntry]:
-        """Return the entries of all bodies."""
-        return body_entries(self.looks, map(_kind_of, scenery["shapes"]), self.kind_of_load.values())
+        """Return the entries of the bodies of a scenery, those in the colour of their temperature last."""
+        bodies = [(shape, _kind_of(shape)) for shape in scenery["shapes"]]
+        loads = [(load, _kind_of_load(load)) for load in scenery["loads"]]
+        declared = self.looks.get("kinds", {})
+        warm = {kind for body, kind in (*bodies, *loads) if "temperature" in body and kind not in declared}
+        cold = (
+            [kind for body, kind in group if "temperature" not in body or kind in declared] for group in (bodies, loads)
+        )
+        return [*body_entries(self.looks, *cold), *map(heat_entry, sorted(warm))]
 
     @cached_property
     def parts(self) -> tuple[tuple[str, str], ...]:
@@ -163,33 +198,60 @@ class Scene:
         """Return obstacles and ground marks; one object for all steps between two changes of them."""
         return self._obstacles[self._place(step)]
 
-    def obstacle_kinds(self, step: int) -> tuple[str, ...]:
-        """Return the kind of each of `obstacles`, "mark" for those on the ground."""
-        return tuple(map(_kind_of, self.changes[self._place(step)][1]["shapes"]))
+    def standing(self, step: int, theme: str = "light") -> list[tuple[Shape, str]]:
+        """Return each of `obstacles` with its colour."""
+        shapes = self.changes[self._place(step)][1]["shapes"]
+        usual = (self._colour(shape, "mark" if shape.get("mark") else "obstacle", theme) for shape in shapes)
+        return list(zip(self.obstacles(step), usual, strict=True))
 
-    def load_kinds(self, frame: Frame) -> tuple[str, ...]:
-        """Return the kind of each of `loads`."""
-        return tuple(self.kind_of_load[load] for load in self.load_ids(frame))
+    def _colour(self, body: dict, usual: str, theme: str) -> str:
+        """Return the colour of a body: of its kind if the model declares one, else of its temperature if it has one."""
+        palette, heat = PALETTES[theme], body.get("temperature")
+        as_usual = getattr(palette, usual) if heat is None else fire_colour(heat, palette)
+        return kind_colour(self.looks, body.get("kind", usual), as_usual, theme)
 
-    def load_ids(self, frame: Frame) -> tuple[int, ...]:
-        """Return the unique_id of each of `loads`."""
-        rows = frame.columns.get("loads", np.empty(0)).tolist()
-        return tuple(int(load) for load, *_ in rows if load in self.forms)
+    def robots(self, frame: Frame, theme: str = "light", marked: str = "hot") -> "Painted":
+        """Return the robots of a frame, each with the colour of its back.
 
-    @cached_property
-    def kind_of_load(self) -> dict[int, str]:
-        """The kind of each load, by unique_id."""
-        return {load["id"]: load.get("kind", "load") for load in self.changes[0][1]["loads"]}
+        It is that of its value if looks have one, else it shows whether the column `marked` is above 0.
+        """
+        palette = PALETTES[theme]
+        usual = kind_colour(self.looks, "robot", palette.robot, theme)
+        colours = np.where(frame[marked].reshape(-1) > 0, palette.robot_hot, usual)
+        if "value" in self.columns:
+            column, values = self.looks["column"], looks_in(frame, self)[0]
+            steps = value_steps(values, column["low"], column["high"])
+            colours = np.where(steps < 0, colours, np.array(value_colours(self.looks, theme))[steps])
+        poses = np.column_stack([frame["position"].astype(float), self.facing(frame)])
+        return Painted(frame.robots, poses, self.radius_of(frame.robots), colours[:, None])
+
+    def fires(self, frame: Frame, theme: str = "light") -> "Painted":
+        """Return the fires of a frame, each with the colours of its disc, of its rim and of its number."""
+        palette, fires = PALETTES[theme], frame.columns.get("fires", NO_ROWS["fires"])
+        colours = [
+            (palette.ashes, palette.border, palette.on_ashes)
+            if out
+            else (fire_colour(heat, palette), palette.fire_rim, palette.on_fire)
+            for out, heat in zip(fires["out"].tolist(), fires["temperature"].tolist(), strict=True)
+        ]
+        poses = np.column_stack([fires["x"], fires["y"], np.zeros(len(fires))]).astype(float)
+        return Painted(fires["fire"], poses, fires["radius"].astype(float), np.array(colours, object).reshape(-1, 3))
+
+    def loads(self, frame: Frame, theme: str = "light") -> "Painted":
+        """Return the loads of a frame, but for those that `forms` does not have; radii are their reach."""
+        table = frame.columns.get("loads", NO_ROWS["loads"])
+        rows = table[np.isin(table["load"], list(self.forms))]
+        ids = rows["load"].tolist()
+        loads = {load["id"]: load for load in self.changes[self._place(frame.step)][1]["loads"]}
+        colours = [[self._colour(loads[load], "load", theme)] for load in ids]
+        poses = np.column_stack([rows["x"], rows["y"], rows["heading"]]).astype(float)
+        reach = np.array([self.forms[load].reach for load in ids])
+        return Painted(rows["load"], poses, reach, np.array(colours, object).reshape(-1, 1))
 
     def limits(self, step: int) -> tuple[float, float]:
         """Return the temperature from which on a robot is too hot to fight, and the one down to which it then is."""
         scenery = self.changes[self._place(step)][1]
         return float(scenery["leave"]), float(scenery.get("join", scenery["leave"]))
-
-    def loads(self, frame: Frame) -> tuple[Shape, ...]:
-        """Return the loads of a frame where they are, those left out whose shapes are unknown."""
-        rows = frame.columns.get("loads", np.empty(0)).tolist()
-        return tuple(self.forms[load].shape_at(tuple(pose)) for load, *pose in rows if load in self.forms)
 
     def design_of(self, ids: np.ndarray) -> np.ndarray:
         """Return the index of each robot's design, -1 for robots that the scene does not know."""
@@ -305,6 +367,10 @@ def _kind_of(shape: dict) -> str:
     return shape.get("kind", "mark" if shape.get("mark") else "obstacle")
 
 
+def _kind_of_load(load: dict) -> str:
+    return load.get("kind", "load")
+
+
 def scene_of(model: EngineModel) -> Scene:
     """Return the scene of a model; make it anew when robots, obstacles or loads were added or removed."""
     scenery = scenery_of(model)
@@ -395,3 +461,36 @@ def _design(written: dict) -> RobotDesign:
         for x, y, bearing, half, reach in written["sensors"]
     )
     return RobotDesign(name=written["name"], radius=written["radius"], max_speed=written["max_speed"], sensors=sensors)
+
+
+def in_one_scale(worlds: dict[str, tuple[Frame, Scene]]) -> dict[str, tuple[Frame, Scene]]:
+    """Return worlds whose fields of one name are drawn alike: the largest value of all of them has the full colour."""
+    largest: dict[str, float] = {}
+    for frame, scene in worlds.values():
+        for name, peak in peaks_of(frame, scene).items():
+            largest[name] = max(peak, largest.get(name, 0.0))
+    return {title: (scaled(frame, scene, largest), scene) for title, (frame, scene) in worlds.items()}
+
+
+def peaks_of(frame: Frame, scene: Scene) -> dict[str, float]:
+    """Return the largest value so far of each field by name, 0 where it is not known."""
+    return dict(zip(scene.fields, field_peaks(frame, scene.fields), strict=True))
+
+
+def scaled(frame: Frame, scene: Scene, largest: dict[str, float]) -> Frame:
+    """Return a frame in which these values of its fields have the full colour, if they are known and no smaller."""
+    columns, peaks = frame.columns, peaks_of(frame, scene)
+    if "fields" not in columns or len(columns["fields"]) != len(scene.fields) or peaks == largest:
+        return frame
+    for name, peak in peaks.items():
+        if 0.0 < peak < largest[name]:
+            levels = np.rint(field_levels(frame, name) * np.sqrt(peak / largest[name])).astype(np.uint8)
+            columns = {**columns, PIXELS + name: levels}
+    table = columns["fields"].copy()
+    table["peak"] = [largest[name] for name in scene.fields]
+    return replace(frame, columns={**columns, "fields": table})
+
+
+def step_text(step: int, scale: Scale | None) -> str:
+    """Return the caption of a step, with its time if that is known."""
+    return f"step {step:,}" if scale is None else f"step {step:,}, {time_text(scale.seconds(step))}"

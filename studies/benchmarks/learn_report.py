@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mesa_swarm.experiments import Interval, bootstrap_mean, csv_text
-from mesa_swarm.viewing import LIGHT, literal, png
+from mesa_swarm.viewing import LIGHT, literal, plain_figure, png
 from mesa_swarm_studies.benchmarks.benchmark_tasks import BenchmarkTask, benchmark_tasks
 from mesa_swarm_studies.benchmarks.contestants import HOME
 from mesa_swarm_studies.benchmarks.learn_bench import LEARNING_MAPS, MODES, Benchmark, Training
@@ -247,8 +247,8 @@ def task_figure(task: str, lines: Sequence[Line]) -> Figure:
     mine = [line for line in lines if (line.task, line.group) == (task, "test")]
     names = list(dict.fromkeys(line.name for line in mine))
     measures = benchmark_tasks()[task].measures
-    figure = Figure(figsize=(3.0 + 2.6 * len(measures), 1.6 + 0.36 * len(names)), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(measures), sharey=True))
+    size = 3.0 + 2.6 * len(measures), 1.6 + 0.36 * len(names)
+    figure, (panels,) = plain_figure(size, 1, len(measures), letters=9, sharey=True)
     for measure, axes in zip(measures, panels, strict=True):
         for line in mine:
             _mark(axes, line, measure, names.index(line.name))
@@ -258,8 +258,6 @@ def task_figure(task: str, lines: Sequence[Line]) -> Figure:
         axes.set_title(literal(measure), fontsize=11)
         axes.set_xlabel("per robot and 1,000 steps" if measure in PER_THOUSAND else "", fontsize=9)
         axes.grid(axis="y", color=LIGHT.faint, linewidth=0.4, alpha=0.5)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=9)
     panels[0].set_yticks(range(len(names)), [literal(name) for name in names], fontsize=10)
     panels[0].set_ylim(len(names) - 0.5, -0.5)
     if any(line.mode == "learning" for line in mine):
@@ -301,8 +299,8 @@ def curve_figure(runs: Sequence[Training]) -> Figure:
     names = [name for name in dict.fromkeys(run.name for run in runs) if any(_curves(runs, name))]
     columns = min(len(names), COLUMNS)
     rows = -(-len(names) // columns)
-    figure = Figure(figsize=(2.3 * columns + 0.6, 2.1 * rows + 0.5), layout="constrained")
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    size = 2.3 * columns + 0.6, 2.1 * rows + 0.5
+    figure, panels = plain_figure(size, rows, columns, letters=9, sharex=True, sharey=True)
     for axes, name in zip(panels.flat, names, strict=False):
         _draw_curves(axes, np.array(list(_curves(runs, name))))
         axes.set_title(literal(name), fontsize=10)
@@ -326,8 +324,6 @@ def _draw_curves(axes: Axes, curves: np.ndarray) -> None:
     axes.plot(at, np.median(curves, axis=0), color=LIGHT.series[0], linewidth=2.0, clip_on=False, label="their median")
     axes.set_yscale("symlog", linthresh=LINEAR)
     axes.set(xlim=(0, 1), xticks=(0, 0.5, 1))
-    axes.tick_params(labelsize=9)
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _curves(runs: Sequence[Training], name: str) -> Iterator[list[float]]:

@@ -22,7 +22,7 @@ from mesa_swarm.base.files import write_all
 from mesa_swarm.control import Avoid, Explore, Gather, Subsumption
 from mesa_swarm.experiments import csv_text, fitting
 from mesa_swarm.gallery import find_model
-from mesa_swarm.viewing import LIGHT, literal, png
+from mesa_swarm.viewing import LIGHT, literal, plain_figure, png
 
 AREA_PER_ROBOT = 40  # in robot bodies
 ROBOTS_PER_OBSTACLE = 10
@@ -572,8 +572,7 @@ def complexity(repetitions: int, budget: float) -> dict[str, dict[str, dict[int,
 
 def complexity_figure(curves: dict[str, dict[str, dict[int, float]]]) -> Figure:
     """Return a figure with a panel for each set of curves."""
-    figure = Figure(figsize=(4.2 * len(curves), 3.8), layout="constrained")
-    panels = figure.subplots(1, len(curves), squeeze=False).ravel()
+    figure, (panels,) = plain_figure((4.2 * len(curves), 3.8), 1, len(curves), grid=True)
     for axes, (title, lines) in zip(panels, curves.items(), strict=True):
         _draw_curves(axes, title, lines)
     return figure
@@ -590,5 +589,3 @@ def _draw_curves(axes: Axes, title: str, lines: dict[str, dict[int, float]]) -> 
         axes.set_ylim(bottom=0)
     axes.set(title=literal(title), xlabel="robots", ylabel="ms a step")
     axes.legend(fontsize=9, frameon=False)
-    axes.grid(alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from mesa_swarm import AGENT3, Map, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.gallery import find_model
-from mesa_swarm.viewing import LIGHT
+from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column
 from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_share
 from mesa_swarm_studies.laboratory import Laboratory
@@ -190,16 +190,15 @@ def map_checks(fixed: list[dict], backing: list[dict], random: list[dict]) -> tu
 
 def corridor_figure() -> Figure:
     """Return a figure of three paths through a corridor."""
-    figure = Figure(figsize=(7.5, 4.8), layout="constrained")
+    figure, grid = plain_figure((7.5, 4.8), 3, sharex=True)
     named = {"turning on the spot": STATIONARY, "one wheel stopped": TRANSLATIONAL, "ignoring both sides": IGNORING}
-    for axes, (name, how), colour in zip(figure.subplots(3, 1, sharex=True), named.items(), LIGHT.series, strict=False):
+    for axes, (name, how), colour in zip(grid[:, 0], named.items(), LIGHT.series, strict=False):
         places, _ = corridor_path(1, CORRIDOR_STEPS, **how)
         for edge in (MIDDLE - WIDTH / 2, MIDDLE + WIDTH / 2):
             axes.axhline(edge, color=LIGHT.ink, linewidth=2)
         axes.plot(*places.T, ".-", color=colour, linewidth=1.2, markersize=2)
         axes.set_title(f"{name}, {len(places):,} steps", fontsize=10)
         axes.set(xlim=(MIDWAY - 5, END), ylim=(MIDDLE - WIDTH / 2 - 1, MIDDLE + WIDTH / 2 + 1), ylabel="y")
-        axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("x, map units")
     return figure
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from mesa_swarm import AGENT_FIRE, SwarmModel
 from mesa_swarm.gallery import find_model
-from mesa_swarm.viewing import LIGHT, draw_world, frame_of, scene_of
+from mesa_swarm.viewing import LIGHT, draw_world, frame_of, make_plain, scene_of
 from mesa_swarm_studies.drawing import column
 from mesa_swarm_studies.judging import Result, judged_difference, judged_mean
 from mesa_swarm_studies.laboratory import Laboratory
@@ -122,7 +122,7 @@ def series_figure(steps: int) -> Figure:
     axes.plot(temperature, color=LIGHT.series[0])
     axes.axvline(second, color=LIGHT.series[1], linestyle="--", label="a second robot comes")
     axes.set(xlabel="step", ylabel="temperature of the fire")
-    axes.spines[["top", "right"]].set_visible(False)
+    make_plain(axes)
     axes.legend(frameon=False)
     return figure
 

@@ -12,7 +12,7 @@ from mesa_swarm import AGENT9
 from mesa_swarm.experiments import mean_interval
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import ApproachValues, approach_values, wall_readings
-from mesa_swarm.viewing import LIGHT
+from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column, draw_means, plain_axes
 from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_number
 from mesa_swarm_studies.laboratory import Laboratory
@@ -271,13 +271,11 @@ def seen(values: list[float | None]) -> list[float]:
 
 def utility_figure(exact: dict[float, ApproachValues], rows: dict[float, list[dict]]) -> Figure:
     """Return the curves of utility over distance, exact and learned, and the reward."""
-    figure = Figure(figsize=(9.5, 4.2), layout="constrained")
-    for axes, title in zip(figure.subplots(1, 2, sharey=True), ("exact", "learned, mean of runs"), strict=True):
+    figure, (panels,) = plain_figure((9.5, 4.2), 1, 2, grid=True, sharey=True)
+    for axes, title in zip(panels, ("exact", "learned, mean of runs"), strict=True):
         axes.set_title(title, fontsize=11)
         axes.set(xlabel="distance from the wall ahead, map units", xlim=(0, FARTHEST_DRAWN))
         axes.axvline(D_CRIT, color=LIGHT.faint, linestyle=":", linewidth=1)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.25)
         draw_reward(axes, exact[0.0])
     for i, gamma in enumerate(DRAWN_GAMMAS):
         learned = np.mean(column(rows[gamma], "utility"), axis=0)

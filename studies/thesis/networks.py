@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.errors import check_count
 from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import Networks, boltzmann, chosen, fit, fit_in_turn
-from mesa_swarm.viewing import LIGHT
+from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column, draw_means, plain_axes
 from mesa_swarm_studies.judging import Result, judged_difference, judged_fact, judged_mean, judged_number
 from mesa_swarm_studies.laboratory import Laboratory
@@ -102,8 +102,7 @@ def regression_figure(
     outputs = np.array([fitted.outputs(np.full((networks, 1), place)) for place in fine])
     errors = np.sqrt(((outputs - truth(fine)[:, None]) ** 2).mean(axis=0))
     order = errors.argsort()
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(2, 1))
+    figure, ((left, right),) = plain_figure((9.0, 3.6), 1, 2, width_ratios=(2, 1))
     left.plot(x, y, "o", markersize=3.5, color=LIGHT.soft, label="noisy points")
     left.plot(fine, truth(fine), ":", color=LIGHT.ink, linewidth=1.2, label="without noise")
     for which, name, style, colour in ((0, "best", "-", LIGHT.series[0]), (-1, "worst", "--", LIGHT.series[1])):

@@ -9,7 +9,7 @@ from matplotlib.patches import Rectangle
 
 from mesa_swarm import AGENT9
 from mesa_swarm.experiments import oscillating_robot, oscillation, trained
-from mesa_swarm.viewing import LIGHT
+from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column
 from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean
 from mesa_swarm_studies.laboratory import Laboratory
@@ -249,8 +249,7 @@ def by_chance(rows: Rows) -> str:
 
 def oscillation_figure(traces: list[dict[str, Any]]) -> Figure:
     """Return a figure with the way of a robot in each case, and below it its commands, as shares of full speed."""
-    figure = Figure(figsize=(15.0, 5.4), layout="constrained")
-    grid = figure.subplots(2, len(PANELS), height_ratios=(1.5, 1), squeeze=False)
+    figure, grid = plain_figure((15.0, 5.4), 2, len(PANELS), letters=8, height_ratios=(1.5, 1))
     for (title, *_), (way, wheels), trace in zip(PANELS, grid.T, traces, strict=True):
         _draw_way(way, trace)
         way.set_title(title, fontsize=10)
@@ -264,9 +263,6 @@ def oscillation_figure(traces: list[dict[str, Any]]) -> Figure:
     grid[0, 0].set_ylabel("map units")
     grid[1, 0].set_ylabel("command")
     grid[1, 0].legend(frameon=False, fontsize=8, loc="upper left", ncols=2)
-    for axes in figure.axes:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=8)
     return figure
 
 

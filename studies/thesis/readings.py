@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.experiments import mean_interval, quantity, with_limits
-from mesa_swarm.viewing import LIGHT
+from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column
 from mesa_swarm_studies.judging import PASSED, Check, Result, judged_difference
 from mesa_swarm_studies.laboratory import Laboratory
@@ -116,8 +116,7 @@ def remark(figure: str, claims: dict[Reading, tuple[Check, ...]]) -> str:
 
 def readings_figure(rows: Rows) -> Figure:
     """Return a figure of early and late collisions, their correlation with T, and speed, by reading."""
-    figure = Figure(figsize=(11.0, 5.2), layout="constrained")
-    rates, warmth, speed = figure.subplots(1, 3, sharey=True, width_ratios=(2, 1, 1))
+    figure, ((rates, warmth, speed),) = plain_figure((11.0, 5.2), 1, 3, grid=True, sharey=True, width_ratios=(2, 1, 1))
     places = np.arange(len(rows))[::-1]
     _draw_dots(rates, rows, "early", LIGHT.series[1], "first 1,000 steps")
     _draw_dots(rates, rows, "late", LIGHT.series[0], "last 3,000 steps")
@@ -130,9 +129,6 @@ def readings_figure(rows: Rows) -> Figure:
     warmth.axvline(0, color=LIGHT.faint, linewidth=0.8)
     warmth.set(xlabel="correlation with T", xlim=(-1, 1))
     speed.set(xlabel="share of full speed, end", xlim=(0, 1))
-    for axes in figure.axes:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(alpha=0.25)
     return figure
 
 

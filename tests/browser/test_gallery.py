@@ -117,7 +117,7 @@ def test_cards_are_reached_and_pressed_by_keyboard_and_the_current_one_is_marked
 
 def test_a_model_without_a_picture_has_its_initial_letter_until_the_picture_is_drawn(chromium):
     page = blank_page(chromium)
-    assert page.evaluate(OWN, text_of("dashboard/gallery/gallery.js")) == ["<", "<b>Ants", 1]
+    assert page.evaluate(OWN, text_of("viewing/elements.js", "dashboard/gallery/gallery.js")) == ["<", "<b>Ants", 1]
     page.close()
 
 

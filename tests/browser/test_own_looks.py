@@ -12,10 +12,9 @@ from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
-from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, rgb
-from mesa_swarm.viewing.pictures import PART_OPACITY
+from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, fire_colour, rgb
 from mesa_swarm.viewing.replay_page import replay_page
-from mesa_swarm.viewing.scene import scene_of
+from mesa_swarm.viewing.scene import PART_OPACITY, scene_of
 from support.own_parts import Whole
 from support.visits import HOST, Visit, answers, blank_page, free_port
 from support.waiting import wait_until
@@ -218,6 +217,21 @@ def test_a_browser_draws_the_discs_of_a_part_and_names_them(chromium):
     assert np.abs(np.array(drawn["pixels"][:2]) - mixed).max() < 3
     assert np.abs(np.array(drawn["pixels"][2]) - rgb(LIGHT.ground)).max() < 3
     assert ["body", "boards"] in [[form, name.strip()] for form, name in drawn["legend"]]
+
+
+@pytest.mark.parametrize("theme", PALETTES)
+def test_a_browser_draws_what_radiates_in_the_colour_of_its_temperature_and_names_it(chromium, theme):
+    model = SwarmModel(map="openspace", rng=1)
+    model.add_body(disc((200, 300), 30), kind="lamp", mode="fixed", temperature=1.0)
+    model.add_body(disc((600, 300), 30), kind="lamp", temperature=0.5)
+    scene = scene_of(model)
+    frame = base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode()
+    page = blank_page(chromium, viewport={"width": 900, "height": 700})
+    facts = {"script": SCRIPT, "world": scene.world(), "frame": frame, "theme": theme, "off": []}
+    drawn = page.evaluate(DRAW, {**facts, "places": [[200, 300], [600, 300]]})
+    page.close()
+    assert drawn["pixels"] == [rgb(fire_colour(heat, PALETTES[theme])).tolist() for heat in (1.0, 0.5)]
+    assert ["radiant", "lamp, temperature 0 to 1"] in drawn["legend"]
 
 
 def test_a_replay_has_the_discs_of_every_row(chromium, tmp_path):

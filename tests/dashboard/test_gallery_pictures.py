@@ -22,14 +22,13 @@ from mesa_swarm.dashboard.gallery.gallery_pictures import (
     SHOTS,
     address_of,
     draw_both,
-    draw_still,
     drawing_of,
     main,
     moving_of,
     picture_at,
     still_of,
 )
-from mesa_swarm.dashboard.gallery.gallery_view import card_of
+from mesa_swarm.dashboard.gallery.gallery_view import card_of, thumbnail, title
 from mesa_swarm.model.gallery import find_model, gallery_names
 
 PACKED = re.compile(r"data:image/png;base64,([A-Za-z0-9+/=]+)")
@@ -70,7 +69,7 @@ class TestThePicturesOfEveryModel:
         shot = SHOTS[name]
         radii = find_model(name)(**shot.settings, rng=shot.seed).swarm.columns["radius"]
         assert 2 * shot.larger * radii.max() * 250 / shot.window[2] >= 5  # pixels
-        assert any(kind in still_of(name)[0] for kind in (b'class="rear"', b'class="hot"'))
+        assert b'class="robot"' in still_of(name)[0]
 
     def test_load_nothing_and_run_nothing(self, name):
         for content, _ in (still_of(name), moving_of(name)):
@@ -95,7 +94,7 @@ def test_all_pictures_together_are_small():
 
 @pytest.mark.parametrize("name", FEW)
 def test_the_stored_pictures_at_rest_are_as_drawn_today(name):
-    assert unpacked(draw_still(name)) == unpacked(still_of(name)[0].decode()), COMMAND
+    assert unpacked(drawing_of(name, moments=1).text()) == unpacked(still_of(name)[0].decode()), COMMAND
 
 
 @pytest.mark.slow
@@ -135,13 +134,18 @@ def test_cards_of_the_gallery_have_their_pictures_from_the_beginning():
     assert (card["title"], card["about"]) == ("Boids", "Reynolds's three rules on robots that move in any direction.")
 
 
+def test_a_model_of_the_gallery_has_a_title_and_a_thumbnail_that_is_drawn_once():
+    assert title("fire_fighting") == "Fire fighting"
+    assert thumbnail("fire_fighting").startswith("<svg")
+    assert thumbnail("fire_fighting") is thumbnail("fire_fighting")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SHOTS if SHOTS[name].trail])
 def test_trails_of_the_pictures_lead_through_no_obstacle(name):
     """Their points are some steps apart."""
     pictured = drawing_of(name, MOMENTS)
-    first = pictured.sights[0]
-    solid = [body.geometry for body in first.scene.obstacles(first.frame.step) if body.contact]
-    lines = [shapely.LineString(line + first.corner) for line in pictured.lines()]
+    solid = [body.geometry for body in pictured.scene.obstacles(pictured.frames[0].step) if body.contact]
+    lines = [shapely.LineString(line + pictured.corner) for line in pictured.lines()]
     assert lines
     assert not shapely.intersects(lines, shapely.union_all(solid)).any()

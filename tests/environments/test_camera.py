@@ -95,6 +95,12 @@ def test_bodies_that_a_task_adds_are_drawn_where_they_are():
     assert (colour(picture, -50, 30), colour(picture, -80, 30)) == (LIGHT.mark, LIGHT.load)
 
 
+def test_what_radiates_has_the_colour_of_its_temperature():
+    world = World(map=HALL, rng=1)
+    world.add_body(disc((-50, 30), 10), kind="lamp", mode="fixed", temperature=0.5)
+    assert colour(Camera(HALL, longest_side=400).picture(world), -50, 30) == fire_colour(0.5)
+
+
 def test_what_reaches_over_the_edge_is_cut_off():
     picture = pictured([(-98, 2, 0.0), (98, 98, 0.0)])
     assert colour(picture, -100, 1) == LIGHT.robot

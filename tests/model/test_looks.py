@@ -307,7 +307,7 @@ def moving_drawing(folder, ending=".svg"):
 def test_an_animation_has_the_colours_of_values_and_the_labels(tmp_path):
     text = moving_drawing(tmp_path).read_text()
     colours = value_colours(Turning.looks.as_json(), "light")
-    robots = re.findall(r'class="robot" data-robot="\d+" fill="(#\w+)"', text)
+    robots = re.findall(r'<use class="back" fill="(#\w+)"', text)
     assert robots == [colours[8], colours[-1]]
     labels = [re.findall(r">(\d)</text>", group) for group in re.findall(r'<g class="label".*?</g>', text)]
     assert labels == [["0"], ["1", "2", "3"]]

@@ -3,11 +3,15 @@
 import re
 
 import pytest
+from matplotlib.colors import to_hex
 
 from mesa_swarm import Gripper, Looks, Recording, RobotDesign, SwarmModel, disc, rectangle
+from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing.drawing import drawing_of_model
 from mesa_swarm.viewing.export import export
+from mesa_swarm.viewing.palette import DARK, LIGHT, fire_colour
 from mesa_swarm.viewing.pictures import world_figure
-from mesa_swarm.viewing.scene import scene_of
+from mesa_swarm.viewing.scene import scene_of, scene_of_recording
 
 
 class Carrying(SwarmModel):
@@ -48,6 +52,76 @@ def test_an_animation_has_the_colours_of_kinds_and_carried_bodies_on_top(tmp_pat
         model.run(3)
     target = tmp_path / "run.svg"
     export(Recording(tmp_path / "run.arrow"), target, animate=True)
-    fills = re.findall(r'class="(load|robot|obstacles)"[^>]*? fill="(#\w+)"', target.read_text())
+    fills = re.findall(r'class="(body|back|obstacles)"[^>]*? fill="(#\w+)"', target.read_text())
     assert ("obstacles", "#c0c0ff") in fills
     assert [fill for kind, fill in fills if kind != "obstacles"] == ["#007000", "#123456", "#c08030"]
+
+
+class Lit(SwarmModel):
+    """A lamp that stands, one that is carried about, and a pillar; after two steps one is out, and one brighter."""
+
+    def __init__(self, *, rng=None):
+        super().__init__(map="openspace", rng=rng)
+        self.lamp = self.add_body(disc((200, 200), 20), kind="lamp", mode="fixed", temperature=1.0)
+        self.torch = self.add_body(disc((400, 200), 10), kind="lamp", temperature=0.5)
+        self.add_obstacle(disc((600, 200), 10))
+
+    def step(self):
+        super().step()
+        if self.completed == 2:
+            self.lamp.temperature = 0.0
+            self.torch.temperature = 1.0
+
+
+def test_what_radiates_has_the_colour_of_its_temperature_in_pictures():
+    axes = world_figure({"now": Lit()}).axes[0]
+    fills = {one.get_label(): {to_hex(colour) for colour in one.get_facecolor()} for one in axes.collections}
+    assert fills["obstacles"] == {LIGHT.obstacle, fire_colour(1.0)}
+    assert fills["loads"] == {fire_colour(0.5)}
+
+
+def test_what_radiates_has_an_entry_with_colours_in_legends():
+    model = Lit()
+    entries = scene_of(model).legend(frame_of(model))
+    assert [(entry.form, entry.text) for entry in entries] == [
+        ("body", "obstacle"),
+        ("radiant", "lamp, temperature, 0 to 1"),
+    ]
+
+
+def test_a_drawing_has_the_colours_of_temperatures_in_both_themes():
+    text = drawing_of_model(Lit())
+    assert re.findall(r'class="body (?:day|night)"[^>]*? fill="(#\w+)"', text) == [
+        fire_colour(0.5),
+        fire_colour(0.5, DARK),
+    ]
+    assert f'<path class="obstacles day" fill="{fire_colour(1.0)}"' in text
+
+
+def test_pages_get_the_temperatures_of_bodies():
+    world = scene_of(Lit()).world()
+    assert [shape.get("temperature") for shape in world["shapes"][-2:]] == [1.0, None]
+    assert [load["temperature"] for load in world["loads"]] == [0.5]
+
+
+def test_a_kind_whose_colour_a_model_declares_keeps_it_though_it_radiates():
+    class Declared(Lit):
+        looks = Looks(kinds={"lamp": "#ffee00"})
+
+    axes = world_figure({"now": Declared()}).axes[0]
+    loads = [one for one in axes.collections if one.get_label() == "loads"]
+    assert {to_hex(colour) for one in loads for colour in one.get_facecolor()} == {"#ffee00"}
+
+
+def test_a_recording_shows_when_a_temperature_has_changed(tmp_path):
+    model = Lit(rng=1)
+    with model.record(tmp_path / "run.arrow"):
+        model.run(4)
+    recording = Recording(tmp_path / "run.arrow")
+    scene = scene_of_recording(recording)
+    colours = [scene.standing(step)[-2][1] for step in (1, 2, 3, 4)]
+    assert colours == [fire_colour(1.0), *[fire_colour(0.0)] * 3]
+    torch = [scene.loads(frame).colours[0, 0] for frame in recording]
+    assert torch == [fire_colour(0.5), *[fire_colour(1.0)] * 3]
+    (change,) = scene.later
+    assert [load["temperature"] for load in change["loads"]] == [1.0]

@@ -7,10 +7,10 @@ import pytest
 
 from mesa_swarm import AGENT9, HolonomicDrive, Recording, RobotDesign, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.dashboard.gallery.gallery_drawing import WorldDrawing, sight_of
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.models.flocking import Flocking
 from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.viewing.drawing import drawing_of_model
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.pictures import world_figure
 from mesa_swarm.viewing.scene import scene_of
@@ -86,6 +86,5 @@ def test_a_recording_shows_the_same_and_without_commands_the_heading(tmp_path):
 
 def test_thumbnails_show_the_same():
     model = Mixed(rng=1).run(3)
-    ((lines,),) = [re.findall(r'class="heading"[^>]* d="([^"]*)"', WorldDrawing([sight_of(model)]).still())]
-    x0, y0, x1, y1 = np.array(re.findall(r"-?[\d.]+", lines), float).reshape(-1, 4).T
-    assert apart(np.arctan2(y1 - y0, x1 - x0), facing(model)).max() < 0.01
+    turned = re.findall(r'class="robot"[^>]* rotate\((-?[\d.]+)\)', drawing_of_model(model))
+    assert apart(np.radians(np.array(turned, float)), facing(model)).max() < 0.01

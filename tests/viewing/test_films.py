@@ -12,7 +12,7 @@ from PIL import Image
 from mesa_swarm.models.agglomeration import Agglomeration
 from mesa_swarm.recording import Recording
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.animation import Clock, number_row, tracks
+from mesa_swarm.viewing.drawing import Clock, number_row, tracks
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import Screen
 from mesa_swarm.viewing.palette import LIGHT, fire_colour

@@ -14,7 +14,6 @@ from matplotlib.colors import CSS4_COLORS, to_hex
 
 import mesa_swarm
 from mesa_swarm.dashboard.app import CSS
-from mesa_swarm.dashboard.gallery.gallery_drawing import drawn as thumbnail_of
 from mesa_swarm.dashboard.page.series import Series
 from mesa_swarm.dashboard.run.charts import ChartBoard, figure_of
 from mesa_swarm.environments import FindFires
@@ -26,6 +25,7 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.viewing import replay_page
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
+from mesa_swarm.viewing.drawing import drawing_of_model as thumbnail_of
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import Screen
 from mesa_swarm.viewing.palette import (
@@ -424,10 +424,10 @@ def test_bodies_have_the_same_colours_in_pictures_and_thumbnails(model):
     picture, thumbnail = {one.get_label(): fills(one) for one in axes.collections}, thumbnail_of(model)
     assert to_hex(axes.get_facecolor()) == LIGHT.ground
     assert f'<rect width="800" height="600" fill="{LIGHT.ground}"/>' in thumbnail
-    assert picture["obstacles"] == filled(thumbnail, "obstacle") == {LIGHT.obstacle}
-    assert picture["fronts"] == filled(thumbnail, "front") == {LIGHT.robot_front}
-    assert picture["fires"] == filled(thumbnail, "fire") == set(map(fire_colour, model.fires.temperature))
-    assert filled(thumbnail, "rear") == {LIGHT.robot}
+    assert picture["obstacles"] == filled(thumbnail, "obstacles day") == {LIGHT.obstacle}
+    assert picture["fronts"] == {LIGHT.robot_front} == set(re.findall(r'class="robots" color="(#\w+)"', thumbnail))
+    assert picture["fires"] == filled(thumbnail, "disc day") == set(map(fire_colour, model.fires.temperature))
+    assert filled(thumbnail, "back day") == picture["robots"]
     hot = model.swarm.hot
     assert picture["robots"] == {LIGHT.robot_hot if one else LIGHT.robot for one in hot}
 
@@ -439,9 +439,9 @@ def test_marks_and_loads_have_the_same_colours_in_pictures_films_animated_drawin
     model = CooperativeTransport(n_robots=12, load="box", resistance=0.5, rng=1)
     axes = world_figure({"": (steps.frame(120), steps.scene)}).axes[0]
     picture, thumbnail = {one.get_label(): fills(one) for one in axes.collections}, thumbnail_of(model)
-    assert picture["marks"] == filled(svg, "marks") == filled(thumbnail, "mark") == {LIGHT.mark}
-    assert picture["loads"] == filled(svg, "load") == filled(thumbnail, "load") == {LIGHT.load}
-    assert filled(svg, "robot") == {LIGHT.robot}
+    assert picture["marks"] == filled(svg, "marks") == filled(thumbnail, "marks day") == {LIGHT.mark}
+    assert picture["loads"] == filled(svg, "body") == filled(thumbnail, "body day") == {LIGHT.load}
+    assert filled(svg, "back") == {LIGHT.robot}
     film = Screen(steps, Look()).show(120)[..., :3].reshape(-1, 3)
     shown = {"#" + bytes(pixel).hex() for pixel in np.unique(film, axis=0)}
     # Half the outline lies on a robot's front, and softens all of so small a half disc.

@@ -10,7 +10,7 @@ from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.frames import PICTURED, frame_of
-from mesa_swarm.viewing.pictures import svg, trails_of, world_figure
+from mesa_swarm.viewing.pictures import svg, trail_parts, world_figure
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import scene_of
 
@@ -62,10 +62,11 @@ def test_robots_too_hot_to_fight_follow_from_the_temperatures(run):
 
 def test_loads_are_shown_where_they_were(pushed):
     drawn = PicturedSteps(pushed)
-    (before,), (after,) = (drawn.scene.loads(drawn.frame(step)) for step in (20, 21))
-    assert before.position == pytest.approx([250, 300], abs=5)
-    assert after.position == pytest.approx([400, 200], abs=5)
-    assert after.geometry.area == pytest.approx(2500)
+    (before,), (after,) = (drawn.scene.loads(drawn.frame(step)).poses for step in (20, 21))
+    assert before[:2] == pytest.approx([250, 300], abs=5)
+    assert after[:2] == pytest.approx([400, 200], abs=5)
+    (form,) = drawn.scene.forms.values()
+    assert form.shape_at(tuple(after)).geometry.area == pytest.approx(2500)
 
 
 def test_robots_that_come_and_go_have_their_own_bodies(tmp_path):
@@ -90,7 +91,7 @@ def test_robots_that_come_and_go_have_their_own_bodies(tmp_path):
     sensors, own = drawn.scene.designs[1].proximity, AGENT9.proximity
     assert [sensor.range for sensor in sensors] == [sensor.range for sensor in own]
     assert [sensor.bearing_degrees for sensor in sensors] == pytest.approx([sensor.bearing_degrees for sensor in own])
-    assert [trail[:, 0].tolist() for trail in trails_of(drawn, 5, 4)] == [[90] * 5, [150] * 2]
+    assert [trail[:, 0].tolist() for trail in trail_parts(drawn, 5, 4)[0]] == [[90] * 5, [150] * 2]
 
 
 def test_a_model_of_ones_own_is_drawn_as_its_recording_describes(tmp_path):
@@ -115,8 +116,8 @@ def test_a_model_of_ones_own_is_drawn_as_its_recording_describes(tmp_path):
 def test_trails_end_where_the_robots_are_and_are_no_longer_than_asked(run):
     drawn = PicturedSteps(run)
     position = run["position"]
-    for robot, trail in enumerate(trails_of(drawn, 50, 20)):
+    for robot, trail in enumerate(trail_parts(drawn, 50, 20)[0]):
         assert np.array_equal(trail, position[29:50, robot])
-    long = trails_of(drawn, 300, 250)[0]
+    long = trail_parts(drawn, 300, 250)[0][0]
     assert len(long) <= 60
     assert np.array_equal(long[-1], position[-1, 0])

@@ -34,8 +34,8 @@ from mesa_swarm.dashboard.page.widgets import Button, Link, Linked, TroubleCard
 from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.model.parameters import Slider
 from mesa_swarm.viewing.canvas_widget import PlayerView, SwarmCanvas, extent_of
+from mesa_swarm.viewing.figures import literal, plain_panels, png
 from mesa_swarm.viewing.palette import LIGHT
-from mesa_swarm.viewing.pictures import literal, png
 from mesa_swarm.viewing.play_loop import use_changes
 from mesa_swarm.viewing.player import PackedFrame
 
@@ -77,7 +77,7 @@ def curves_png(series: Sequence[Reports], labels: Sequence[str], chosen_names: S
     names = main_reports(series, chosen_names)
     with _DRAWING:
         figure = Figure(figsize=SIZE)
-        panels = figure.subplots(1, max(len(names), 1), squeeze=False)[0]
+        panels = plain_panels(figure, 1, max(len(names), 1), letters=9)[0]
         figure.subplots_adjust(left=0.055, right=0.985, top=0.77, bottom=0.22, wspace=0.2)
         for name, axes in zip(names, panels, strict=False):
             draw(axes, name, series, labels)
@@ -119,9 +119,7 @@ def draw(axes: Axes, name: str, series: Sequence[Reports], labels: Sequence[str]
     finite = [numbers[np.isfinite(numbers)] for _, numbers, *_ in lines]
     counts = all((numbers == np.round(numbers)).all() for numbers in finite)
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=counts, min_n_ticks=1))
-    axes.tick_params(labelsize=9)
     axes.grid(axis="y", color=LIGHT.line, linewidth=0.7)
-    axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlim(0, max([1, *(steps[-1] for steps, *_ in lines if len(steps))]))
     if all(numbers.min(initial=0.0) >= 0.0 for numbers in finite):
         axes.set_ylim(bottom=0.0, top=None if axes.dataLim.y1 > 0 else 1.0)

@@ -18,13 +18,6 @@ function svg(text) {
   return document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
 }
 
-function node(tag, text, attributes = {}) {
-  const one = document.createElement(tag);
-  one.textContent = text;
-  for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
-  return one;
-}
-
 function animated(card, picture, address) {
   let pointed = false, focused = false, moves = false, timer = 0;
   const play = async () => {
@@ -57,20 +50,15 @@ function animated(card, picture, address) {
 
 export default {
   render({ model, el }) {
-    const list = node("div", "", { class: "swarm-cards" }), pictures = new Map(), endings = [];
+    const list = make("div", { class: "swarm-cards" }), pictures = new Map(), endings = [];
     for (const { name, title, about, still, moving } of model.get("cards")) {
-      const card = node("button", "", { type: "button", class: "swarm-card", "data-name": name });
-      const picture = node("div", "", { class: "swarm-picture", "aria-hidden": "true" });
-      if (still) picture.append(svg(still));
-      else picture.append(node("b", title.slice(0, 1)));
-      const words = node("div", "", { class: "swarm-about" });
-      words.append(node("strong", title), node("span", about));
-      if (name === model.get("chosen")) {
-        card.setAttribute("aria-current", "true");
-        words.append(node("em", "current model"));
-      }
-      card.append(picture, words);
-      card.addEventListener("click", () => (model.set("choice", name), model.save_changes()));
+      const choose = () => (model.set("choice", name), model.save_changes()), current = name === model.get("chosen");
+      const shown = still ? svg(still) : make("b", {}, title.slice(0, 1));
+      const picture = make("div", { class: "swarm-picture", "aria-hidden": "true" }, shown);
+      const words = make("div", { class: "swarm-about" }, make("strong", {}, title), make("span", {}, about));
+      if (current) words.append(make("em", {}, "current model"));
+      const look = { type: "button", class: "swarm-card", "data-name": name, "aria-current": current && "true" };
+      const card = make("button", { ...look, click: choose }, picture, words);
       if (moving) endings.push(animated(card, picture, moving));
       pictures.set(name, picture);
       list.append(card);

@@ -13,8 +13,10 @@ from typing import Any
 
 from mesa_swarm.base.errors import check_choice
 from mesa_swarm.base.files import write_whole
-from mesa_swarm.dashboard.gallery.gallery_drawing import Window, WorldDrawing, sight_of
 from mesa_swarm.model.gallery import find_model
+from mesa_swarm.recording.frames import PICTURED, frame_of
+from mesa_swarm.viewing.drawing import Window, WorldDrawing, scene_of_all
+from mesa_swarm.viewing.scene import scene_of
 
 FOLDER = Path(__file__).parent / "pictures"
 KIND = "image/svg+xml"
@@ -145,15 +147,10 @@ def _file_of(name: str, kind: str) -> Path:
     return FOLDER / f"{check_choice('model', name, SHOTS)}{kind}.svg"
 
 
-def draw_still(name: str) -> str:
-    """Return the picture at rest, drawn anew."""
-    return drawing_of(name, moments=1).still()
-
-
 def draw_both(name: str) -> tuple[str, str]:
     """Return the picture at rest and the moving one, drawn anew."""
     drawing = drawing_of(name, moments=MOMENTS)
-    return drawing.still(), drawing.moving(SECONDS)
+    return drawing.first().text(), drawing.text()
 
 
 def drawing_of(name: str, moments: int) -> WorldDrawing:
@@ -162,12 +159,23 @@ def drawing_of(name: str, moments: int) -> WorldDrawing:
     model, every = find_model(name)(**shot.settings, rng=shot.seed), shot.steps // (MOMENTS - 1)
     earlier = min(EARLIER, shot.start // every) if shot.trail else 0
     model.run(shot.start - earlier * every)
-    sights = [sight_of(model, shot.marked)]
-    for _ in range(earlier + moments - 1):
-        model.run(every)
-        sights.append(sight_of(model, shot.marked))
-    look: dict[str, Any] = {"window": shot.part, "marked": shot.marked, "larger": shot.larger, "trail": shot.trail}
-    return WorldDrawing(sights[earlier:], before=sights[:earlier], name=name, **look)
+    columns = list(dict.fromkeys((*PICTURED, shot.marked)))
+    frames, scenes = [], []
+    for place in range(earlier + moments):
+        model.run(every if place else 0)
+        frames.append(frame_of(model, columns))
+        scenes.append(scene_of(model))
+    return WorldDrawing(
+        frames=frames[earlier:],
+        before=frames[:earlier],
+        scene=scene_of_all(scenes),
+        seconds=SECONDS,
+        name=name,
+        window=shot.part,
+        marked=shot.marked,
+        larger=shot.larger,
+        trail=shot.trail,
+    )
 
 
 def main(names: Sequence[str]) -> None:

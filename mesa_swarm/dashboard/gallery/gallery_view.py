@@ -10,10 +10,10 @@ import solara
 import traitlets
 
 from mesa_swarm.dashboard import page_models
-from mesa_swarm.dashboard.gallery.gallery_drawing import drawn
 from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS, address_of, still_of
 from mesa_swarm.model.gallery import description, find_model, short_name
 from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.drawing import drawing_of_model
 from mesa_swarm.viewing.faults import reported
 
 # Steps before the picture of a model that does not come with one, so that its behaviour is visible.
@@ -35,7 +35,7 @@ def thumbnail(name: str) -> str:
         model.run(STEPS)
     except Exception as problem:  # likewise
         reported(problem)
-    return drawn(model, LARGER, f"own{crc32(name.encode()):x}")
+    return drawing_of_model(model, LARGER, f"own{crc32(name.encode()):x}")
 
 
 def title(name: str) -> str:
@@ -57,7 +57,7 @@ def card_of(name: str) -> dict[str, str]:
 class GalleryCards(anywidget.AnyWidget):
     """The cards, of which each is a button."""
 
-    _esm = text_of("dashboard/gallery/gallery.js")
+    _esm = text_of("viewing/elements.js", "dashboard/gallery/gallery.js")
     cards: traitlets.List = traitlets.List().tag(sync=True)
     # Pictures that were drawn meanwhile, by the names of their models.
     drawn = traitlets.Dict().tag(sync=True)

@@ -29,7 +29,7 @@ from mesa_swarm.dashboard.page.widgets import Downloads, Link
 from mesa_swarm.model.gallery import short_name
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.faults import reported
-from mesa_swarm.viewing.pictures import literal, png
+from mesa_swarm.viewing.figures import literal, plain_figure, png
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Viewer
 
@@ -329,14 +329,12 @@ def phase_figure(series: ChartTable, choice: ChosenChart, step: int | None = Non
 
 
 def _figure(x: Axis, y: Axis, title: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(7, 3.6), layout="constrained")
-    axes: Axes = figure.subplots()
+    figure, ((axes,),) = plain_figure((7, 3.6))
     axes.set(title=literal(title), xlabel=literal(x.label), ylabel=literal(y.label))
     if x.log:
         axes.set_xscale("log")
     if y.log:
         axes.set_yscale("log")
-    axes.spines[["top", "right"]].set_visible(False)
     return figure, axes
 
 
