@@ -67,4 +67,4 @@ def test_the_worlds_above_have_loads_that_slide_and_some_that_are_taken_back(mon
     )
     for seed in range(8):
         after(hauled(seed), STEPS)
-    assert calls
+    assert calls["take_back"]
