@@ -12,7 +12,7 @@ from mesa_swarm.base.streams import Seed
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.fire.constants import FireConstants, design_constants
 from mesa_swarm.fire.fires import Fires
-from mesa_swarm.fire.part import FiresPart
+from mesa_swarm.fire.fires_part import FiresPart
 from mesa_swarm.maps.map import Map
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import find_model

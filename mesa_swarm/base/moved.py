@@ -27,7 +27,7 @@ MOVED = {
     "experiments.figures": "experiments.comparison_figures",
     "experiments.learning_figures": "experiments.fire_figures experiments.reward_figures",
     "experiments.tables": "experiments.findings",
-    "fire.part": "fire.model",
+    "fire.fires_part": "fire.model",
     "learning.fire_learning": "learning.skills",
     "learning.learner": "learning.keeping learning.memory",
     "learning.networks": "learning.forgetting learning.network_policy",
@@ -36,10 +36,10 @@ MOVED = {
     "learning.reflex_policy": "learning.mirror",
     "learning.table_learning": "learning.value_tables",
     "learning.wire_learning": "learning.wire_fitting learning.wire_policy",
-    "model.bodies": "body_world",
+    "model.bodies_part": "body_world",
     "model.engine_model": "world_model",
     "model.events": "events",
-    "model.imperfections": "imperfect_model",
+    "model.imperfections_part": "imperfect_model",
     "model.mesa_model": "mesa_model",
     "model.observers": "observers",
     "model.processes": "open_model",
@@ -60,29 +60,35 @@ MOVED = {
     "viewing.run_pictures": "experiments.run_pictures",
     "world.bodies": "world.form world.load world.obstacle",
 }
-# Former folder, new folder: the modules that went from one to the other, with their new names where these differ.
+# Former folder > new folder: the modules that went from one to the other, with their new names where these differ.
 FOLDERS = {
-    ("", "base"): "composer extras files lazy moved progress streams trigger wording work_done",
-    ("", "model"): "about:info looks odd parameters reporters scattering",
-    (
-        "geometry",
-        "kernels",
-    ): "apart:compiled block code_files compiled compiling custom_code precompile type_names waiting",
-    ("world", "maps"): "map map_parts map_svg:svg map_toml:toml svg_paths:svg",
-    (
-        "experiments",
-        "searches",
-    ): "adaptive calibration design design_gap diversity driving evolution gating sensitivity tuning",
-    (
-        "dashboard",
-        "dashboard.page",
-    ): "addresses controls edits inputs layout live_run navigation robot_columns series session widgets",
-    ("dashboard", "dashboard.run"): "chart_content:charts charts editing events_view exporting inspector",
-    ("dashboard", "dashboard.info"): "info_view",
-    ("dashboard", "dashboard.compare"): "compare_view comparing pair",
-    ("dashboard", "dashboard.experiment"): "experiment_results experiment_view experimenting many_runs",
-    ("dashboard", "dashboard.gallery"): "gallery_drawing gallery_pictures gallery_view",
-    ("dashboard", "dashboard.replay"): "listed_recordings:replaying recorded_series replay_view replaying",
+    " > base": "composer extras files lazy moved progress streams trigger wording work_done:work_line",
+    " > model": "about:info looks odd parameters reporters scattering",
+    "dashboard > dashboard.compare": "compare_view comparing pair",
+    "dashboard > dashboard.experiment": "experiment_results experiment_view experimenting many_runs",
+    "dashboard > dashboard.gallery": "gallery_pictures gallery_view",
+    "dashboard > dashboard.info": "info_view",
+    "dashboard > dashboard.page": (
+        "addresses controls edits inputs layout live_run navigation robot_columns series session widgets"
+    ),
+    "dashboard > dashboard.replay": "listed_recordings:replaying recorded_series replay_view replaying",
+    "dashboard > dashboard.run": "chart_content:charts charts editing events_view:event_list exporting inspector",
+    "environments > environments": "camera:rendering",
+    "experiments > experiments": "pool:worker_pool workers:worker_tasks",
+    "experiments > searches": (
+        "adaptive calibration design:automatic_design design_gap diversity driving:drive_measures "
+        "evolution:evolved_controllers gating:validation_gate sensitivity tuning"
+    ),
+    "fire > fire": "part:fires_part",
+    "geometry > geometry": "exact:exact_rounding masks:masked_arrays packing:spaced_points room:free_room",
+    "geometry > kernels": (
+        "apart:compiled block code_files compiled compiling custom_code precompile type_names waiting"
+    ),
+    "physics > physics": (
+        "imperfect:disturbances motion:arcs moving:driven_bodies packed:stage_kernels radio:broadcasts settle:placing"
+    ),
+    "viewing > viewing": "faults:error_lines headers:server_headers packing:frame_bytes",
+    "world > maps": "map map_parts map_svg:svg map_toml:toml svg_paths:svg",
 }
 # Addresses that stay, for programs: module, and where its source is.
 STAYING = {"errors": "base.errors", "gallery": "model.gallery", "world.random_map": "maps.random_map"}
@@ -130,7 +136,8 @@ STUDIES = {
 def _homes_of_folders() -> dict[str, str]:
     """Return the new address of each module of `FOLDERS` by its former one."""
     homes = {}
-    for (former, new), modules in FOLDERS.items():
+    for folders, modules in FOLDERS.items():
+        former, new = folders.split(" > ")
         for module in modules.split():
             old_name, _, new_name = module.partition(":")
             homes[f"{ROOT}{former}.{old_name}".replace("..", ".")] = f"{ROOT}{new}.{new_name or old_name}"

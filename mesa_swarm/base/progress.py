@@ -11,7 +11,7 @@ from time import perf_counter
 from tqdm import tqdm
 from tqdm.std import TqdmDefaultWriteLock
 
-from mesa_swarm.base.work_done import WorkDone, is_drawn, report_work
+from mesa_swarm.base.work_line import WorkDone, is_drawn, report_work
 
 LAYOUT = "{desc}{percentage:3.0f} % |{bar:30}| {n_fmt}/{total_fmt} {unit}, {remaining} left, {finishing}"
 

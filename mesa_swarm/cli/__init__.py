@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from mesa_swarm.base.errors import SwarmError, error_line, locate_error
-from mesa_swarm.base.work_done import summarise_work
+from mesa_swarm.base.work_line import summarise_work
 from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, parameter_searches, policies, run
 from mesa_swarm.cli.installed import command_of, installed_commands
 from mesa_swarm.cli.lines import any_letters

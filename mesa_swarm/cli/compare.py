@@ -60,10 +60,10 @@ def sweep(
     """Do all runs of a job file; continue an interrupted sweep. Exit status 1 if some runs failed."""
     prepare()
     from mesa_swarm.experiments.jobs import read_job
-    from mesa_swarm.experiments.pool import checked_jobs, on_scheduler
     from mesa_swarm.experiments.run_tables import checked_forms
     from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.sweep import WHOLE, Shard, done_before, run_experiment
+    from mesa_swarm.experiments.worker_pool import checked_jobs, on_scheduler
 
     part = WHOLE if shard is None else Shard.parsed(shard)
     forms, parts = checked_forms(table or ()), checked_series(series)
@@ -146,10 +146,10 @@ def compare(
     prepare()
     from mesa_swarm.experiments.compare import LEDGER, run_plan
     from mesa_swarm.experiments.plan import checked_plan
-    from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.experiments.run_tables import FILES, checked_forms
     from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.tables import WIDEST
+    from mesa_swarm.experiments.worker_pool import checked_jobs
     from mesa_swarm.model.parameters import parse_settings
 
     model_class, forms, parts = find_model(model), checked_forms(table or ()), checked_series(series)

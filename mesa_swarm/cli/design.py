@@ -35,7 +35,7 @@ def design(
     quiet: Quiet = False,
 ) -> None:
     """Search for a state machine that does a mission; continue there after an interruption."""
-    from mesa_swarm.searches.design import MachineSpace, Mission, design_machine
+    from mesa_swarm.searches.automatic_design import MachineSpace, Mission, design_machine
     from mesa_swarm.searches.design_gap import search_maps
     from mesa_swarm.viewing.machine_drawing import machine_figure
     from mesa_swarm.viewing.pictures import png
@@ -79,7 +79,7 @@ def design_gap(
 ) -> None:
     """Design state machines and networks for ideal robots, and compare what they lose on imperfect ones."""
     from mesa_swarm.searches import design_gap as gaps
-    from mesa_swarm.searches.design import Mission
+    from mesa_swarm.searches.automatic_design import Mission
     from mesa_swarm.viewing.pictures import png
 
     folder = check_writable(out)
@@ -122,7 +122,7 @@ def diversity(
     """Search for reflexes that behave differently (pyribs), and draw the best of each cell; continue there."""
     from mesa_swarm.searches.design_gap import search_maps
     from mesa_swarm.searches.diversity import behaviour_figure, diversify
-    from mesa_swarm.searches.evolution import Trial
+    from mesa_swarm.searches.evolved_controllers import Trial
     from mesa_swarm.viewing.pictures import png
 
     folder = check_writable(out)

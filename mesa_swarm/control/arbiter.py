@@ -15,7 +15,7 @@ from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, u
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel, kernel_of
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
-from mesa_swarm.physics.radio import send_goals
+from mesa_swarm.physics.broadcasts import send_goals
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import limit_command, limit_length
 from mesa_swarm.robots.reasons import Reason

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_flag, check_number
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.sensors import LARGEST_RANGE
 from mesa_swarm.world.statics import KINDS, MOST_KINDS, ROBOT

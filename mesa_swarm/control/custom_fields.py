@@ -10,7 +10,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.control.limits import LARGEST_WHOLE, MemoryKindError
-from mesa_swarm.geometry.masks import fill_masked, holds_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked, holds_masked
 from mesa_swarm.robots.devices import check_identifier, reserve_names
 from mesa_swarm.world.read_only import locked_view
 

@@ -14,7 +14,7 @@ import numpy as np
 from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import Memoryless, Senses, centroids
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.physics.motion import sinc
+from mesa_swarm.physics.arcs import sinc
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE

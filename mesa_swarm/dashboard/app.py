@@ -33,7 +33,7 @@ from mesa_swarm.dashboard.replay.replay_view import Replay
 from mesa_swarm.dashboard.replay.replaying import Replaying
 from mesa_swarm.dashboard.run.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.run.editing import Editing, Editor
-from mesa_swarm.dashboard.run.events_view import EventList
+from mesa_swarm.dashboard.run.event_list import EventList
 from mesa_swarm.dashboard.run.exporting import ExportDesk, Exporter
 from mesa_swarm.dashboard.run.inspector import Inspecting, Inspector
 from mesa_swarm.model.gallery import description, find_model
@@ -41,7 +41,7 @@ from mesa_swarm.model.looks import looks_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.canvas_widget import ON_A_PAGE, PlayerView
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.palette import style_sheet
 from mesa_swarm.viewing.play_loop import Listeners, use_changes
 from mesa_swarm.viewing.player import PackedFrame

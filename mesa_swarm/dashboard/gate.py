@@ -1,6 +1,6 @@
 """Admits requests: with the token only, and on this machine none from other pages.
 
-All answers pass here too, and get the headers of `mesa_swarm.viewing.headers`.
+All answers pass here too, and get the headers of `mesa_swarm.viewing.server_headers`.
 """
 
 import gzip
@@ -17,7 +17,7 @@ from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode
 
 from mesa_swarm.dashboard.gallery.gallery_pictures import PREFIX, picture_at
-from mesa_swarm.viewing.headers import safe_headers
+from mesa_swarm.viewing.server_headers import safe_headers
 
 # As ASGI has them.
 Scope = MutableMapping[str, Any]

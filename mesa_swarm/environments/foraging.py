@@ -15,7 +15,7 @@ from mesa_swarm.control import Layer, behaviour
 from mesa_swarm.environments.actions import CONTINUOUS
 from mesa_swarm.environments.scores import CARRIED, LARGEST_REWARD, NEST, ObservationEncoder, Score
 from mesa_swarm.environments.task import Task
-from mesa_swarm.geometry.room import find_part_around, room_for_disc
+from mesa_swarm.geometry.free_room import find_part_around, room_for_disc
 from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.gripper import Carried, Gripper

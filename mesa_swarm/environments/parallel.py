@@ -7,8 +7,8 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, SwarmError, shortened
 from mesa_swarm.environments.actions import checked_clip, shares
-from mesa_swarm.environments.camera import METADATA, Display, checked_mode
 from mesa_swarm.environments.registration import need_learning_package
+from mesa_swarm.environments.rendering import METADATA, Display, checked_mode
 from mesa_swarm.environments.spaces import action_space, observation_space, state_space
 from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld

@@ -7,14 +7,14 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, SwarmError, check_choice, shortened
 from mesa_swarm.environments.actions import checked_clip, shares
-from mesa_swarm.environments.camera import METADATA, Display, checked_mode
 from mesa_swarm.environments.registration import need_learning_package
+from mesa_swarm.environments.rendering import METADATA, Display, checked_mode
 from mesa_swarm.environments.spaces import action_space, observation_space
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import TASKS, Task
 from mesa_swarm.environments.variation import Options
 from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, by_worlds, check_seed, measures, new_world, stream
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 
 need_learning_package("gymnasium")
 

@@ -7,8 +7,8 @@ from typing import Any, Self
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, SwarmError
-from mesa_swarm.environments.camera import Display, checked_mode
 from mesa_swarm.environments.registration import need_learning_package
+from mesa_swarm.environments.rendering import Display, checked_mode
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Options
 from mesa_swarm.environments.vector import Infos, VectorSwarmEnv, by_worlds

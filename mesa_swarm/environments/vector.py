@@ -15,7 +15,7 @@ from mesa_swarm.environments.state import StateEncoder
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import Task
 from mesa_swarm.environments.variation import Conditions, Options, Variation, checked_options
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 
 if TYPE_CHECKING:  # optional
     from gymnasium.spaces import Box

@@ -14,7 +14,6 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.figures import fires_figure
     from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
     from mesa_swarm.experiments.ledger import Ledger, Outcome
-    from mesa_swarm.experiments.pool import checked_jobs
     from mesa_swarm.experiments.runs import Run, completed
     from mesa_swarm.experiments.statistics import (
         Interval,
@@ -25,6 +24,7 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
         share_interval,
     )
     from mesa_swarm.experiments.tables import csv_text, fitting, markdown_fitting, with_limits
+    from mesa_swarm.experiments.worker_pool import checked_jobs
 
 # Module: the public names that live in it.
 _MODULES = {
@@ -33,7 +33,7 @@ _MODULES = {
     "experiments.figures": "fires_figure",
     "experiments.fingerprints": "engine_hash fingerprint",
     "experiments.ledger": "Ledger Outcome",
-    "experiments.pool": "checked_jobs",
+    "experiments.worker_pool": "checked_jobs",
     "experiments.runs": "Run completed",
     "experiments.statistics": "Interval bootstrap_mean mean_interval pair_differences paired_difference share_interval",
     "experiments.tables": "csv_text fitting markdown_fitting with_limits",

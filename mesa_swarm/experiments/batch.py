@@ -9,9 +9,9 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.experiments.experiment import MOST_STEPS
-from mesa_swarm.experiments.pool import MOST_JOBS, checked_jobs, is_remote, on_all
 from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.experiments.series import Watch
+from mesa_swarm.experiments.worker_pool import MOST_JOBS, checked_jobs, is_remote, on_all
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.mesa_model import checked_seed, collected_of_agents
 from mesa_swarm.model.parameters import check_names

@@ -11,11 +11,11 @@ from typing import Any, cast
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
 from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
 from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
+from mesa_swarm.experiments.worker_pool import checked_jobs
 
 # A comparison stores its runs here, in the folder of its tables.
 LEDGER = "runs.jsonl"

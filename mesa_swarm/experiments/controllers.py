@@ -33,7 +33,7 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.experiments.fingerprints import files_hash
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.learning.actions import ACTIONS, described
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels

@@ -20,7 +20,7 @@ from joblib import parallel_config
 from mesa_swarm.base.errors import InvalidValueError, error_line, shortened
 from mesa_swarm.base.progress import notice
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError, worked
+from mesa_swarm.experiments.worker_tasks import SchedulerLostError, WorkerDiedError, worked
 from mesa_swarm.model.gallery import list_imported
 
 ADDRESS = re.compile(r"((tcp|tls)://)?[^\s/]+:[0-9]{1,5}")

@@ -9,7 +9,7 @@ import numpy as np
 from mesa_swarm.analysis.pathology import Pathologies, find_pathologies, flips_of
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.control import Subsumption
-from mesa_swarm.experiments.pool import checked_jobs, in_order
+from mesa_swarm.experiments.worker_pool import checked_jobs, in_order
 from mesa_swarm.learning import PolicyLayer, QPolicy
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.robots.design import AGENT9

@@ -262,7 +262,7 @@ def recorded_to(job: Job, file: Path) -> Job:
 
 def sample_jobs() -> list[str]:
     """Return the names of the job files that come with the package."""
-    folder = resources.files("mesa_swarm.experiments") / "jobs"
+    folder = resources.files("mesa_swarm.experiments") / "standard_jobs"
     return sorted(file.name for file in folder.iterdir() if file.name.endswith(".toml"))
 
 
@@ -276,7 +276,7 @@ def _found(path: str | os.PathLike[str]) -> Path:
     except (OSError, ValueError):  # a name too long for the system, or with a null byte
         pass
     if str(path) in samples:
-        return Path(str(resources.files("mesa_swarm.experiments"))) / "jobs" / file.name
+        return Path(str(resources.files("mesa_swarm.experiments"))) / "standard_jobs" / file.name
     raise JobError(f"{shortened(str(path))[1:-1]}: no such file; {unknown_name('sample job', file.name, samples)}")
 
 

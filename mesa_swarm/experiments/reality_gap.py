@@ -20,13 +20,13 @@ from mesa_swarm.experiments.experiment import checked_settings
 from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond, write_with_pictures
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import counted, notes_on_rows, split_measure, sum_of_left_out
 from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.gallery import find_model, short_name
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections, combine_imperfections
 from mesa_swarm.swarm_model import SwarmModel

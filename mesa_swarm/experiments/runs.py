@@ -16,12 +16,12 @@ from mesa_swarm.base.files import show_path
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
 from mesa_swarm.experiments.ledger import LONGEST_ERROR, Outcome
-from mesa_swarm.experiments.pool import is_remote, on_all
 from mesa_swarm.experiments.reports import counted, reduced, split_measure
 from mesa_swarm.experiments.series import OF_AGENTS, RNG, RUN, RunSeries, Watch
 from mesa_swarm.experiments.until import EndCondition
-from mesa_swarm.experiments.workers import SchedulerLostError, WorkerDiedError
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.experiments.worker_pool import is_remote, on_all
+from mesa_swarm.experiments.worker_tasks import SchedulerLostError, WorkerDiedError
+from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.compiling import compilation
 from mesa_swarm.swarm_model import SwarmModel
 

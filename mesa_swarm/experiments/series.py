@@ -14,7 +14,7 @@ from pyarrow import parquet
 from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
 from mesa_swarm.base.files import draft_of
 from mesa_swarm.experiments.until import ALL_STEPS, CONDITION, MODEL, EndCondition
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.model.mesa_model import collected_of_agents
 from mesa_swarm.swarm_model import SwarmModel
 

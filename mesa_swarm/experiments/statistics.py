@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri, stdtrit
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 
 CONFIDENCE = 0.95
 # Fewer numbers are all on one side of the true mean in more than 5 % of samples: 2 / 2^5 = 6 %.

@@ -23,7 +23,6 @@ from mesa_swarm.experiments.experiment import (
     first_built,
 )
 from mesa_swarm.experiments.ledger import ENDED_BY, Ledger, Outcome
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, sum_of_left_out
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
 from mesa_swarm.experiments.run_tables import (
@@ -38,6 +37,7 @@ from mesa_swarm.experiments.run_tables import (
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.series import RUN, RunSeries, check_reporters, checked_series
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.parameters import parameters_of
 
 LEDGER = "ledger.jsonl"

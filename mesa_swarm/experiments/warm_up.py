@@ -12,8 +12,8 @@ from typing import IO
 from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.experiments.pool import checked_jobs, ending_with_us
-from mesa_swarm.experiments.workers import WorkerDiedError
+from mesa_swarm.experiments.worker_pool import checked_jobs, ending_with_us
+from mesa_swarm.experiments.worker_tasks import WorkerDiedError
 from mesa_swarm.kernels.code_files import drop_damaged, is_stored, list_folders, problems, why_not_stored
 from mesa_swarm.kernels.compiling import code_folders, compilation, needed_functions, stored_functions
 from mesa_swarm.kernels.custom_code import FOLDER

@@ -8,7 +8,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_count, check_number, shortened
 from mesa_swarm.base.extras import require_extra
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 
 Candidate = tuple[np.ndarray, np.ndarray]
 Candidates = TypeVar("Candidates", np.ndarray, list[Candidate])

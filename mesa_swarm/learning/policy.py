@@ -20,7 +20,7 @@ from mesa_swarm.base.errors import (
     shortened,
 )
 from mesa_swarm.control.layer import Senses
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import as_floats, choose_all, described
 from mesa_swarm.robots.design import RobotDesign

@@ -18,19 +18,19 @@ from mesa_swarm.control.team import Key
 from mesa_swarm.kernels.part import Part
 from mesa_swarm.kernels.plan import Plan
 from mesa_swarm.maps.map import Map
-from mesa_swarm.model.bodies import BodiesPart
+from mesa_swarm.model.bodies_part import BodiesPart
 from mesa_swarm.model.common import with_common
-from mesa_swarm.model.control import ControlPart
+from mesa_swarm.model.control_part import ControlPart
 from mesa_swarm.model.events import EventLog, EventsPart
-from mesa_swarm.model.fields import FieldsPart
-from mesa_swarm.model.imperfections import ImperfectionsPart, imperfections_of
+from mesa_swarm.model.fields_part import FieldsPart
+from mesa_swarm.model.imperfections_part import ImperfectionsPart, imperfections_of
 from mesa_swarm.model.mesa_model import GIVEN, LATE, Collector, MesaModel, add_reporters, rows_in, seed_sequence
 from mesa_swarm.model.observers import Observers
 from mesa_swarm.model.parameters import Dial, Noise, Slip
 from mesa_swarm.model.parts import AnyPart, Parts, delegate
 from mesa_swarm.model.processes import Process, ProcessesPart
-from mesa_swarm.model.radio import RadioPart
-from mesa_swarm.model.robots import RobotsPart
+from mesa_swarm.model.radio_part import RadioPart
+from mesa_swarm.model.robots_part import RobotsPart
 from mesa_swarm.model.state import State, StatePart
 from mesa_swarm.model.state_hash import state_hash_of
 from mesa_swarm.physics.contact import Contacts

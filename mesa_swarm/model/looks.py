@@ -18,7 +18,7 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 
 COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
 # Columns of frames: by what robots are coloured, and their texts.

@@ -12,14 +12,14 @@ from mesa_swarm.kernels.part import ROLES, Column, Context, Part
 from mesa_swarm.kernels.plan import Plan
 
 if TYPE_CHECKING:
-    from mesa_swarm.model.bodies import BodiesPart
-    from mesa_swarm.model.control import ControlPart
+    from mesa_swarm.model.bodies_part import BodiesPart
+    from mesa_swarm.model.control_part import ControlPart
     from mesa_swarm.model.events import EventsPart
-    from mesa_swarm.model.fields import FieldsPart
-    from mesa_swarm.model.imperfections import ImperfectionsPart
+    from mesa_swarm.model.fields_part import FieldsPart
+    from mesa_swarm.model.imperfections_part import ImperfectionsPart
     from mesa_swarm.model.processes import ProcessesPart
-    from mesa_swarm.model.radio import RadioPart
-    from mesa_swarm.model.robots import RobotsPart
+    from mesa_swarm.model.radio_part import RadioPart
+    from mesa_swarm.model.robots_part import RobotsPart
     from mesa_swarm.model.state import StatePart
 
 MOST_STEPS = 10**15

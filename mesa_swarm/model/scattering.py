@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.base.errors import InvalidValueError, PlacementError, check_choice, check_count, check_number, shortened
-from mesa_swarm.geometry.room import room_to_try
+from mesa_swarm.geometry.free_room import room_to_try
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.processes import Process
 from mesa_swarm.world.bodies import Body, BodyTable, placed

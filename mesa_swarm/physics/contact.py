@@ -16,7 +16,7 @@ from mesa_swarm.geometry.overlap import nearest_on_segment
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Codes, Integers, RealRows, Reals
-from mesa_swarm.physics.moving import MoverArrays
+from mesa_swarm.physics.driven_bodies import MoverArrays
 from mesa_swarm.robots.swarm import Swarm
 from mesa_swarm.world.statics import BORDER, OBSTACLE, ROBOT
 

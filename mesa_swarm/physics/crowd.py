@@ -9,8 +9,8 @@ from mesa_swarm.geometry.grid import GridNumbers, cell_index, cells_of, sort_int
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, IntegerRows, Integers, RealRows, Reals
+from mesa_swarm.physics.arcs import copy_places, largest_of
 from mesa_swarm.physics.contact import ContactArrays
-from mesa_swarm.physics.motion import copy_places, largest_of
 
 FEWEST_PAIRS = 64
 # In the state of pairs.

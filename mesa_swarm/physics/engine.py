@@ -10,10 +10,13 @@ import numpy as np
 from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.physics.arcs import write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.crowd import LISTED, Crowd
 from mesa_swarm.physics.loads import find_stuck_loads, push_all, return_loads
-from mesa_swarm.physics.motion import write_achieved_motion, write_wheel_slip
-from mesa_swarm.physics.packed import (
+from mesa_swarm.physics.placing import settle_robots
+from mesa_swarm.physics.sensing import EyeArrays, add_errors, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.separation import MARGIN
+from mesa_swarm.physics.stage_kernels import (
     ONLY,
     SETTLE,
     DeviceArrays,
@@ -25,9 +28,6 @@ from mesa_swarm.physics.packed import (
     sense_robots,
     sense_robots_and_movers,
 )
-from mesa_swarm.physics.sensing import EyeArrays, add_errors, sense_inside, sense_line, sense_proximity, sense_radiation
-from mesa_swarm.physics.separation import MARGIN
-from mesa_swarm.physics.settle import settle_robots
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
 from mesa_swarm.physics.travel import Blocks, RobotArrays, travel, travel_together

@@ -5,7 +5,7 @@ from typing import NamedTuple, cast
 import numpy as np
 import shapely
 
-from mesa_swarm.geometry.exact import hypot
+from mesa_swarm.geometry.exact_rounding import hypot
 from mesa_swarm.geometry.outlines import (
     Outlines,
     gap_of,

@@ -25,13 +25,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mesa_swarm.geometry.exact import MOST_PARTS, exact_sum, hypot
+from mesa_swarm.geometry.exact_rounding import MOST_PARTS, exact_sum, hypot
 from mesa_swarm.geometry.outlines import gap_to_point, nearest_to_point
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.physics.arcs import LONGEST_PIECE, sinc
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.load_room import Room, find_stops, has_room, list_near, place_load, place_outlines
-from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.world.bodies import Pose
 

@@ -11,8 +11,8 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_number
 from mesa_swarm.geometry.grid import Bounds, Grid, cell_index
 from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.physics.broadcasts import is_cut_but, is_nearer_robot, sorted_senders
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS
-from mesa_swarm.physics.radio import is_cut_but, is_nearer_robot, sorted_senders
 from mesa_swarm.physics.sensing import rotate_into_frame
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.devices import check_identifier, check_kind, check_spelling

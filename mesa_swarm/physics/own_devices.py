@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, SwarmError, UncompiledBehaviourWarning, shortened
-from mesa_swarm.physics.radio import obstacles_of
+from mesa_swarm.physics.broadcasts import obstacles_of
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.robots.actuators import ACT, Actuator
 from mesa_swarm.robots.design import places_of_custom_sensors

@@ -12,7 +12,7 @@ from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import CodeRows, Codes, Integers, RealRows, Reals, RealTables
 from mesa_swarm.physics.crowd import CrowdArrays
-from mesa_swarm.physics.moving import MoverArrays
+from mesa_swarm.physics.driven_bodies import MoverArrays
 from mesa_swarm.robots.design import (
     AXIS_X,
     AXIS_Y,

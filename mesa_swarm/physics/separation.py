@@ -16,6 +16,7 @@ from mesa_swarm.geometry.overlap import is_in_polygon
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows
+from mesa_swarm.physics.arcs import copy_places, least_radius
 from mesa_swarm.physics.contact import (
     A_ROBOT,
     SLOP,
@@ -28,8 +29,7 @@ from mesa_swarm.physics.contact import (
     unpack_solids,
 )
 from mesa_swarm.physics.crowd import CrowdArrays, near_pairs
-from mesa_swarm.physics.motion import copy_places, least_radius
-from mesa_swarm.physics.moving import return_bodies
+from mesa_swarm.physics.driven_bodies import return_bodies
 
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
 MOST_SWEEPS, NONE = np.int64(128), np.int64(0)

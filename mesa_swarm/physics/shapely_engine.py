@@ -21,13 +21,13 @@ from shapely.geometry.polygon import orient
 
 from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
+from mesa_swarm.physics.arcs import advance_robots, count_pieces
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction
+from mesa_swarm.physics.driven_bodies import LONGEST_STEP, MOST_PIECES
 from mesa_swarm.physics.engine import CONTACT_COLUMNS, Engine, begin_way, hold_readings
-from mesa_swarm.physics.motion import advance_robots, count_pieces
-from mesa_swarm.physics.moving import LONGEST_STEP, MOST_PIECES
+from mesa_swarm.physics.placing import RING, SWEEPS, no_room_error
 from mesa_swarm.physics.sensing import add_errors
 from mesa_swarm.physics.separation import MOST_SWEEPS
-from mesa_swarm.physics.settle import RING, SWEEPS, no_room_error
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.travel import turn_along_faces
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, RAYS

@@ -9,8 +9,8 @@ import numpy as np
 from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import StaticArrays
+from mesa_swarm.physics.driven_bodies import Moving, MovingItems, place_items
 from mesa_swarm.physics.load_room import Poses, Room, room_of
-from mesa_swarm.physics.moving import Moving, MovingItems, place_items
 from mesa_swarm.physics.sensing import Radiating
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.shapes import Shape

@@ -20,10 +20,10 @@ from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
+from mesa_swarm.physics.arcs import count_pieces, move_along_arc
 from mesa_swarm.physics.contact import push_all_from_statics, unpack_solids
 from mesa_swarm.physics.crowd import CrowdArrays
-from mesa_swarm.physics.motion import count_pieces, move_along_arc
-from mesa_swarm.physics.moving import advance_bodies, count_body_pieces
+from mesa_swarm.physics.driven_bodies import advance_bodies, count_body_pieces
 from mesa_swarm.physics.separation import (
     MOST_SWEEPS,
     NONE,

@@ -12,7 +12,7 @@ from mesa.experimental.continuous_space import ContinuousSpaceAgent
 
 from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.kernels.part import STORED, Itself, Part
-from mesa_swarm.model.bodies import POSES
+from mesa_swarm.model.bodies_part import POSES
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import quick_fingerprint
 from mesa_swarm.recording.layout import population_of

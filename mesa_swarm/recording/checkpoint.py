@@ -12,12 +12,12 @@ from mesa_swarm.base.errors import RecordingError, SwarmError, error_line, short
 from mesa_swarm.control.arbiter import MOST_LAYERS
 from mesa_swarm.fire.burning import Burning
 from mesa_swarm.fire.fires import OF_BODIES
-from mesa_swarm.fire.part import BURNING
+from mesa_swarm.fire.fires_part import BURNING
 from mesa_swarm.kernels.part import STORED, Part
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import has_own_events
 from mesa_swarm.model.state import Checkpointed, checked_state, refuse_attributes
-from mesa_swarm.recording.added import added_to_json, restore_added
+from mesa_swarm.recording.added_objects import added_to_json, restore_added
 from mesa_swarm.recording.attributes import (
     ModelPacker,
     apart_of_agent,
@@ -29,7 +29,7 @@ from mesa_swarm.recording.attributes import (
     stored_from_json,
     stored_to_json,
 )
-from mesa_swarm.recording.collected import (
+from mesa_swarm.recording.collected_data import (
     Path,
     collected_to_json,
     join_series,
@@ -39,10 +39,10 @@ from mesa_swarm.recording.collected import (
 )
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packer
 from mesa_swarm.recording.devices import part_from_json, part_to_json
-from mesa_swarm.recording.making import check_made
+from mesa_swarm.recording.made_objects import check_made
 from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
 from mesa_swarm.recording.provenance import FORMAT, hash_in_format
-from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
+from mesa_swarm.recording.removed_agents import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, WHEELS

@@ -7,7 +7,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, shortened, unknown_name
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.model.robots import role_of
+from mesa_swarm.model.robots_part import role_of
 from mesa_swarm.model.state import quick_fingerprint
 from mesa_swarm.recording.attributes import own_attributes
 from mesa_swarm.recording.provenance import parameters_of_run, provenance_of, rebuild_model

@@ -17,7 +17,7 @@ from mesa_swarm.control.team import Key, Team, message_label
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.strategy import FightFire, SeekHeat
 from mesa_swarm.recording.container import ATOMS
-from mesa_swarm.recording.making import family
+from mesa_swarm.recording.made_objects import family
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import Device
 from mesa_swarm.robots.drive import DirectedSlip, EqualByValues

@@ -13,7 +13,7 @@ from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import looks_of
 from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
-from mesa_swarm.recording.shown import discs_of, pictures_of, robot_columns
+from mesa_swarm.recording.shown_parts import discs_of, pictures_of, robot_columns
 from mesa_swarm.world.fields import levels_of, values_of_levels
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD
 

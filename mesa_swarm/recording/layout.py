@@ -16,7 +16,7 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import looks_of
-from mesa_swarm.recording.shown import (
+from mesa_swarm.recording.shown_parts import (
     PartPicture,
     columns_of_parts,
     discs_of,

@@ -13,7 +13,7 @@ from shapely import Point, Polygon
 from mesa_swarm.base.errors import RecordingError, check_flag, check_name, shortened
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.devices import make_stored, part_from_json, part_to_json
-from mesa_swarm.recording.making import check_agent_class, classes_near, family, is_class
+from mesa_swarm.recording.made_objects import check_agent_class, classes_near, family, is_class
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.robot import add_handles
 from mesa_swarm.world.arena import ArenaAgent, get_next_id, set_next_id

@@ -19,20 +19,20 @@ import pyarrow as pa
 from mesa_swarm.base.errors import RecordingError, UnstoredStateWarning, shortened, without_middle
 from mesa_swarm.base.files import show_path
 from mesa_swarm.base.trigger import Trigger
-from mesa_swarm.fire.part import BURNING
-from mesa_swarm.model.bodies import POSES
+from mesa_swarm.fire.fires_part import BURNING
+from mesa_swarm.model.bodies_part import POSES
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.observers import Observer
-from mesa_swarm.recording.added import check_addable
+from mesa_swarm.recording.added_objects import check_addable
 from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
 from mesa_swarm.recording.checkpoint import checkpoint_of
-from mesa_swarm.recording.collected import Path as SeriesPath
-from mesa_swarm.recording.collected import check_collected, lengths_of, size_of_collected
+from mesa_swarm.recording.collected_data import Path as SeriesPath
+from mesa_swarm.recording.collected_data import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
 from mesa_swarm.recording.devices import control_to_json, own_code
 from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
 from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
-from mesa_swarm.recording.making import check_agent_class
+from mesa_swarm.recording.made_objects import check_agent_class
 from mesa_swarm.recording.objects import summary
 from mesa_swarm.recording.provenance import (
     as_metadata,

@@ -18,8 +18,8 @@ from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.state_machine import StateMachine
 from mesa_swarm.control.team import Team
 from mesa_swarm.kernels.part import Column, Part, list_attributes
-from mesa_swarm.model.bodies import CHANGING
-from mesa_swarm.model.control import ControlPart
+from mesa_swarm.model.bodies_part import CHANGING
+from mesa_swarm.model.control_part import ControlPart
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters
 from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of
@@ -30,10 +30,10 @@ from mesa_swarm.recording.attributes import (
     own_attributes,
     own_attributes_of_agent,
 )
-from mesa_swarm.recording.collected import reporters_of, set_clock
+from mesa_swarm.recording.collected_data import reporters_of, set_clock
 from mesa_swarm.recording.devices import control_to_json
 from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
-from mesa_swarm.recording.removed import make_removed, removed_to_json, restore_removed
+from mesa_swarm.recording.removed_agents import make_removed, removed_to_json, restore_removed
 from mesa_swarm.robots.imperfections import Imperfections
 from mesa_swarm.robots.swarm import LASTING, Swarm
 from mesa_swarm.world.arena import get_next_id, set_next_id

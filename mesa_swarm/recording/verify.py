@@ -14,7 +14,7 @@ from mesa_swarm.base.wording import quantity
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.changes import Intervention, as_remark
 from mesa_swarm.recording.checkpoint import differing_part, restore
-from mesa_swarm.recording.collected import check_collected, size_of_collected, without_rest
+from mesa_swarm.recording.collected_data import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
 from mesa_swarm.recording.frames import Frame, Rows
 from mesa_swarm.recording.layout import Chunk, Layout, is_table

@@ -25,7 +25,7 @@ class Sensor(Device):
     ``read`` is a static function that fills `out` (n, width), one row a robot that has the sensor; what it leaves out
     stays NaN, which is nothing. The names of its other parameters decide what it gets: what `arguments` returns, the
     sensor's own attributes, columns of the swarm such as `heading` (n,), the `rows` (n,) of these robots in the
-    swarm, and `obstacles` and `owners`, as `is_cut` and `is_cut_but` of `mesa_swarm.physics.radio` take them. It
+    swarm, and `obstacles` and `owners`, as `is_cut` and `is_cut_but` of `mesa_swarm.physics.broadcasts` take them. It
     changes nothing but `out`, and reading twice gives the same. It is compiled when first used, and runs as plain
     Python where it cannot be.
 

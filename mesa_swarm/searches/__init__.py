@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 from mesa_swarm.base.lazy import lazy_names
 
 if TYPE_CHECKING:  # a type checker does not call __getattr__
-    from mesa_swarm.searches.design import Mission, design_machine, evolve_network
+    from mesa_swarm.searches.automatic_design import Mission, design_machine, evolve_network
     from mesa_swarm.searches.design_gap import Budget
-    from mesa_swarm.searches.driving import tallied
-    from mesa_swarm.searches.evolution import Evolved, Trial, evolve
-    from mesa_swarm.searches.gating import Criteria, ValidationGate, driven_by, gated
+    from mesa_swarm.searches.drive_measures import tallied
+    from mesa_swarm.searches.evolved_controllers import Evolved, Trial, evolve
     from mesa_swarm.searches.tuning import LearningGoal, goal_run
+    from mesa_swarm.searches.validation_gate import Criteria, ValidationGate, driven_by, gated
 
 # Module: the public names that live in it.
 _MODULES = {
-    "searches.design": "Mission design_machine evolve_network",
+    "searches.automatic_design": "Mission design_machine evolve_network",
     "searches.design_gap": "Budget",
-    "searches.driving": "tallied",
-    "searches.evolution": "Evolved Trial evolve",
-    "searches.gating": "Criteria ValidationGate driven_by gated",
+    "searches.drive_measures": "tallied",
+    "searches.evolved_controllers": "Evolved Trial evolve",
+    "searches.validation_gate": "Criteria ValidationGate driven_by gated",
     "searches.tuning": "LearningGoal goal_run",
 }
 

@@ -21,9 +21,9 @@ from mesa_swarm.experiments.experiment import (
     checked_settings,
     checked_steps,
 )
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.sweep import TABLE, run_experiment
 from mesa_swarm.experiments.until import checked_condition
+from mesa_swarm.experiments.worker_pool import checked_jobs
 
 
 class AdaptiveDesign:

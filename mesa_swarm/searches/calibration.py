@@ -23,12 +23,12 @@ from mesa_swarm.experiments.experiment import (
     checked_class,
     checked_measures,
 )
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows, sum_of_left_out
 from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text
 from mesa_swarm.experiments.statistics import FEWEST, Summary, known, mean_interval, summarised
 from mesa_swarm.experiments.sweep import run_experiment
 from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, with_limits
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.searches.adaptive import AdaptiveDesign
 
 LOSS, FAILED = "loss", "failed"

@@ -19,16 +19,16 @@ from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.ledger import Outcome
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reality_gap import DIAL, checked_dial
 from mesa_swarm.experiments.runs import Run, completed
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.maps.map import Map
 from mesa_swarm.maps.random_map import random_map
 from mesa_swarm.robots.imperfections import PRESETS
-from mesa_swarm.searches.design import (
+from mesa_swarm.searches.automatic_design import (
     MachineSpace,
     Mission,
     checked_mission,

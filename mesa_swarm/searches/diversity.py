@@ -23,15 +23,15 @@ from mesa_swarm.base.streams import Streams
 from mesa_swarm.control import Subsumption
 from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
 from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.runs import Run, completed
 from mesa_swarm.experiments.tables import csv_text
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.learning.reflex_policy import ReflexPolicy
 from mesa_swarm.maps.map import Map
-from mesa_swarm.searches.design import LINK
-from mesa_swarm.searches.driving import driven_world, tallied
-from mesa_swarm.searches.evolution import Trial, checked_maps, checked_trial, settings_of
+from mesa_swarm.searches.automatic_design import LINK
+from mesa_swarm.searches.drive_measures import driven_world, tallied
+from mesa_swarm.searches.evolved_controllers import Trial, checked_maps, checked_trial, settings_of
 from mesa_swarm.viewing.figures import plain_figure
 from mesa_swarm.viewing.palette import LIGHT
 

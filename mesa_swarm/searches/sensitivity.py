@@ -16,12 +16,12 @@ from mesa_swarm.base.extras import require_extra
 from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import Experiment, checked_class, checked_experiment
-from mesa_swarm.experiments.pool import checked_jobs
 from mesa_swarm.experiments.reports import notes_on_rows
 from mesa_swarm.experiments.sampling import Range, checked_ranges, points_at, range_text
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.experiments.sweep import Sweep, run_experiment
 from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, known, with_limits
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.parameters import parameters_of
 
 METHODS = ("sobol", "morris")

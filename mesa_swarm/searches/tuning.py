@@ -10,9 +10,9 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.control import Subsumption
-from mesa_swarm.experiments.pool import checked_jobs, in_order
 from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.experiments.statistics import Interval, mean_interval
+from mesa_swarm.experiments.worker_pool import checked_jobs, in_order
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.q_learning import QLearning
 from mesa_swarm.model.gallery import find_model

@@ -29,8 +29,8 @@ from mesa_swarm.base.progress import Progress, progress_bar
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, field_levels, frame_of
 from mesa_swarm.recording.provenance import join_sceneries
+from mesa_swarm.viewing.frame_bytes import MOST_PIXELS
 from mesa_swarm.viewing.legend import LegendEntry
-from mesa_swarm.viewing.packing import MOST_PIXELS
 from mesa_swarm.viewing.palette import LIGHT, PALETTES, scalar_pixels
 from mesa_swarm.viewing.recorded_steps import PicturedSteps
 from mesa_swarm.viewing.scene import (

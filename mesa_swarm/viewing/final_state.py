@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mesa_swarm.geometry.masks import fill_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import Frame, frame_of
 from mesa_swarm.viewing.scene import Scene, scene_of

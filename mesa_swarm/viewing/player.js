@@ -1,4 +1,4 @@
-/* Plays a recording on a Stage. Frames come in chunks (see viewing/packing.py), out of the page itself or from
+/* Plays a recording on a Stage. Frames come in chunks (see viewing/frame_bytes.py), out of the page itself or from
    `mesa-swarm replay`; the page's element "about" has which of the two. Put behind canvas.js and
    elements.js. `window.mesaSwarmReplay` is for tests. */
 
@@ -14,7 +14,7 @@ const PREDICTED = { pose: 2, loads: 2 };
 const MARKS = { "fire out": "fire", "collision burst": "burst", merge: "merge" };
 const find = (id) => document.getElementById(id);
 
-/** Reads unsigned numbers that were written as differences, see `_coded` in viewing/packing.py. */
+/** Reads unsigned numbers that were written as differences, see `_coded` in viewing/frame_bytes.py. */
 class Tracks {
   constructor(bytes) {
     this.bytes = bytes;

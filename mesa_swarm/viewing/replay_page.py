@@ -10,9 +10,9 @@ from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.recording.frames import Frame, events_of
 from mesa_swarm.recording.recording import Recording
 from mesa_swarm.viewing import palette, text_of
-from mesa_swarm.viewing.headers import policy, source_of
-from mesa_swarm.viewing.packing import packed_chunk
+from mesa_swarm.viewing.frame_bytes import packed_chunk
 from mesa_swarm.viewing.scene import Scene, scene_of_recording
+from mesa_swarm.viewing.server_headers import policy, source_of
 
 # Rows of a chunk: many compress well, few are quickly fetched. Fewer of many robots.
 MOST_ROWS = 256
@@ -107,7 +107,7 @@ def _in_words(value: object) -> str:
 def replay_page(recording: Recording) -> str:
     """Return a page that plays a recording; it is whole in itself and asks for nothing.
 
-    What is drawn is rounded as `mesa_swarm.viewing.packing` describes: positions to within 1/65535 of the map.
+    What is drawn is rounded as `mesa_swarm.viewing.frame_bytes` describes: positions to within 1/65535 of the map.
     50 robots and 3,000 steps take less than 2 MB.
     """
     reel = Reel(recording)
@@ -142,7 +142,7 @@ def style() -> str:
 
 
 def sources() -> dict[str, str]:
-    """Return what the page may run and load, as `mesa_swarm.viewing.headers.policy` takes it.
+    """Return what the page may run and load, as `mesa_swarm.viewing.server_headers.policy` takes it.
 
     Its own script is named by its hash: no other would run, should what a recording holds ever become an element.
     """

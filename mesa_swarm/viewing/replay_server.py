@@ -6,8 +6,8 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from mesa_swarm.base.errors import SwarmError
-from mesa_swarm.viewing.headers import safe_headers
 from mesa_swarm.viewing.replay_page import Reel, page_of, sources
+from mesa_swarm.viewing.server_headers import safe_headers
 
 HOST = "127.0.0.1"
 TOKEN_BYTES = 18

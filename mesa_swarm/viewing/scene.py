@@ -19,7 +19,7 @@ from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_name
 from mesa_swarm.recording.layout import PIXELS
 from mesa_swarm.recording.provenance import recorded_map, scenery_of
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.shown import pictures_of
+from mesa_swarm.recording.shown_parts import pictures_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import ProximitySensor

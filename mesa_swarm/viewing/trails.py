@@ -9,7 +9,7 @@ import numpy as np
 
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.observers import Observer
-from mesa_swarm.viewing.packing import on_map
+from mesa_swarm.viewing.frame_bytes import on_map
 
 # Steps that a trail on a page shows; ``canvas.js`` has the same number.
 TRAIL_STEPS = 100

@@ -10,7 +10,7 @@ from shapely.geometry import Point, Polygon
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.geometry.grid import Bounds
-from mesa_swarm.geometry.masks import fill_masked, holds_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked, holds_masked
 from mesa_swarm.world.read_only import read_only
 
 LARGEST_COORDINATE = 1e9

@@ -14,7 +14,7 @@ from mesa_swarm import Map
 from mesa_swarm.analysis import coverage, reachable_cells, visited_cells
 from mesa_swarm.analysis.coverage import cells_from_places
 from mesa_swarm.base.errors import InvalidValueError
-from mesa_swarm.geometry.room import areas_by_cell, room_for_disc
+from mesa_swarm.geometry.free_room import areas_by_cell, room_for_disc
 
 BOX = (0.0, 0.0, 100.0, 80.0)
 seeds = st.integers(0, 2**32)

@@ -13,7 +13,7 @@ from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.models.perimeter import Perimeter
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing import palette
-from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.scene import scene_of
 from support.visits import blank_page, settle
 

@@ -7,7 +7,7 @@ import pytest
 from mesa_swarm.models.boids import Boids
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing import palette, text_of
-from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.scene import scene_of
 from support.visits import blank_page
 

@@ -11,7 +11,7 @@ from mesa_swarm import AGENT9, ColourMap, Field, Looks, Recording, SwarmModel, d
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing import palette, text_of
 from mesa_swarm.viewing.export import export
-from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.palette import DARK, LIGHT, PALETTES, fire_colour, rgb
 from mesa_swarm.viewing.replay_page import replay_page
 from mesa_swarm.viewing.scene import PART_OPACITY, scene_of

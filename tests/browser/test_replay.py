@@ -19,7 +19,7 @@ from mesa_swarm.recording import Recording
 from mesa_swarm.recording.frames import Frame, frame_of
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import palette, text_of
-from mesa_swarm.viewing.packing import PACKED_FROM, packed_frame
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.replay_page import replay_page
 from mesa_swarm.viewing.scene import Scene, scene_of, scene_of_recording
 from support.visits import blank_page, settle

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mesa_swarm import SwarmModel
-from mesa_swarm.base import work_done
+from mesa_swarm.base import work_line as work_done
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.cli import draw
 from mesa_swarm.cli.draw import DEFAULT_STEPS, drawn, parsed_steps

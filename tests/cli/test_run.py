@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.base import work_done
+from mesa_swarm.base import work_line as work_done
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording import Recording, verify
 

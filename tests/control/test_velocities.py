@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm import AGENT9, HolonomicDrive, ProximitySensor, RobotDesign
 from mesa_swarm.control import Align, Cruise, Explore, MatchVelocity, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.flocking import drive_arcs, track
-from mesa_swarm.physics.motion import advance_robots
+from mesa_swarm.physics.arcs import advance_robots
 from mesa_swarm.robots.drive import wheels_to_motion
 from support.scenes import empty
 

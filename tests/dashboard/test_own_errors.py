@@ -17,7 +17,7 @@ from mesa_swarm.dashboard.replay.replaying import Replaying
 from mesa_swarm.dashboard.run.charts import ChosenChart, TimeContent, curves_message
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from support.own_models import write_model
 from support.waiting import wait_until
 

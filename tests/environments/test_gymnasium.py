@@ -15,8 +15,8 @@ from mesa_swarm.environments import (
     VectorSwarmEnv,
     register,
 )
-from mesa_swarm.environments.camera import RIM
 from mesa_swarm.environments.registration import NAMESPACE, REGISTERED
+from mesa_swarm.environments.rendering import RIM
 from mesa_swarm.robots.imperfections import MEASURED
 
 IDS = [f"{NAMESPACE}/{name}" for name in REGISTERED]

@@ -14,7 +14,7 @@ import pytest
 from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.cli import main
 from mesa_swarm.experiments.sweep import sweep
-from mesa_swarm.experiments.workers import SchedulerLostError
+from mesa_swarm.experiments.worker_tasks import SchedulerLostError
 from support.killing import COMMAND, environment, lines_in
 from support.waiting import wait_until
 

@@ -7,9 +7,9 @@ import pytest
 
 from mesa_swarm.base.errors import RecordingError, SwarmError
 from mesa_swarm.base.files import draft_name, lock
-from mesa_swarm.experiments.pool import WorkerDiedError
 from mesa_swarm.experiments.run_records import Archive, recorded
 from mesa_swarm.experiments.sweep import sweep
+from mesa_swarm.experiments.worker_pool import WorkerDiedError
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.recording import Recording, verify
 from support.failing_models import Counting, Dying, DyingOnce, Raising, seeds_run

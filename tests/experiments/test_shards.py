@@ -11,7 +11,7 @@ from mesa_swarm.cli import main
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.experiments.sweep import Shard, run_experiment, sweep
-from mesa_swarm.experiments.workers import SchedulerLostError
+from mesa_swarm.experiments.worker_tasks import SchedulerLostError
 
 GRID = {"n_robots": [2, 3]}
 HOW = {"seeds": 3, "steps": 5, "jobs": 1}

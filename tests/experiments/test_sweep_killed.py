@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from joblib import parallel_config
 
-from mesa_swarm.experiments.pool import on_all
 from mesa_swarm.experiments.sweep import sweep
-from mesa_swarm.experiments.workers import WorkerDiedError
+from mesa_swarm.experiments.worker_pool import on_all
+from mesa_swarm.experiments.worker_tasks import WorkerDiedError
 from mesa_swarm.model.gallery import find_model
 from support import failing_models
 from support.killing import environment, lines_in

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from mesa_swarm.base import work_done
+from mesa_swarm.base import work_line as work_done
 from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.experiments import warm_up as module
-from mesa_swarm.experiments.pool import WorkerDiedError
 from mesa_swarm.experiments.warm_up import STEPS, WarmUp, compile_for, missing_functions, warm_up
+from mesa_swarm.experiments.worker_pool import WorkerDiedError
 from mesa_swarm.kernels import code_files, compiling
 
 # What a process does in place of compiling for a model.

@@ -24,7 +24,7 @@ from mesa_swarm.maps.map import Map
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.robots.design import AGENT3
-from mesa_swarm.searches.evolution import Trial, evolve
+from mesa_swarm.searches.evolved_controllers import Trial, evolve
 from mesa_swarm.viewing.pictures import png, world_figure
 from support.disks import read_only, small_disk
 from support.hostile import attack

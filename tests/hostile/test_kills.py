@@ -157,7 +157,7 @@ def test_the_benchmark_of_learners_goes_on(tally, amount, tmp_path):
 EVOLUTION = """
 import sys
 from pathlib import Path
-from mesa_swarm.searches.evolution import Trial, evolve
+from mesa_swarm.searches.evolved_controllers import Trial, evolve
 from mesa_swarm.learning import save_policy
 
 if __name__ == "__main__":
@@ -288,13 +288,13 @@ def test_an_export_leaves_the_old_file_or_the_new_one_whole(tally, amount, tmp_p
 
 WORKERS = {
     "just starting, or at work": """
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.worker_pool import on_all
 import time
 list(on_all(3, time.sleep, [(1000,), (1000,)]))
 """,
     "idle": """
 import numpy as np, os, sys, time
-from mesa_swarm.experiments.pool import on_all
+from mesa_swarm.experiments.worker_pool import on_all
 print(list(on_all(3, np.sum, [(np.ones(1_000_000),), (np.ones(1_000_000),)])))
 time.sleep(1000)
 """,

@@ -16,7 +16,7 @@ from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.recording import Recording, verify
 from mesa_swarm.recording.resume import shipped_class_of
 from mesa_swarm.viewing.export import export
-from mesa_swarm.viewing.packing import packed_frame
+from mesa_swarm.viewing.frame_bytes import packed_frame
 from mesa_swarm.viewing.replay_page import Reel, replay_page
 from mesa_swarm.viewing.replay_server import ReplayServer
 from mesa_swarm.viewing.scene import scene_of_recording

@@ -25,7 +25,7 @@ from mesa_swarm.robots.design import all_round
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections
 from mesa_swarm.robots.sensors import LineSensor, ProximitySensor, RadiationSensor, bump_sensor, laser_sensor
-from mesa_swarm.searches.evolution import Trial
+from mesa_swarm.searches.evolved_controllers import Trial
 from mesa_swarm_studies.benchmarks.learn_bench import Benchmark
 from support.hostile import attack
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numba import types
 
 import mesa_swarm
-from mesa_swarm.base import work_done
+from mesa_swarm.base import work_line as work_done
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.kernels import code_files, compiling
 from mesa_swarm.kernels.code_files import FLOORS

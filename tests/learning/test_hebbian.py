@@ -12,7 +12,7 @@ from mesa_swarm.learning import PolicyLayer, ReflexPolicy, SensorLayout, reward
 from mesa_swarm.learning.hebbian import HebbianLearning
 from mesa_swarm.learning.q_learning import QLearning
 from mesa_swarm.maps.random_map import random_map
-from mesa_swarm.searches.driving import tallied
+from mesa_swarm.searches.drive_measures import tallied
 
 PREFIX = "0.HebbianLearning"
 

@@ -16,7 +16,7 @@ from mesa_swarm.experiments.reality_gap import reality_gap
 from mesa_swarm.experiments.sweep import sweep
 from mesa_swarm.model.common import ALSO, COMMON
 from mesa_swarm.model.gallery import find_model, gallery_names
-from mesa_swarm.model.imperfections import SLIP_MAGNITUDE
+from mesa_swarm.model.imperfections_part import SLIP_MAGNITUDE
 from mesa_swarm.model.parameters import Noise, Slider, parameters_of
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.imperfections import MEASURED

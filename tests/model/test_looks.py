@@ -18,7 +18,7 @@ from mesa_swarm.model.looks import LABEL_BYTES, label_bytes, looks_of, pair_colo
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.recording.schema import checked_scenery
 from mesa_swarm.viewing.export import export
-from mesa_swarm.viewing.packing import PACKED_FROM, packed_chunk, packed_frame
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_chunk, packed_frame
 from mesa_swarm.viewing.palette import LIGHT, VALUE_STEPS, value_colours, value_steps
 from mesa_swarm.viewing.pictures import legend_of, world_figure
 from mesa_swarm.viewing.scene import scene_of, scene_of_recording

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import ProximitySensor, RobotDesign, SwarmModel, disc, rectangle
-from mesa_swarm.base import work_done
+from mesa_swarm.base import work_line as work_done
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.base.progress import finishing_time
 from mesa_swarm.control import Subsumption

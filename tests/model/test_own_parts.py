@@ -21,7 +21,7 @@ from mesa_swarm.recording import Recording
 from mesa_swarm.recording.checkpoint import differing_part
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.export import export
-from mesa_swarm.viewing.packing import PACKED_FROM, packed_chunk, packed_frame
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_chunk, packed_frame
 from mesa_swarm.viewing.pictures import world_figure
 from mesa_swarm.viewing.player import readings_of
 from mesa_swarm.viewing.scene import scene_of, scene_of_recording

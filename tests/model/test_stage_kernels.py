@@ -21,7 +21,7 @@ from mesa_swarm.kernels.plan import call_when_due
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine as engine_module
-from mesa_swarm.physics.packed import LIST
+from mesa_swarm.physics.stage_kernels import LIST
 
 SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
 HEAR, DECIDE, FIELDS, PROCESSES = (

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.physics.motion import (
+from mesa_swarm.physics.arcs import (
     LONGEST_PIECE,
     advance_robots,
     count_pieces,

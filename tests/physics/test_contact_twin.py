@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from mesa_swarm import Map, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.base.errors import PlacementError
-from mesa_swarm.physics import contact, separation, settle, shapely_engine
+from mesa_swarm.physics import contact, separation, shapely_engine
+from mesa_swarm.physics import placing as settle
 from mesa_swarm.physics.contact import SLOP, Contacts, coincident_direction
 from mesa_swarm.physics.crowd import near_pairs
 from mesa_swarm.physics.separation import MOST_SWEEPS

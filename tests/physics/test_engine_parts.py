@@ -12,6 +12,16 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT9, DifferentialDrive, HolonomicDrive, ProximitySensor, Radio, RobotDesign, rectangle
 from mesa_swarm.geometry.grid import Grid
+from mesa_swarm.physics.arcs import count_pieces, write_achieved_motion, write_wheel_slip
+from mesa_swarm.physics.broadcasts import (
+    Channel,
+    hear_goals,
+    hear_states,
+    is_cut,
+    nearest_heard,
+    obstacles_of,
+    send_goals,
+)
 from mesa_swarm.physics.engine import (
     CompiledEngine,
     drives_by_rows,
@@ -20,8 +30,6 @@ from mesa_swarm.physics.engine import (
     wheels_of,
     write_motion,
 )
-from mesa_swarm.physics.motion import count_pieces, write_achieved_motion, write_wheel_slip
-from mesa_swarm.physics.radio import Channel, hear_goals, hear_states, is_cut, nearest_heard, obstacles_of, send_goals
 from mesa_swarm.physics.shapely_engine import ShapelyEngine
 from mesa_swarm.robots.swarm import Swarm
 from support.solid_worlds import BOUNDS, solid_world

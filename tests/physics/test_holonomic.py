@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm import HolonomicDrive, RobotDesign, rectangle
 from mesa_swarm.control import Subsumption, VectorSum
-from mesa_swarm.physics.motion import sinc
+from mesa_swarm.physics.arcs import sinc
 from mesa_swarm.robots.drive import DifferentialDrive
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from support.driving import alone, pose_of

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from mesa_swarm import AGENT3, AGENT_FIRE, LineSensor, RobotDesign, SwarmModel
 from mesa_swarm.control import Subsumption
-from mesa_swarm.physics.imperfect import (
+from mesa_swarm.physics.broadcasts import is_lost, mix_bits
+from mesa_swarm.physics.disturbances import (
     BODY,
     FATE,
     LENGTH,
@@ -25,7 +26,6 @@ from mesa_swarm.physics.imperfect import (
     spoil,
     spoil_wheels,
 )
-from mesa_swarm.physics.radio import is_lost, mix_bits
 from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 from mesa_swarm.world.statics import OBSTACLE
 from support.scenes import ahead, empty

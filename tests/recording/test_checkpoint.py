@@ -16,7 +16,7 @@ from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.recording.collected import MOST_STEPS, set_clock
+from mesa_swarm.recording.collected_data import MOST_STEPS, set_clock
 from mesa_swarm.recording.container import from_bytes, to_bytes
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import DifferentialDrive, HolonomicDrive

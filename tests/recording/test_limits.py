@@ -8,7 +8,8 @@ import pytest
 from mesa_swarm import AGENT3, SwarmModel
 from mesa_swarm.base.errors import InvalidValueError, RecordingError
 from mesa_swarm.models.fire_fighting import FireFighting
-from mesa_swarm.recording import Recording, collected, container, verify
+from mesa_swarm.recording import Recording, container, verify
+from mesa_swarm.recording import collected_data as collected
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.recording.container import Checkpoint, Packer, from_bytes, to_bytes
 from mesa_swarm.recording.schema import longest_gap

@@ -8,7 +8,7 @@ from mesa import Agent
 from mesa_swarm import AGENT9, Actuator, RobotDesign, Sensor, SwarmModel
 from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
-from mesa_swarm.recording.making import is_class
+from mesa_swarm.recording.made_objects import is_class
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mesa_swarm import RobotDesign
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption, behaviour
-from mesa_swarm.physics.motion import sinc
+from mesa_swarm.physics.arcs import sinc
 from mesa_swarm.robots.drive import DifferentialDrive, limit_command
 from support.driving import alone, pose_of
 from support.scenes import blind, circle, empty

@@ -13,7 +13,7 @@ from mesa_swarm.base.streams import Streams
 from mesa_swarm.maps.map import Map
 from mesa_swarm.searches import diversity
 from mesa_swarm.searches.diversity import BehaviourMap, behaviour_figure, behaviour_of, cell_middles, diversify
-from mesa_swarm.searches.evolution import Trial
+from mesa_swarm.searches.evolved_controllers import Trial
 
 BRIEF = Trial(robots=4, steps=60, units=0, encoding="typed")
 SMALL = {"cells": 8, "generations": 4, "emitters": 2, "batch": 6}

@@ -8,7 +8,7 @@ import pytest
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
 from mesa_swarm.learning import LearnFireWheels
-from mesa_swarm.searches.gating import VALIDATION
+from mesa_swarm.searches.validation_gate import VALIDATION
 from mesa_swarm_studies.benchmarks.benchmark_tasks import TEST, TRAIN, benchmark_tasks
 from mesa_swarm_studies.benchmarks.fire_policies import FIRES, TRAINING, trained_skills, trained_wheels
 from mesa_swarm_studies.benchmarks.task_contestants import contestants_of

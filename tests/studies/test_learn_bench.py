@@ -20,8 +20,8 @@ from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.learning import ReflexPolicy, SensorLayout, save_policy
 from mesa_swarm.maps.random_map import random_map
-from mesa_swarm.searches.driving import drive_measured, driven_world
-from mesa_swarm.searches.gating import VALIDATION
+from mesa_swarm.searches.drive_measures import drive_measured, driven_world
+from mesa_swarm.searches.validation_gate import VALIDATION
 from mesa_swarm_studies.benchmarks import learn_bench as bench
 from mesa_swarm_studies.benchmarks.benchmark_tasks import APART, TEST, TRAIN, benchmark_tasks
 from mesa_swarm_studies.benchmarks.contestants import BREEDING, CHOOSING

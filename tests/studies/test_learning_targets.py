@@ -8,8 +8,8 @@ from mesa_swarm import AGENT9
 from mesa_swarm.control import Subsumption
 from mesa_swarm.learning import QLearning
 from mesa_swarm.learning.evolution import Evolution
-from mesa_swarm.searches.driving import driven_world
-from mesa_swarm.searches.gating import driven_by
+from mesa_swarm.searches.drive_measures import driven_world
+from mesa_swarm.searches.validation_gate import driven_by
 from mesa_swarm_studies.benchmarks.benchmark_tasks import TEST, benchmark_tasks
 from mesa_swarm_studies.benchmarks.contestants import BREEDING, CHOOSING, Trained, bred, contestants
 from support.machine import slowness

@@ -9,7 +9,7 @@ from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.experiments.learning_figures import fire_run
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.robots.design import AGENT9
-from mesa_swarm.searches.driving import MEASURES, drive_measured, driven_world
+from mesa_swarm.searches.drive_measures import MEASURES, drive_measured, driven_world
 from mesa_swarm_studies.benchmarks import speed as timing
 from mesa_swarm_studies.benchmarks.learn_bench import is_training
 from mesa_swarm_studies.benchmarks.speed import (

@@ -11,7 +11,7 @@ import shapely
 from scipy.integrate import quad
 
 from mesa_swarm import Map, ProximitySensor, RobotDesign, SwarmModel, disc
-from mesa_swarm.physics.motion import move_along_arc
+from mesa_swarm.physics.arcs import move_along_arc
 from mesa_swarm_studies.judging import AGAINST_THEORY, FAILED, PASSED, UNDECIDED, judged_theory
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import find_item, items

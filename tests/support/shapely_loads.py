@@ -11,9 +11,9 @@ from shapely import STRtree
 from shapely.geometry.base import BaseGeometry
 
 from mesa_swarm.physics import loads
+from mesa_swarm.physics.arcs import LONGEST_PIECE, sinc
 from mesa_swarm.physics.contact import SLOP
 from mesa_swarm.physics.loads import EQUAL, HAIR, HALVINGS, MOST_WAYS, ROUNDS
-from mesa_swarm.physics.motion import LONGEST_PIECE, sinc
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.world.bodies import Body, Load, Pose, placed
 from mesa_swarm.world.movers import Driven, Movers

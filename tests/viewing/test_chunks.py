@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.viewing.packing import PACKED_FROM, _coded, drawn_columns, packed_chunk, packed_rows
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, _coded, drawn_columns, packed_chunk, packed_rows
 from mesa_swarm.viewing.scene import COLUMNS, scene_of, scene_of_recording
 from support.unpacking import Reader, unpacked_chunk
 

@@ -12,8 +12,8 @@ from mesa_swarm import AGENT3, Field, Recording, SwarmModel, disc
 from mesa_swarm.recording.frames import frame_of
 from mesa_swarm.viewing.export import export
 from mesa_swarm.viewing.films import palette as film_palette
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_chunk, packed_frame
 from mesa_swarm.viewing.legend import field_entry
-from mesa_swarm.viewing.packing import PACKED_FROM, packed_chunk, packed_frame
 from mesa_swarm.viewing.palette import DARK, LIGHT, rgb, scalar_pixels
 from mesa_swarm.viewing.pictures import legend_of, png, world_figure
 from mesa_swarm.viewing.player import Player

@@ -17,7 +17,7 @@ from mesa_swarm.dashboard.app import CSS
 from mesa_swarm.dashboard.page.series import Series
 from mesa_swarm.dashboard.run.charts import ChartBoard, figure_of
 from mesa_swarm.environments import FindFires
-from mesa_swarm.environments.camera import Camera
+from mesa_swarm.environments.rendering import Camera
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.maps import map as maps
 from mesa_swarm.models.cooperative_transport import CooperativeTransport

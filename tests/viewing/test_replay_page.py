@@ -8,8 +8,8 @@ from mesa_swarm import SwarmModel
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
-from mesa_swarm.viewing.headers import policy, source_of
 from mesa_swarm.viewing.replay_page import page_of, replay_page
+from mesa_swarm.viewing.server_headers import policy, source_of
 from support.unpacking import unpacked_chunk
 
 MOST = 2_000_000

@@ -12,7 +12,7 @@ from shapely.geometry import Point
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.base.errors import PlacementError
-from mesa_swarm.geometry.room import Crowded
+from mesa_swarm.geometry.free_room import Crowded
 from mesa_swarm.world.placement import free_places, free_space, place_apart
 from mesa_swarm.world.statics import CELLS_PER_ITEM, MOST_LISTED, OBSTACLE, Statics
 from support.pace import work_within

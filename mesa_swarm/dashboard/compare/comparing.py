@@ -16,7 +16,7 @@ from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.tables import runs_csv, table_and_notes
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.pictures import png
 from mesa_swarm.viewing.play_loop import Listeners
 

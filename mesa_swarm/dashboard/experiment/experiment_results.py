@@ -27,7 +27,7 @@ from mesa_swarm.experiments.sweep import run_experiment, stored_runs
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.maps.map import Map
 from mesa_swarm.model.gallery import is_address, short_name
-from mesa_swarm.viewing.faults import print_traceback
+from mesa_swarm.viewing.error_lines import print_traceback
 
 MEAN, SHARE = "mean", "share of runs in which it occurred"
 # Intervals that are stored, of all experiments of this server.

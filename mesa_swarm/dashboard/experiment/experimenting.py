@@ -22,7 +22,7 @@ from mesa_swarm.maps.map import Map
 from mesa_swarm.maps.toml import number_text
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.play_loop import Listeners
 
 MOST_VALUES = 100

@@ -15,9 +15,9 @@ from typing import IO, Any, Protocol, cast
 from joblib import cpu_count
 
 from mesa_swarm.base.errors import SwarmError
-from mesa_swarm.experiments.pool import ending_with_us
+from mesa_swarm.experiments.worker_pool import ending_with_us
 from mesa_swarm.model.gallery import list_imported
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.play_loop import Listeners
 
 # Largest number of comparisons and experiments at the same time, of all users of this server.

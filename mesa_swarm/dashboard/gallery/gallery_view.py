@@ -14,7 +14,7 @@ from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS, address_of, sti
 from mesa_swarm.model.gallery import description, find_model, short_name
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.drawing import drawing_of_model
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 
 # Steps before the picture of a model that does not come with one, so that its behaviour is visible.
 STEPS = 800

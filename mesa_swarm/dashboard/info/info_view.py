@@ -17,7 +17,7 @@ from mesa_swarm.dashboard.page.inputs import checked_setting
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Button
 from mesa_swarm.model.info import Equation, Listing, ModelInfo, Preset, model_info
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.play_loop import use_changes
 
 # Words of docstrings between such quotes are names.

@@ -13,7 +13,7 @@ from mesa_swarm.experiments.reports import as_number
 from mesa_swarm.model.looks import Chart, looks_of
 from mesa_swarm.model.observers import Observer
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 
 # Numbers stored of a run, or of two compared ones, 16 MB; beyond that every second row is dropped.
 MOST_NUMBERS = 2_000_000

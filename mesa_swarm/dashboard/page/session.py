@@ -23,7 +23,7 @@ from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.radio import HEARD, SEND
 from mesa_swarm.robots.snapshots import DECISIONS
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES, Listeners
 from mesa_swarm.viewing.player import Player
 

@@ -17,7 +17,7 @@ from mesa_swarm.dashboard.page.series import (
     number_of,
     reporter_plot,
 )
-from mesa_swarm.recording.collected import check_collected, join_series, size_of_collected, without_rest
+from mesa_swarm.recording.collected_data import check_collected, join_series, size_of_collected, without_rest
 from mesa_swarm.recording.container import Packer
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.recording import Recording

@@ -31,8 +31,8 @@ from mesa_swarm.recording.recording import Recording
 from mesa_swarm.recording.resume import resume_watched
 from mesa_swarm.recording.verify import Watch
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.faults import reported
-from mesa_swarm.viewing.packing import packed_frame
+from mesa_swarm.viewing.error_lines import reported
+from mesa_swarm.viewing.frame_bytes import packed_frame
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Player, Viewer
 from mesa_swarm.viewing.replay_page import damage_notes

@@ -28,7 +28,7 @@ from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
 from mesa_swarm.model.gallery import short_name
 from mesa_swarm.viewing import palette, text_of
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.figures import literal, plain_figure, png
 from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame, Past, Viewer

@@ -16,7 +16,7 @@ from mesa_swarm.maps.map import FireSpot, Map
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import palette, text_of
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.world.bodies import Body, Load
 
 DRAWN = "drawn"

@@ -21,13 +21,13 @@ from mesa_swarm.base.errors import ExportError, InvalidValueError, RecordingErro
 from mesa_swarm.dashboard.page.live_run import Repetition
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import Downloads, Link
-from mesa_swarm.experiments.pool import ending_with_us
+from mesa_swarm.experiments.worker_pool import ending_with_us
 from mesa_swarm.model.gallery import short_name
 from mesa_swarm.model.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
 from mesa_swarm.viewing.player import PackedFrame
 
@@ -57,7 +57,7 @@ TURN = 0.02
 PERCENT = re.compile(r"(\d+) %")
 # The bar of the command is read from a pipe.
 COMMAND = (
-    "import sys; import mesa_swarm.base.work_done as work_done; work_done.always_drawn = True; "
+    "import sys; import mesa_swarm.base.work_line as work_done; work_done.always_drawn = True; "
     "from mesa_swarm.cli import main; sys.exit(main())"
 )
 # Shortest time between updates of the progress and the recorded steps, s.

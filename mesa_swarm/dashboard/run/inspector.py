@@ -20,13 +20,13 @@ from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.layout import is_table
-from mesa_swarm.recording.shown import columns_of_parts, shown_of
+from mesa_swarm.recording.shown_parts import columns_of_parts, shown_of
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, DesignTable, RobotDesign
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
 from mesa_swarm.viewing import text_of
-from mesa_swarm.viewing.faults import reported
+from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.player import PackedFrame
 from mesa_swarm.viewing.scene import Scene
 from mesa_swarm.world.statics import KINDS

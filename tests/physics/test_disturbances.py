@@ -9,7 +9,7 @@ from mesa_swarm import AGENT3, AGENT9, AGENT_FIRE, LineSensor, RobotDesign, Swar
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.model.gallery import find_model, model_names
-from mesa_swarm.physics.imperfect import draw_normal, draw_uniform
+from mesa_swarm.physics.disturbances import draw_normal, draw_uniform
 from mesa_swarm.recording.checkpoint import checkpoint_of, restore
 from mesa_swarm.robots.imperfections import (
     MEASURED,

@@ -16,7 +16,7 @@ from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Flags, Integers, RealRows, Reals
-from mesa_swarm.physics.motion import least_radius
+from mesa_swarm.physics.arcs import least_radius
 from mesa_swarm.world.bodies import BodyTable, Form
 from mesa_swarm.world.shapes import Shape
 from mesa_swarm.world.statics import CARRIED, Statics, edges_of

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from mesa_swarm.geometry.masks import fill_masked, holds_masked
+from mesa_swarm.geometry.masked_arrays import fill_masked, holds_masked
 
 shapes = array_shapes(min_dims=0, max_dims=3, max_side=4)
 

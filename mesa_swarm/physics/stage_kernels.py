@@ -20,8 +20,8 @@ from mesa_swarm.kernels.type_names import (
     Reals,
     RealTables,
 )
+from mesa_swarm.physics.arcs import copy_places, write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.crowd import LISTED, SIZE, CrowdArrays, PairArrays, near_pairs, put_pairs, sort_by_cell
-from mesa_swarm.physics.motion import copy_places, write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.sensing import sense_inside, sense_line, sense_proximity, sense_radiation
 from mesa_swarm.physics.separation import SETTLED
 from mesa_swarm.physics.travel import RobotArrays, get_apart, travel_pieces

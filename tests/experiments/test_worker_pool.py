@@ -12,8 +12,8 @@ from joblib import cpu_count, parallel_config
 from joblib.externals.loky import get_reusable_executor
 
 from mesa_swarm.base.errors import InvalidValueError
-from mesa_swarm.experiments import pool
-from mesa_swarm.experiments.pool import checked_jobs, ending_with_us, in_order, is_remote, on_all
+from mesa_swarm.experiments import worker_pool as pool
+from mesa_swarm.experiments.worker_pool import checked_jobs, ending_with_us, in_order, is_remote, on_all
 
 
 @pytest.fixture
@@ -105,5 +105,5 @@ def test_another_backend_of_joblib_is_remote():
 
 def test_a_script_that_ends_with_this_process_watches_it_from_its_first_import_on():
     script = ending_with_us("print()")
-    assert script.startswith("from mesa_swarm.experiments.pool import end_with; end_with(")
+    assert script.startswith("from mesa_swarm.experiments.worker_pool import end_with; end_with(")
     assert script.endswith("; print()")

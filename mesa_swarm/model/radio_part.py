@@ -7,7 +7,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.kernels.part import Column, Itself, Part, Phase, Stage
-from mesa_swarm.physics.radio import Channel
+from mesa_swarm.physics.broadcasts import Channel
 from mesa_swarm.robots.radio import Radio
 
 SENT_AND_HEARD = ("sent_goal", "heard_layer", "heard_task", "heard_from", "heard_goal")

@@ -15,14 +15,14 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control import Subsumption
 from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
-from mesa_swarm.experiments.pool import checked_jobs, in_order
+from mesa_swarm.experiments.worker_pool import checked_jobs, in_order
 from mesa_swarm.learning.evolution import Evolution, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.policy import PolicyLayer, SensorLayout
 from mesa_swarm.learning.reflex_policy import ReflexPolicy, genome_length, half_length, whole_genome
 from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import AGENT9, RobotDesign
-from mesa_swarm.searches.driving import driven_world, tallied
+from mesa_swarm.searches.drive_measures import driven_world, tallied
 
 FORMAT = "mesa_swarm evolution 1"
 LARGEST_FILE = 100_000_000

@@ -13,7 +13,7 @@ from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
-from mesa_swarm.model.robots import check_stored_numbers
+from mesa_swarm.model.robots_part import check_stored_numbers
 from mesa_swarm.world.shapes import Shape, disc
 from mesa_swarm.world.statics import FIRE
 

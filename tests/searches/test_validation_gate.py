@@ -11,8 +11,8 @@ from mesa_swarm.control import Avoid, Explore, Subsumption, behaviour
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, Variation
 from mesa_swarm.experiments.controllers import Controller
 from mesa_swarm.learning import LearnFires, LearnFireWheels, QLearning
-from mesa_swarm.searches.driving import drive_measured, driven_world
-from mesa_swarm.searches.gating import VALIDATION, Criteria, ValidationGate, gated
+from mesa_swarm.searches.drive_measures import drive_measured, driven_world
+from mesa_swarm.searches.validation_gate import VALIDATION, Criteria, ValidationGate, gated
 from mesa_swarm_studies.benchmarks import contestants as all_contestants
 from mesa_swarm_studies.benchmarks.benchmark_tasks import TEST, TRAIN
 from mesa_swarm_studies.benchmarks.contestants import BREEDING, CHOOSING, Trained, contestants

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.physics.motion import advance_robots, sinc
+from mesa_swarm.physics.arcs import advance_robots, sinc
 from mesa_swarm.robots.drive import DifferentialDrive
 from support.driving import alone, pose_of
 

@@ -17,7 +17,7 @@ from joblib.parallel import LokyBackend, get_active_backend
 
 from mesa_swarm.base.errors import InvalidValueError, check_count
 from mesa_swarm.base.extras import require_extra
-from mesa_swarm.experiments.workers import WorkerDiedError, worked
+from mesa_swarm.experiments.worker_tasks import WorkerDiedError, worked
 from mesa_swarm.model.gallery import list_imported
 
 MOST_JOBS = 1024

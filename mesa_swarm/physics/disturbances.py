@@ -6,7 +6,7 @@ from zlib import crc32
 import numpy as np
 
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.physics.radio import GOLDEN, mix_bits
+from mesa_swarm.physics.broadcasts import GOLDEN, mix_bits
 from mesa_swarm.robots.design import RANGE, places_of_custom_sensors
 from mesa_swarm.robots.drive import limit_length
 from mesa_swarm.robots.imperfections import Imperfections, is_ideal

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point
 
 from mesa_swarm.base.errors import InvalidValueError
-from mesa_swarm.geometry.room import (
+from mesa_swarm.geometry.free_room import (
     Crowded,
     areas_by_cell,
     circumscribed_ratio,

@@ -14,7 +14,7 @@ from mesa_swarm.model.state import checked_state
 from mesa_swarm.model.state_hash import describe_designs
 from mesa_swarm.physics.engine import Engine
 from mesa_swarm.physics.own_devices import OwnDevices
-from mesa_swarm.physics.packed import CountArrays, count_collided
+from mesa_swarm.physics.stage_kernels import CountArrays, count_collided
 from mesa_swarm.robots.actuators import Actuator
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import Device

@@ -14,7 +14,7 @@ from mesa_swarm.control.conditions import RobotsSeen
 from mesa_swarm.learning.evolution import MixedEvolution
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.maps.map import Map
-from mesa_swarm.searches.design import (
+from mesa_swarm.searches.automatic_design import (
     MachineSpace,
     Mission,
     MissionTrial,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
-from mesa_swarm.environments.camera import Camera
+from mesa_swarm.environments.rendering import Camera
 from mesa_swarm.maps.map import FireSpot
 from mesa_swarm.viewing.palette import LIGHT, fire_colour, rgb
 

@@ -29,15 +29,15 @@ from mesa_swarm.control import (
 )
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.fingerprints import shown_value
-from mesa_swarm.experiments.pool import checked_jobs
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.evolution import Candidate, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.maps.map import Map
 from mesa_swarm.robots.design import AGENT9, RobotDesign
 from mesa_swarm.robots.imperfections import Imperfections
-from mesa_swarm.searches.driving import driven_world, tallied
-from mesa_swarm.searches.evolution import (
+from mesa_swarm.searches.drive_measures import driven_world, tallied
+from mesa_swarm.searches.evolved_controllers import (
     Diary,
     Evolved,
     Maps,

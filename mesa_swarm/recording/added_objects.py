@@ -6,12 +6,12 @@ from typing import Any
 from mesa import Agent, Model
 
 from mesa_swarm.base.errors import RecordingError, check_name, read_attribute, shortened
-from mesa_swarm.fire.part import BURNING
+from mesa_swarm.fire.fires_part import BURNING
 from mesa_swarm.kernels.part import Part, list_attributes
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
 from mesa_swarm.recording.attributes import ModelPacker, attribute_from_json, attribute_to_json
-from mesa_swarm.recording.making import (
+from mesa_swarm.recording.made_objects import (
     OF_PACKAGE,
     check_made,
     check_part_class,

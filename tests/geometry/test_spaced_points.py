@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm.geometry.grid import Grid, cell_index
-from mesa_swarm.geometry.packing import hexagonal_lattice, take_apart
+from mesa_swarm.geometry.spaced_points import hexagonal_lattice, take_apart
 
 BOUNDS = (-10.0, 5.0, 90.0, 65.0)
 seeds = st.integers(0, 2**32 - 1)

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mesa_swarm.geometry.exact import MOST_PARTS, exact_sum, hypot
+from mesa_swarm.geometry.exact_rounding import MOST_PARTS, exact_sum, hypot
 
 DRAWS = 100_000
 # Sums of fewer than ten of these, and their squares, are finite.

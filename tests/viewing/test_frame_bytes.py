@@ -9,7 +9,7 @@ from mesa_swarm.models.cooperative_transport import CooperativeTransport
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording
 from mesa_swarm.recording.frames import frame_of
-from mesa_swarm.viewing.packing import PACKED_FROM, drawn_columns, packed_frame
+from mesa_swarm.viewing.frame_bytes import PACKED_FROM, drawn_columns, packed_frame
 from mesa_swarm.viewing.scene import OWN, Scene, scene_of, scene_of_recording
 from support.unpacking import unpacked_frame
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
 from mesa_swarm.kernels.part import Column, Itself, Part
-from mesa_swarm.physics.imperfect import Imperfect
+from mesa_swarm.physics.disturbances import Imperfect
 from mesa_swarm.robots.imperfections import MEASURED, Imperfection, Imperfections, combine_imperfections
 from mesa_swarm.robots.swarm import FAILED_SENSORS, LASTING
 

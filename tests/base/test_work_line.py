@@ -10,7 +10,7 @@ import termios
 import pytest
 
 from mesa_swarm.base.progress import progress_bar
-from mesa_swarm.base.work_done import WorkDone, report_work, summarise_work
+from mesa_swarm.base.work_line import WorkDone, report_work, summarise_work
 
 RUN = [sys.executable, "-m", "mesa_swarm", "run", "collision_avoidance", "--steps", "40"]
 

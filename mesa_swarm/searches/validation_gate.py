@@ -15,12 +15,12 @@ from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.environments.tasks import CollisionAvoidance
 from mesa_swarm.experiments.controllers import Controller, control_of, played
-from mesa_swarm.experiments.pool import checked_jobs, in_order
+from mesa_swarm.experiments.worker_pool import checked_jobs, in_order
 from mesa_swarm.learning.fire_learning import SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy
 from mesa_swarm.learning.policy import Policy
 from mesa_swarm.maps.random_map import random_map
-from mesa_swarm.searches.evolution import Maps, checked_maps
+from mesa_swarm.searches.evolved_controllers import Maps, checked_maps
 
 # Generated maps that are used for validation only, and the seed of the worlds on them.
 VALIDATION, WORLDS = range(30_000, 30_010), 3_000_000

@@ -15,8 +15,8 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key, Team, robots_of
 from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.model.state import Checkpointed, attributes_of, refuse_attributes
+from mesa_swarm.physics.broadcasts import send_goals
 from mesa_swarm.physics.own_devices import clear_actions
-from mesa_swarm.physics.radio import send_goals
 from mesa_swarm.robots.actuators import ACT
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.drive import clear_unused, limit_command, speeds_in_words

@@ -11,7 +11,7 @@ from mesa_swarm import AGENT3, RobotDesign
 from mesa_swarm.base.errors import LearningError, SwarmError
 from mesa_swarm.learning.fitness import Fitness
 from mesa_swarm.maps.map import Map
-from mesa_swarm.searches.evolution import Trial, evolve, settings_of
+from mesa_swarm.searches.evolved_controllers import Trial, evolve, settings_of
 
 SMALL = {"generations": 3, "population": 4, "finalists": 2, "final_trials": 1}
 BRIEF = Trial(robots=3, steps=15)

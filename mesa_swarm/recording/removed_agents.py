@@ -16,7 +16,7 @@ from mesa_swarm.recording.attributes import (
     attribute_to_json,
     own_attributes_of_agent,
 )
-from mesa_swarm.recording.making import check_agent_class
+from mesa_swarm.recording.made_objects import check_agent_class
 from mesa_swarm.recording.objects import (
     agent_class,
     body_to_json,
