@@ -9,7 +9,7 @@ import solara
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.dashboard import MODEL_VARIABLE, app
 from mesa_swarm.dashboard.compare.comparing import Comparing
-from mesa_swarm.dashboard.experiment.experiment_results import describe_failure
+from mesa_swarm.dashboard.experiment.experiment_results import describe_failed_run
 from mesa_swarm.dashboard.experiment.experimenting import Experimenting
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.replay.replay_view import Replay
@@ -169,7 +169,7 @@ def test_the_first_of_many_processes_prints_the_traceback_of_a_run(tmp_path, cap
     try:
         raise ZeroDivisionError("division by zero")
     except ZeroDivisionError as problem:
-        lines = {describe_failure(tmp_path, problem) for _ in range(5)}
+        lines = {describe_failed_run(tmp_path, problem) for _ in range(5)}
     (line,) = lines
     assert line.startswith("test_own_errors.py, line ")
     assert line.endswith(": ZeroDivisionError: division by zero")

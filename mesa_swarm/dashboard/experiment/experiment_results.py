@@ -70,13 +70,13 @@ class GridRuns:
         how: dict[str, Any] = {
             "retry_failed": self.retry_failed,
             "heard": send_run,
-            "words": partial(describe_failure, self.folder),
+            "words": partial(describe_failed_run, self.folder),
         }
         report = run_experiment(self.experiment, self.folder, workers, **how)
         send("report", report)
 
 
-def describe_failure(folder: Path, error: BaseException) -> str:
+def describe_failed_run(folder: Path, error: BaseException) -> str:
     """Return one line about the error of a run, with its place; the first of all processes prints the traceback."""
     place, line = place_of_error(error), error_in_words(error)
     about = blake2b(f"{place} {line}".encode(), digest_size=8).hexdigest()
