@@ -120,7 +120,6 @@ def diversity(
     quiet: Quiet = False,
 ) -> None:
     """Search for reflexes that behave differently (pyribs), and draw the best of each cell; continue there."""
-    from mesa_swarm.experiments import diversity as search
     from mesa_swarm.searches.design_gap import search_maps
     from mesa_swarm.searches.diversity import behaviour_figure, diversify
     from mesa_swarm.searches.evolution import Trial
