@@ -5,7 +5,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -72,7 +72,8 @@ def run(
     watch = None if until is None else watch_of(built, until)
     with built.record(file, overwrite=force) if file else nullcontext():
         try:
-            built.run(3000 if steps is None else steps, not quiet, until=watch)
+            how: dict[str, Any] = {} if watch is None else {"until": watch}  # a model may have a run of its own
+            built.run(3000 if steps is None else steps, progress=not quiet, **how)
         except KeyboardInterrupt:
             if file:
                 print(f"{built.completed} steps are recorded in {file}")

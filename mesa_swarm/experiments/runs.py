@@ -74,10 +74,11 @@ class Run:
 
     def watched(self, model: SwarmModel, progress: bool = False) -> Watch | None:
         """Let its model take the steps, and return what watched it where there is a condition or a series."""
-        watch = None
-        if self.until is not None or self.series is not None:
-            watch = Watch(model, self.until, poses=self.series is not None and OF_AGENTS in self.series.parts)
-        model.run(self.steps, progress, until=watch)
+        if self.until is None and self.series is None:
+            model.run(self.steps, progress=progress)
+            return None
+        watch = Watch(model, self.until, poses=self.series is not None and OF_AGENTS in self.series.parts)
+        model.run(self.steps, progress=progress, until=watch)
         return watch
 
     def stored(self, model: SwarmModel, watch: Watch | None, outcome: SomeOutcome) -> SomeOutcome:

@@ -157,5 +157,16 @@ def test_an_error_in_a_condition_is_that_of_the_run(tmp_path):
     assert "has no attribute 'nothing'" in made.errors[0]
 
 
+class Running(Counting):
+    """A model with its own way to take many steps."""
+
+    def run(self, steps, progress=False):
+        return super().run(steps, progress)
+
+
+def test_a_model_with_its_own_way_to_run_needs_no_condition(tmp_path):
+    assert sweep(Running, seeds=1, steps=3, out=tmp_path, jobs=1).failed == 0
+
+
 def test_a_model_runs_until_a_function_of_it_is_true():
     assert Counting(rng=1).run(9, until=lambda model: model.completed == 4).completed == 4
