@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 
 from mesa_swarm.base.errors import DegreesWarning, InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.masked_arrays import fill_masked
 
 # As far from the origin as a map may reach: squares of such lengths are far from overflow.

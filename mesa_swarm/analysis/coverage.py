@@ -8,6 +8,7 @@ import numpy as np
 from mesa_swarm.analysis.arrays import check_bounds, check_flags, check_length, check_points
 from mesa_swarm.analysis.missing import Measure, Measures, without_position
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.free_room import (
     areas_by_cell,
     cells_of_nearest_parts,
@@ -15,7 +16,6 @@ from mesa_swarm.geometry.free_room import (
     find_part_around,
     room_for_disc,
 )
-from mesa_swarm.geometry.grid import Bounds
 
 # Corners of a quarter circle of a grown body: its outline is at most 7.6e-5 of its radius too far out.
 QUARTER_SEGMENTS = 64

@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
-from mesa_swarm.geometry.grid import Bounds, Grid, cell_index, list_boxes_by_cell
+from mesa_swarm.geometry import Bounds
+from mesa_swarm.geometry.grid import Grid, cell_index, list_boxes_by_cell
 from mesa_swarm.kernels.compiled import compiled
 
 # With more solids, or more pairs of them whose boxes overlap once grown, their union takes seconds or minutes.

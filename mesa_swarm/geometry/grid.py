@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.type_names import Integers
 
-# x_min, y_min, x_max and y_max of a world or a part of it, map units.
-Bounds = tuple[float, float, float, float]
 # A uniform grid as compiled functions take it: x and y of its lower left corner, cells per map unit, columns, rows.
 GridNumbers = tuple[float, float, float, int, int]
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import Bounds, cell_index
+from mesa_swarm.geometry import Bounds
+from mesa_swarm.geometry.grid import cell_index
 from mesa_swarm.kernels.compiled import compiled
 
 

@@ -23,7 +23,7 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.base.files import check_present_format, show_path, write_whole
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.maps.map_parts import (
     LARGEST_FILE,
     RADIUS_OF_UNIT_AREA,

@@ -26,7 +26,7 @@ from mesa_swarm.base.errors import (
     without_middle,
 )
 from mesa_swarm.base.files import LONGEST_SHOWN
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.world.shapes import LARGEST_COORDINATE, Shape
 
 RADIUS_OF_UNIT_AREA = 10.0

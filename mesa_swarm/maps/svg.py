@@ -31,7 +31,7 @@ from svgelements import Arc, Close, CubicBezier, Curve, Line, Matrix, Move, Quad
 from svgelements import Path as SvgPath
 
 from mesa_swarm.base.errors import InvalidValueError, MapError, check_choice, check_number, shortened
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.maps.map_parts import (
     CURVE,
     DISC,

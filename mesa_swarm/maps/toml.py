@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened, unknown_name
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.maps.map_parts import (
     DISC,
     POLYGON,

@@ -11,7 +11,8 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import Bounds, CellLists, Grid, cell_index
+from mesa_swarm.geometry import Bounds
+from mesa_swarm.geometry.grid import CellLists, Grid, cell_index
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_flag, check_number
-from mesa_swarm.geometry.grid import Bounds, Grid, cell_index
+from mesa_swarm.geometry import Bounds
+from mesa_swarm.geometry.grid import Grid, cell_index
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.physics.broadcasts import is_cut_but, is_nearer_robot, sorted_senders
 from mesa_swarm.physics.engine import CELLS_PER_ROBOT, FEWEST_CELLS

@@ -19,7 +19,7 @@ from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.arcs import advance_robots, count_pieces
 from mesa_swarm.physics.contact import MOST_PUSHES, ON_FACE, SLOP, coincident_direction

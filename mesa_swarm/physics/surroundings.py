@@ -6,7 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.physics.contact import StaticArrays
 from mesa_swarm.physics.driven_bodies import Moving, MovingItems, place_items

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from mesa_swarm.base.errors import ExportError, InvalidValueError, check_count, shortened
 from mesa_swarm.base.files import write_whole
 from mesa_swarm.base.progress import progress_bar
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import LABEL_BYTES
 from mesa_swarm.recording.frames import Frame, field_levels, frame_of

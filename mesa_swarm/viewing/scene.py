@@ -12,7 +12,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.base.wording import time_text
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import LABEL, LABEL_BYTES, VALUE, label_text
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_names, field_peaks

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number, shortened
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.world.arena import Arena, ArenaAgent
 from mesa_swarm.world.read_only import read_only

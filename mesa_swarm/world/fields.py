@@ -29,6 +29,7 @@ from mesa_swarm.base.errors import (
     shortened,
     unknown_name,
 )
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.diffusion import (
     BLOCKED,
     OPEN,
@@ -41,7 +42,6 @@ from mesa_swarm.geometry.diffusion import (
     interpolate_cells,
     withdraw,
 )
-from mesa_swarm.geometry.grid import Bounds
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.world.read_only import locked_view, read_only
 from mesa_swarm.world.shapes import Shape, as_numbers

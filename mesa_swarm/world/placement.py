@@ -7,8 +7,9 @@ import numpy as np
 import shapely
 
 from mesa_swarm.base.errors import PlacementError
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.free_room import Crowded, circumscribed_ratio, room_for_disc, room_to_try
-from mesa_swarm.geometry.grid import Bounds, Grid
+from mesa_swarm.geometry.grid import Grid
 from mesa_swarm.geometry.spaced_points import hexagonal_lattice, link_by_cell, take_apart
 from mesa_swarm.world.shapes import Shape
 

@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from mesa_swarm.base.errors import InvalidValueError, check_number, shortened
-from mesa_swarm.geometry.grid import Bounds
+from mesa_swarm.geometry import Bounds
 from mesa_swarm.geometry.masked_arrays import fill_masked, holds_masked
 from mesa_swarm.world.read_only import read_only
 

@@ -7,7 +7,8 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
-from mesa_swarm.geometry.grid import Bounds, CellLists, Grid, list_boxes_by_cell
+from mesa_swarm.geometry import Bounds
+from mesa_swarm.geometry.grid import CellLists, Grid, list_boxes_by_cell
 from mesa_swarm.world.shapes import Shape
 
 OBSTACLE, ROBOT, FIRE, LOAD, NOTHING = 0, 1, 2, 3, -1
