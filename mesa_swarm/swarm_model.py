@@ -251,12 +251,12 @@ class SwarmModel(EngineModel, shows_all=True):
         0
         """
         try:
-            from mesa_swarm.viewing.canvas_widget import Beside, show  # noqa: PLC0415 - optional
+            from mesa_swarm.viewing.canvas_widget import Beside, show_canvas  # noqa: PLC0415 - optional
         except ModuleNotFoundError as error:
             raise SwarmError(missing_package_line("show needs", error.name or "a package", "dashboard")) from error
         beside = Beside(controls=controls, charts=charts, inspector=inspector, reset=reset)
         if not beside:
-            return show(self, speed=speed, width=width, height=height)
+            return show_canvas(self, speed=speed, width=width, height=height)
         return composer()(self, beside, speed=speed, width=width, height=height)
 
 

@@ -44,6 +44,8 @@ OUTSIDE = {
 }
 # What analysis measures is arrays, not models.
 ONLY = {"analysis": {"analysis", "base", "kernels", "geometry"}}
+# Names that others prescribe: PettingZoo for tasks, and what `python -m` runs.
+PRESCRIBED = {"env", "main", "parallel_env"}
 HEAVY = {"solara", "matplotlib", "anywidget"}
 STANDARD = {"__future__", *sys.stdlib_module_names}
 
@@ -169,6 +171,18 @@ def test_a_class_name_is_used_once_in_the_package():
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 homes.setdefault(node.name, []).append(name)
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
+
+
+def test_a_function_name_is_used_once_in_the_package():
+    homes: dict[str, list[str]] = {}
+    for name in MODULES:
+        # Each model is read by itself.
+        for node in () if name.startswith("models/") else tree_of(name).body:
+            is_overload = isinstance(node, ast.FunctionDef) and [ast.unparse(line) for line in node.decorator_list] == ["overload"]
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not is_overload:
+                homes.setdefault(node.name, []).append(name)
+    repeated = {name: places for name, places in homes.items() if len(places) > 1}
+    assert {name: places for name, places in repeated.items() if name not in PRESCRIBED} == {}
 
 
 def test_the_root_holds_the_public_names_the_model_and_folders_only():

@@ -156,6 +156,7 @@ EMPTY = ROOT + "reproduction"
 NAMES = {
     "mesa_swarm.analysis.Event": "mesa_swarm.analysis.ChainEvent",
     "mesa_swarm.body_world.BodyWorld": "mesa_swarm.model.engine_model.EngineModel",
+    "mesa_swarm.dashboard.notebook.show": "mesa_swarm.viewing.canvas_widget.show_canvas",
     "mesa_swarm.environments.observation.Observer": "mesa_swarm.environments.scores.ObservationEncoder",
     "mesa_swarm.experiments.learning_figures.regression_figure": "mesa_swarm_studies.thesis.networks.regression_figure",
     "mesa_swarm.fire.model.FireModel": "mesa_swarm.swarm_model.SwarmModel",

@@ -25,8 +25,8 @@ MOST_EPISODES = 20
 commands = typer.Typer()
 
 
-@commands.command()
-def diagnose(
+@commands.command("diagnose")
+def diagnose_command(
     model: Model,
     *,
     setting: Settings = None,

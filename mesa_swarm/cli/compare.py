@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 
 
-@commands.command()
-def sweep(
+@commands.command("sweep")
+def sweep_command(
     job: Annotated[str, typer.Argument(metavar="JOB.toml", help="A job file, which may have a grid or a sample.")],
     *,
     jobs: Jobs = -1,
@@ -121,8 +121,8 @@ def _parts(
         yield experiment, home, dict(records.options if records else {}) if record else None
 
 
-@commands.command()
-def compare(
+@commands.command("compare")
+def compare_command(
     model: Model,
     *,
     parameter: Annotated[str | None, typer.Option(help="What to vary; the model's choice by default.")] = None,
@@ -187,7 +187,7 @@ def parsed_values(model_class: type, parameter: str | None, values: str) -> list
 
 
 @commands.command("reality-gap")
-def reality_gap(
+def reality_gap_command(
     model: Annotated[
         str | None, typer.Argument(callback=known_model, metavar="[MODEL]", help="All models by default.")
     ] = None,

@@ -20,7 +20,7 @@ FirstSeed = Annotated[int, typer.Option("--rng", min=0, max=2**31 - 1, help="See
 
 
 @commands.command("design")
-def design(
+def design_command(
     *,
     mission: MissionName = "aggregation",
     robots: Robots = 12,
@@ -62,7 +62,7 @@ def design(
 
 
 @commands.command("design-gap")
-def design_gap(
+def design_gap_command(
     *,
     mission: MissionName = "aggregation",
     robots: Robots = 12,
@@ -105,7 +105,7 @@ def design_gap(
 
 
 @commands.command("diversity")
-def diversity(
+def diversity_command(
     *,
     measures: Annotated[
         str, typer.Option(metavar="A,B", help="Two of coverage, speed, largest group.")

@@ -38,8 +38,8 @@ commands = typer.Typer()
 map_commands = typer.Typer(help="Look at maps and convert them.", rich_markup_mode=None)
 
 
-@commands.command()
-def picture(
+@commands.command("picture")
+def picture_command(
     model: Model,
     *,
     kind: Annotated[str, typer.Option(help="stages, trace or ethogram.")] = "stages",
@@ -87,8 +87,8 @@ def parsed_steps(text: str, several: bool) -> list[int]:
     return [int(part) for part in parts]
 
 
-@commands.command()
-def export(
+@commands.command("export")
+def export_command(
     file: RecordingFile,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="A .png .svg .gif .mp4 .html .csv or .parquet file.")],
     *,
@@ -159,7 +159,7 @@ def import_map(
     if target.exists() and not force:
         raise InvalidValueError(f"{target} exists already; choose another name or add --force")
     world.save(target)
-    print_lines([described(world)], 14)
+    print_lines([describe_map(world)], 14)
     print(target)
 
 
@@ -175,7 +175,7 @@ def show_map(
     world = Map.load(file)
     if out is not None:
         check_apart(checked_file(out, ".png"), [file])
-    print_lines([described(world)], 14)
+    print_lines([describe_map(world)], 14)
     if out is not None:
         from mesa_swarm.swarm_model import SwarmModel
         from mesa_swarm.viewing.pictures import png, world_figure
@@ -183,7 +183,7 @@ def show_map(
         print(write_whole(out, png(world_figure({world.name: SwarmModel(map=world, rng=1)}))))
 
 
-def described(world: "Map") -> str:
+def describe_map(world: "Map") -> str:
     """Return a map's name, size, and the number of obstacles, ground marks and fires, on five lines."""
     solid = [shape.kind for shape in world.obstacles if shape.contact]
     counts = {kind: solid.count(kind) for kind in ("disc", "rectangle", "polygon")}

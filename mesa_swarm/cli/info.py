@@ -21,8 +21,8 @@ USUAL = 80
 commands = typer.Typer()
 
 
-@commands.command()
-def info(
+@commands.command("info")
+def info_command(
     model: Model,
     *,
     code: Annotated[bool, typer.Option("--code", help="Print the code of its rules as well.")] = False,

@@ -24,7 +24,7 @@ UNITS = (
 
 
 @commands.command("reward-lab")
-def reward_lab(
+def reward_lab_command(
     *,
     rewards: Annotated[str, typer.Option(metavar="A,B,...", help="Of a, b and c.")] = "a,b,c",
     actions: Annotated[int, typer.Option(help="How many actions robots choose from: 4 or 8.")] = 8,
@@ -115,7 +115,7 @@ def marks(profiles: "dict[str, tuple[Profile, Profile]]") -> list[tuple]:
 
 
 @commands.command("tune")
-def tune(
+def tune_command(
     *,
     steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="In which collisions count.")] = 1_000,
     least_speed: Annotated[

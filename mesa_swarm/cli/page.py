@@ -10,8 +10,8 @@ from mesa_swarm.cli.options import NoBrowser, RecordingFile, known_model
 commands = typer.Typer()
 
 
-@commands.command()
-def replay(
+@commands.command("replay")
+def replay_command(
     file: RecordingFile,
     *,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Where the page is served; 0 is any free one.")] = 0,
@@ -37,8 +37,8 @@ def replay(
             print("ended")
 
 
-@commands.command()
-def dashboard(
+@commands.command("dashboard")
+def dashboard_command(
     model: Annotated[
         str, typer.Argument(callback=known_model, metavar="[MODEL]", help="The model to show first.")
     ] = "fire_fighting",

@@ -44,7 +44,7 @@ Results = Annotated[
 
 
 @commands.command("sensitivity")
-def sensitivity(
+def sensitivity_command(
     model: Model,
     *,
     ranges: Ranges = None,
@@ -98,7 +98,7 @@ def sensitivity(
 
 
 @commands.command("calibrate")
-def calibrate(
+def calibrate_command(
     model: Model,
     *,
     ranges: Ranges = None,

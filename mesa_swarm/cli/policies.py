@@ -34,7 +34,7 @@ def _policy(context: typer.Context) -> None:
 
 
 @commands.command("export")
-def export(
+def export_policy_command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A policy, .npz, or the text of a state machine, .txt.")],
     *,
     to: Annotated[str, typer.Option(help="c (C99 source and header) or onnx.")] = "c",

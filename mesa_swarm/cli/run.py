@@ -39,8 +39,8 @@ JOB = ".toml"
 commands = typer.Typer()
 
 
-@commands.command()
-def run(
+@commands.command("run")
+def run_command(
     model: Annotated[
         str, typer.Argument(metavar="MODEL|JOB.toml", help="One of `mesa-swarm list`, an address, or a job file.")
     ],
@@ -102,8 +102,8 @@ def recording_named(path: Path, name: str, seed: int) -> Path:
     return Path(filled_in(str(path), name, seed))
 
 
-@commands.command()
-def verify(
+@commands.command("verify")
+def verify_command(
     file: RecordingFile,
     *,
     model: Annotated[

@@ -176,7 +176,7 @@ def diversify(
     from ribs.schedulers import Scheduler  # noqa: PLC0415
 
     task = checked_trial("trial", Trial(robots=10, steps=400, units=0, encoding="typed") if trial is None else trial)
-    names = checked_measures(measures)
+    names = check_two_measures(measures)
     check_count("cells", cells, minimum=2, maximum=200)
     check_number("sigma", sigma, above=0, maximum=1000)
     count = check_count("generations", generations, minimum=1, maximum=1_000_000)
@@ -221,7 +221,7 @@ def best_of_cells(stored: Any, cells: int, genes: int) -> tuple[np.ndarray, np.n
     return fitness, genomes
 
 
-def checked_measures(measures: Sequence[str]) -> tuple[str, str]:
+def check_two_measures(measures: Sequence[str]) -> tuple[str, str]:
     """Return two different measures."""
     names = [check_choice("measure", name, MEASURES) for name in measures] if not isinstance(measures, str) else []
     if len(set(names)) != 2 or len(names) != 2:

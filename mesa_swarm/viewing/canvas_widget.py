@@ -57,7 +57,7 @@ class SwarmCanvas(anywidget.AnyWidget):
     not waited for; it shows the latest frame when it can.
     """
 
-    _esm = palette.script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
+    _esm = palette.palette_script() + text_of("viewing/canvas.js", "viewing/elements.js", "viewing/widget.js")
     _css = palette.style_sheet(".swarm-player", '.swarm-player[data-theme="dark"]') + text_of("viewing/widget.css")
     # bar: whether there are buttons; keys: "page" where keys pressed anywhere play and step, "own" where only those
     # pressed in the widget do, "" for none; toggles: what is drawn, by name; head: whether a caption and the readings
@@ -359,7 +359,7 @@ class Beside:
         return bool(self.controls or self.charts or self.inspector or self.reset)
 
 
-def show(model: EngineModel, *, speed: float = 60.0, width: int | None = None, height: int = 560) -> SwarmCanvas:
+def show_canvas(model: EngineModel, *, speed: float = 60.0, width: int | None = None, height: int = 560) -> SwarmCanvas:
     """Return a widget on which a model is seen and played; see `SwarmModel.show`."""
     canvas = SwarmCanvas(options=IN_A_NOTEBOOK)
     give_size(canvas, width, height)

@@ -57,10 +57,10 @@ class LastPicture:
             figure = world_figure({"": self.player.model} if self.player.model is not None else {})
             whole = content = png(figure)
             for dots in RESOLUTIONS[1:]:
-                if len(address_of(content)) <= MOST_CHARACTERS:
+                if len(png_address(content)) <= MOST_CHARACTERS:
                     break
                 content = png(figure, dots)
-        self.canvas.picture = address_of(content) if len(address_of(content)) <= MOST_CHARACTERS else ""
+        self.canvas.picture = png_address(content) if len(png_address(content)) <= MOST_CHARACTERS else ""
         return whole
 
     def after_cell(self, result: object = None) -> None:
@@ -86,7 +86,7 @@ class LastPicture:
         self._due = asyncio.get_running_loop().call_later(DELAY, self.draw)
 
 
-def address_of(content: bytes) -> str:
+def png_address(content: bytes) -> str:
     """Return a PNG as an address that needs no file."""
     return f"data:image/png;base64,{b64encode(content).decode()}"
 

@@ -1,7 +1,7 @@
 """The colours of everything that is drawn, one set for a light and one for a dark background.
 
 Pictures, films, charts and pages take their colours from here: Python by name, style sheets as custom properties
-(`style_sheet`), scripts as the object ``PALETTE`` (`script`); legends name them by `MEANINGS`.
+(`style_sheet`), scripts as the object ``PALETTE`` (`palette_script`); legends name them by `MEANINGS`.
 ``tests/viewing/test_palette.py`` computes contrasts (WCAG 2.2: text 4.5:1, graphics 3:1) and how much layers and series
 differ with protanopia, deuteranopia and tritanopia.
 """
@@ -292,7 +292,7 @@ def _properties(palette: Palette) -> str:
     return " ".join(f"--swarm-{name.replace('_', '-')}: {value};" for name, value in single.items())
 
 
-def script() -> str:
+def palette_script() -> str:
     """Return the constants ``PALETTE``, by theme ("light", "dark") and the names of `Palette`, and `MEANINGS`."""
     constants = {"PALETTE": {name: _colours(palette) for name, palette in PALETTES.items()}, "MEANINGS": MEANINGS}
     written = {name: json.dumps(value, separators=(",", ":")) for name, value in constants.items()}

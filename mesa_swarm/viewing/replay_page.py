@@ -123,16 +123,16 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
     for place, chunk in enumerate(chunks):
         elements.append(f'<script type="text/plain" id="chunk-{place}">{b64encode(chunk).decode()}</script>')
     page = text_of("viewing/replay.html")
-    parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": script()}
+    parts = {"policy": policy(sources(), in_page=True), "style": style(), "script": page_script()}
     # Data last: what a recording holds is never searched for the names of the other parts.
     for name, text in {**parts, "data": "\n".join(elements)}.items():
         page = page.replace(f"{{{{{name}}}}}", text, 1)
     return page
 
 
-def script() -> str:
+def page_script() -> str:
     """Return all that the page runs."""
-    made = palette.script() + text_of("viewing/canvas.js", "viewing/elements.js")
+    made = palette.palette_script() + text_of("viewing/canvas.js", "viewing/elements.js")
     return "\n" + made + text_of("viewing/player.js").replace(IMPORT, "")
 
 
@@ -147,7 +147,7 @@ def sources() -> dict[str, str]:
     Its own script is named by its hash: no other would run, should what a recording holds ever become an element.
     """
     return {
-        "script-src": source_of(script()),
+        "script-src": source_of(page_script()),
         "style-src": "'unsafe-inline'",
         "img-src": "data:",
         "connect-src": "'self'",

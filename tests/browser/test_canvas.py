@@ -19,7 +19,7 @@ from support.visits import blank_page, settle
 
 pytestmark = pytest.mark.slow
 
-SCRIPT = palette.script() + (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
+SCRIPT = palette.palette_script() + (files("mesa_swarm.viewing") / "canvas.js").read_text(encoding="utf-8")
 WIDTH, HEIGHT, LEFT = 900, 675, 150
 EVERYWHERE = 1e6
 DRAW = """async ({ script, world, frame, before, turned, scale }) => {

@@ -44,7 +44,7 @@ def test_bodies_on_the_canvas_face_where_they_move(chromium, robots):
     scene = scene_of(model)
     page = blank_page(chromium, viewport={"width": 900, "height": 675})
     inputs = {
-        "script": palette.script() + text_of("viewing/canvas.js"),
+        "script": palette.palette_script() + text_of("viewing/canvas.js"),
         "world": scene.world(),
         "frame": base64.b64encode(packed_frame(frame_of(model, PACKED_FROM), scene)).decode(),
         "travel": palette.LIGHT.travel,

@@ -21,7 +21,7 @@ from support.waiting import wait_until
 
 pytestmark = pytest.mark.long
 
-SCRIPT = palette.script() + text_of("viewing/canvas.js")
+SCRIPT = palette.palette_script() + text_of("viewing/canvas.js")
 # Draws a frame; returns the legend, the colour at some places of the map, and the texts that are written.
 DRAW = """async ({ script, world, frame, theme, off, places }) => {
   const { Stage, fillLegend, togglesOf, unpacked } = await import(

@@ -269,7 +269,7 @@ def test_the_command_serves_the_same_frames_and_ends_with_ctrl_c(blank, recorded
 def staged(page, world, frame: bytes):
     """Draw a packed frame on a stage of its own, as the dashboard does."""
     page.set_content('<canvas id="world" style="width:1000px;height:700px"></canvas>')
-    code = (palette.script() + text_of("viewing/canvas.js")).encode()
+    code = (palette.palette_script() + text_of("viewing/canvas.js")).encode()
     page.evaluate(
         """async ([code, world, bytes]) => {
           const source = new Blob([new Uint8Array(code)], { type: "text/javascript" });

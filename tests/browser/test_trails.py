@@ -83,7 +83,7 @@ def alone(chromium):
 
 def script() -> str:
 
-    return palette.script() + text_of("viewing/canvas.js")
+    return palette.palette_script() + text_of("viewing/canvas.js")
 
 
 def points(*steps, at=10.0, moved=()) -> list:

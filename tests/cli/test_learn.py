@@ -32,7 +32,7 @@ def test_the_help_of_all_commands_is_named_where_no_command_is_known(typed):
 
 
 def test_the_speed_of_the_goal_is_that_of_a_learning_goal_by_default():
-    option = inspect.signature(learn.tune).parameters["least_speed"].default
+    option = inspect.signature(learn.tune_command).parameters["least_speed"].default
     assert (LearningGoal().least_speed if option is None else option) == LEAST_SPEED
 
 

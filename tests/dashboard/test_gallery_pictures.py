@@ -20,11 +20,11 @@ from mesa_swarm.dashboard.gallery.gallery_pictures import (
     LARGEST_STILL,
     MOMENTS,
     SHOTS,
-    address_of,
     draw_both,
     drawing_of,
     main,
     moving_of,
+    picture_address,
     picture_at,
     still_of,
 )
@@ -122,7 +122,7 @@ def test_pictures_of_unknown_models_are_refused():
 
 
 def test_the_address_of_a_moving_picture_leads_to_it_and_changes_with_it():
-    found = urlsplit(address_of("boids"))
+    found = urlsplit(picture_address("boids"))
     assert picture_at(f"/{found.path}") == moving_of("boids")
     assert found.query == f"v={blake2b(moving_of('boids')[0], digest_size=6).hexdigest()}"
 
@@ -130,7 +130,7 @@ def test_the_address_of_a_moving_picture_leads_to_it_and_changes_with_it():
 def test_cards_of_the_gallery_have_their_pictures_from_the_beginning():
     card = card_of("boids")
     assert card["still"].startswith("<svg")
-    assert card["moving"] == address_of("boids")
+    assert card["moving"] == picture_address("boids")
     assert (card["title"], card["about"]) == ("Boids", "Reynolds's three rules on robots that move in any direction.")
 
 

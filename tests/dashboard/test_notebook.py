@@ -299,7 +299,7 @@ def test_a_large_picture_is_stored_with_fewer_pixels_or_not_at_all(monkeypatch):
     canvas = FireFighting(n_robots=3, rng=1).show()
     monkeypatch.setattr(last_picture, "png", lambda figure, dots=200: bytes(int(dots) * 3000))
     assert len(canvas.still()) == 600_000, "the one that is displayed is not limited"
-    assert len(canvas.picture) == len(last_picture.address_of(bytes(150_000)))
+    assert len(canvas.picture) == len(last_picture.png_address(bytes(150_000)))
     monkeypatch.setattr(last_picture, "png", lambda figure, dots=200: bytes(300_000))
     canvas.still()
     assert canvas.picture == ""

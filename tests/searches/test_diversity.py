@@ -98,4 +98,4 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatc
 def test_measures_are_two_different_ones():
     for wrong in ("speed", ["speed"], ["speed", "speed"], ["speed", "size"]):
         with pytest.raises(SwarmError):
-            diversity.checked_measures(wrong)
+            diversity.check_two_measures(wrong)

@@ -244,7 +244,7 @@ def palette_in(text: str) -> dict:
     return json.loads(found)
 
 
-@pytest.mark.parametrize("text", [SwarmCanvas._esm, ChartBoard._esm, replay_page.script()])
+@pytest.mark.parametrize("text", [SwarmCanvas._esm, ChartBoard._esm, replay_page.page_script()])
 def test_scripts_have_the_colours_that_python_has(text):
     expected = {
         theme: {field.name: getattr(palette, field.name) for field in fields(palette)}

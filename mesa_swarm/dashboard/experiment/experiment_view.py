@@ -162,7 +162,7 @@ def experiment_values(experimenting: Experimenting) -> dict[str, dict[str, Any]]
 class ExperimentPicture(anywidget.AnyWidget):
     """A heat map or curves drawn in the browser, with a table and files."""
 
-    _esm = palette.script() + text_of(
+    _esm = palette.palette_script() + text_of(
         "viewing/elements.js", "dashboard/page/downloads.js", "dashboard/experiment/experiment.js"
     )
     picture = traitlets.Dict().tag(sync=True)

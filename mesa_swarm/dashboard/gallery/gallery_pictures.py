@@ -132,7 +132,7 @@ def moving_of(name: str) -> tuple[bytes, str]:
 
 
 @cache
-def address_of(name: str) -> str:
+def picture_address(name: str) -> str:
     """Return the address of a model's moving picture relative to the page; it changes with the picture."""
     return f"{PREFIX[1:]}{name}.svg?v={blake2b(moving_of(name)[0], digest_size=6).hexdigest()}"
 

@@ -10,7 +10,7 @@ import solara
 import traitlets
 
 from mesa_swarm.dashboard import page_models
-from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS, address_of, still_of
+from mesa_swarm.dashboard.gallery.gallery_pictures import SHOTS, picture_address, still_of
 from mesa_swarm.model.gallery import description, find_model, short_name
 from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.drawing import drawing_of_model
@@ -50,7 +50,7 @@ def card_of(name: str) -> dict[str, str]:
     """
     shown = {"name": name, "title": title(name), "about": description(find_model(name)), "still": "", "moving": ""}
     if name in SHOTS:
-        shown |= {"still": still_of(name)[0].decode(), "moving": address_of(name)}
+        shown |= {"still": still_of(name)[0].decode(), "moving": picture_address(name)}
     return shown
 
 

@@ -340,7 +340,7 @@ def measure(model: SwarmModel, row: np.ndarray) -> dict[str, str]:
     """Write the present measurements of a model, NaN for non-numbers; return why charts have none, by their keys."""
     column = 0
     for values in model.datacollector.model_vars.values():
-        row[column] = number_of(values[-1]) if values else np.nan
+        row[column] = reported_number(values[-1]) if values else np.nan
         column += 1
     means = agent_means(model)
     row[column : column + len(means)] = means
@@ -377,12 +377,12 @@ def agent_means(model: SwarmModel) -> list[float]:
         return [np.nan] * len(names)
     latest = list(records[next(reversed(records))])
     # Rows begin with the step and the id of the agent.
-    columns = ([number_of(row[place]) for row in latest] for place in range(2, 2 + len(names)))
+    columns = ([reported_number(row[place]) for row in latest] for place in range(2, 2 + len(names)))
     finite = ([number for number in column if np.isfinite(number)] for column in columns)
     return [float(np.mean(column)) if column else np.nan for column in finite]
 
 
-def number_of(value: object) -> float:
+def reported_number(value: object) -> float:
     """Return the value of a reporter as a number, NaN for a missing one and for a non-number."""
     number = as_number(value)
     return np.nan if number is None else number

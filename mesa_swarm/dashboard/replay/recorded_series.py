@@ -14,7 +14,7 @@ from mesa_swarm.dashboard.page.series import (
     fire_plots,
     layer_plot,
     number_names,
-    number_of,
+    reported_number,
     reporter_plot,
 )
 from mesa_swarm.recording.collected_data import check_collected, join_series, size_of_collected, without_rest
@@ -235,4 +235,4 @@ def _with_steps(values: list[Any], last: int, every: int) -> tuple[np.ndarray, n
     if every < 1 or not 0 < len(values) <= last // every:
         return None
     steps = last // every * every - every * np.arange(len(values))[::-1]
-    return steps, np.array([number_of(value) for value in values])
+    return steps, np.array([reported_number(value) for value in values])

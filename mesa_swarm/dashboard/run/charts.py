@@ -382,7 +382,9 @@ class ChartSource(Protocol):
 class ChartBoard(anywidget.AnyWidget):
     """Charts drawn in the browser."""
 
-    _esm = palette.script() + text_of("viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/charts.js")
+    _esm = palette.palette_script() + text_of(
+        "viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/charts.js"
+    )
     # What can be shown, by kind: pairs of a name and its text; and what is shown: id, kind, title and log of each.
     choices = traitlets.Dict().tag(sync=True)
     shown: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)

@@ -47,7 +47,9 @@ def describe_edit(edit: Edit) -> str:
 class Editor(anywidget.AnyWidget):
     """The tools in the browser."""
 
-    _esm = palette.script() + text_of("viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/editor.js")
+    _esm = palette.palette_script() + text_of(
+        "viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/editor.js"
+    )
     # What undo would do, why the last change was refused, how many there were, whether the model takes a map.
     status = traitlets.Dict().tag(sync=True)
 

@@ -350,7 +350,7 @@ def facts_of(model: SwarmModel, robot: Robot, moment: Moment) -> list[tuple[str,
     facts += custom_of(model, columns)
     if model.communication is not None:
         facts += messages_of(model, columns)
-    facts += body_of(model, robot)
+    facts += rows_of_body(model, robot)
     facts.append(("Collided", "yes" if columns["collided"] else "no"))
     return facts
 
@@ -372,7 +372,7 @@ def fire_name(index: int) -> str:
     return f"fire {index + 1}" if index >= 0 else "no fire"
 
 
-def body_of(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
+def rows_of_body(model: SwarmModel, robot: Robot) -> list[tuple[str, str]]:
     """Return the present state of a robot's battery, if it has one, and what of it failed."""
     has_battery = robot.design.battery > 0 or model.swarm.battery_life > 0
     battery = [("Battery", f"{100 * robot.battery:.0f} %")] if has_battery else []
