@@ -178,7 +178,9 @@ def test_a_function_name_is_used_once_in_the_package():
     for name in MODULES:
         # Each model is read by itself.
         for node in () if name.startswith("models/") else tree_of(name).body:
-            is_overload = isinstance(node, ast.FunctionDef) and [ast.unparse(line) for line in node.decorator_list] == ["overload"]
+            is_overload = isinstance(node, ast.FunctionDef) and [ast.unparse(line) for line in node.decorator_list] == [
+                "overload"
+            ]
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not is_overload:
                 homes.setdefault(node.name, []).append(name)
     repeated = {name: places for name, places in homes.items() if len(places) > 1}

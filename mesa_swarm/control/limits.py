@@ -398,7 +398,7 @@ def count_loops() -> Iterator[None]:
         sys.settrace(None)
 
 
-def make_plain(function: FunctionType, copies: dict[FunctionType, FunctionType] | None = None) -> FunctionType:
+def uncompile(function: FunctionType, copies: dict[FunctionType, FunctionType] | None = None) -> FunctionType:
     """Return a function in which compiled functions, whose loops could not be counted, are as they were written.
 
     `copies` has those that are made already: functions may call each other.
@@ -414,7 +414,7 @@ def make_plain(function: FunctionType, copies: dict[FunctionType, FunctionType] 
     code, closure = function.__code__, function.__closure__
     copy = copies[function] = FunctionType(code, around, function.__name__, function.__defaults__, closure)
     copy.__kwdefaults__ = function.__kwdefaults__
-    around.update({name: make_plain(value.py_func, copies) for name, value in plain_values.items()})
+    around.update({name: uncompile(value.py_func, copies) for name, value in plain_values.items()})
     return copy
 
 

@@ -28,8 +28,8 @@ from mesa_swarm.control.limits import (
     calls_itself,
     count_loops,
     find_uncounted,
-    make_plain,
     places_of_loops,
+    uncompile,
 )
 from mesa_swarm.control.source import Read
 from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
@@ -412,7 +412,7 @@ def _count_of_arrays(form: FieldForm) -> int:
     return len(form.readings) + len(form.outputs) + len(form.heard)
 
 
-def take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
+def write_command(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
     """Write what a rule returned as the command of robot i, and return what it was; its drive takes `numbers`.
 
     PASSED if it left the robot to other layers, DONE, WRONG if a number is not finite, MISFIT if there are more or
@@ -427,7 +427,7 @@ def take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> int:
     return DONE if all(map(math.isfinite, speeds)) else WRONG
 
 
-@overload(take)
+@overload(write_command)
 def _compiled_take(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> Callable:
     return _take_pair if len(speeds) == len(PASS) else _take_several
 
@@ -458,7 +458,7 @@ def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> i
 
 
 # What the text of the loop uses.
-OF_LOOP = {"take": take, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG, "MOST_LOOPS": MOST_LOOPS}
+OF_LOOP = {"take": write_command, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG, "MOST_LOOPS": MOST_LOOPS}
 LIMITS = (lambda count: None, allow_loops)  # a plain rule counts by itself
 PLAIN, COMPILED = (
     {**OF_LOOP, "allow_loops": LIMITS[place], **{name: pair[place] for name, pair in READINGS.items()}}
@@ -492,7 +492,7 @@ def _loop(
 
 def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
-    rule = make_plain(function)
+    rule = uncompile(function)
 
     def checked(me: Any, *values: float) -> tuple:
         with count_loops():

@@ -34,7 +34,7 @@ from mesa_swarm.environments.task import Task
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.experiments.fingerprints import files_hash
 from mesa_swarm.geometry.masked_arrays import fill_masked
-from mesa_swarm.learning.actions import ACTIONS, described
+from mesa_swarm.learning.actions import ACTIONS, describe_value
 from mesa_swarm.learning.fire_learning import LearnFires, SkillPolicy
 from mesa_swarm.learning.fire_wheels import FireWheelPolicy, LearnFireWheels
 from mesa_swarm.learning.onnx_files import OnnxPolicy, is_own, onnx_session
@@ -138,7 +138,7 @@ class Controller:
             if found is None:
                 raise BehaviourError(
                     without_middle(
-                        f"{self.name} returned {described(returned)} for {len(observations)} robots; expected "
+                        f"{self.name} returned {describe_value(returned)} for {len(observations)} robots; expected "
                         f"{_wanted(actions, numbers)}"
                     )
                 )

@@ -72,7 +72,7 @@ def as_floats(values: ArrayLike) -> np.ndarray:
         return np.array(np.nan)
 
 
-def described(value: object) -> str:
+def describe_value(value: object) -> str:
     """Return an array's type and shape, and any other value itself, for an error message."""
     return f"an array of {value.dtype}, shape {value.shape}" if isinstance(value, np.ndarray) else shortened(value)
 
@@ -102,10 +102,10 @@ def temperature_at(step: float, *, beta: float, first: float = 1.0, last: float 
 
 def checked_actions(actions: int) -> int:
     """Return the number of actions if it is 4 or 8."""
-    return check_actions("actions", actions)
+    return check_action_count("actions", actions)
 
 
-def check_actions(name: str, actions: object) -> int:
+def check_action_count(name: str, actions: object) -> int:
     """Return the number of actions, the value of a parameter of this name, if it is 4 or 8."""
     if not isinstance(actions, int | np.integer) or actions not in (4, 8):
         raise InvalidValueError(f"{name} is {shortened(actions)}; expected 4 or 8, a whole number")
@@ -141,7 +141,7 @@ def chosen(values, temperature, chance):
 
 
 @compiled
-def take(action, i, max_speed, command, layer, index):
+def drive_by_action(action, i, max_speed, command, layer, index):
     """Drive robot i by an action."""
     command[i, 0] = max_speed[i] * ACTIONS[action, 0]
     command[i, 1] = max_speed[i] * ACTIONS[action, 1]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
-from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, as_floats, boltzmann, checked_actions, described
+from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, as_floats, boltzmann, checked_actions, describe_value
 from mesa_swarm.learning.reward_lab import wall_readings
 from mesa_swarm.learning.rewards import CRITICAL, REWARD_STATES, REWARDS, STATE, rewarded
 from mesa_swarm.robots.design import AGENT9, RobotDesign
@@ -258,7 +258,7 @@ def _checked_table(reward: ArrayLike, following: ArrayLike, share: ArrayLike) ->
     paid, weight, index = as_floats(reward), as_floats(share), as_floats(following)
     if paid.ndim != 2 or paid.shape[0] < 1 or paid.shape[1] < 2 or not np.isfinite(paid).all():
         raise InvalidValueError(
-            f"reward is {described(reward)}; expected finite numbers, shape (actions, 2 states or more)"
+            f"reward is {describe_value(reward)}; expected finite numbers, shape (actions, 2 states or more)"
         )
     for name, array, most in (("following", index, paid.shape[1] - 2), ("share", weight, 1)):
         if array.shape != paid.shape or not ((array >= 0) & (array <= most)).all():

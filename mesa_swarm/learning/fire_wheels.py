@@ -10,12 +10,12 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_number
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.actions import ACTIONS, action_of, best_of, chosen, ranges_of, take
+from mesa_swarm.learning.actions import ACTIONS, action_of, best_of, chosen, drive_by_action, ranges_of
 from mesa_swarm.learning.fire_learning import body_of
 from mesa_swarm.learning.learner import CHECKS, COUNT, INDEX, LARGEST, NUMBER, POSITIVE, Check, Declared, NetworkLayer
 from mesa_swarm.learning.networks import Networks, PolicyOfNetworks
 from mesa_swarm.learning.policy import SensorLayout, check_designs
-from mesa_swarm.learning.q_learning import action_values, learn_one
+from mesa_swarm.learning.q_learning import action_values, learn_network_value
 from mesa_swarm.robots.design import AGENT_FIRE
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.world.statics import FIRE, ROBOT
@@ -233,7 +233,7 @@ def learn_wheels(
             action_values(weights, 0, now, 0, hidden, values)
             if action[i] >= 0 and not frozen:
                 target = gain[i] + gamma ** age[i] * values[best_of(values)]
-                if abs(target) > LARGEST or not learn_one(weights, action[i], inputs, i, hidden, target, eta):
+                if abs(target) > LARGEST or not learn_network_value(weights, action[i], inputs, i, hidden, target, eta):
                     diverged = i if diverged < 0 else diverged
                 else:
                     lessons[i] += age[i]
@@ -244,7 +244,7 @@ def learn_wheels(
         if not frozen:
             boltzmann[i] -= beta * (boltzmann[i] - coolest)
         if layer[i] < 0:
-            take(action[i], i, max_speed, command, layer, index)
+            drive_by_action(action[i], i, max_speed, command, layer, index)
         else:
             action[i] = -1
     return diverged

@@ -26,7 +26,7 @@ from mesa_swarm.base.errors import (
 )
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.actions import ENCODINGS, check_actions, ranges_of
+from mesa_swarm.learning.actions import ENCODINGS, check_action_count, ranges_of
 from mesa_swarm.learning.networks import PARTS, NetworkPolicy, Networks, PolicyOfNetworks, random_weights
 from mesa_swarm.learning.policy import LearnedPolicy, check_designs, sensors_of
 from mesa_swarm.learning.rewards import CRITICAL, NEXT_STATE, REWARD_STATES, REWARDS, STATE
@@ -54,7 +54,7 @@ CHECKS: dict[str, Check] = {
     "bump_distance": partial(check_number, minimum=0, maximum=1e6),
     "least_speed": partial(check_number, minimum=-1, maximum=1),
     "hold": partial(check_count, minimum=1),
-    "actions": check_actions,
+    "actions": check_action_count,
     "reward": partial(check_choice, choices=REWARDS),
     "reward_of": partial(check_choice, choices=REWARD_STATES),
     "encoding": partial(check_choice, choices=ENCODINGS),

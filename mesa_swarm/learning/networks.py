@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number, shortened
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.actions import ENCODINGS, as_floats, described
+from mesa_swarm.learning.actions import ENCODINGS, as_floats, describe_value
 from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
 
 # Of the thesis's regression (6.4); for robots it used 0.1 (8.3).
@@ -75,7 +75,7 @@ class Networks:
         for name, part, shape in zip(PARTS, self.weights, shapes, strict=True):
             if not isinstance(part, np.ndarray) or part.dtype != np.float64 or part.shape != shape:
                 raise InvalidValueError(
-                    f"{name} is {described(part)}; expected an array of float64, shape {_row(shape)}"
+                    f"{name} is {describe_value(part)}; expected an array of float64, shape {_row(shape)}"
                 )
             if not np.isfinite(part).all():
                 raise InvalidValueError(f"{name} holds weights that are not finite; train them anew")
@@ -291,7 +291,7 @@ def points_of(x: ArrayLike, y: ArrayLike) -> np.ndarray:
     columns = {"x": as_floats(x), "y": as_floats(y)}
     for name, column in columns.items():
         if column.ndim != 1 or not len(column) or not np.isfinite(column).all():
-            raise InvalidValueError(f"{name} is {described(column)}; expected a row of finite numbers")
+            raise InvalidValueError(f"{name} is {describe_value(column)}; expected a row of finite numbers")
     if len(columns["x"]) != len(columns["y"]):
         raise InvalidValueError(f"x has {len(columns['x'])} numbers and y {len(columns['y'])}; expected equal lengths")
     return np.column_stack([columns["x"], columns["y"]])

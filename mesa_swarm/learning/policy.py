@@ -22,7 +22,7 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.geometry.masked_arrays import fill_masked
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.learning.actions import as_floats, choose_all, described
+from mesa_swarm.learning.actions import as_floats, choose_all, describe_value
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -425,7 +425,7 @@ class PolicyLayer:
             shares = _shares_of(returned)
         if shares.shape != (len(layer), 2) or not drive(shares, senses.max_speed, command, layer, index):
             raise BehaviourError(
-                f"{self.name}: its policy returned {described(returned)}; "
+                f"{self.name}: its policy returned {describe_value(returned)}; "
                 f"expected finite numbers of shape {(len(layer), 2)}"
             )
 

@@ -16,12 +16,12 @@ from mesa_swarm.learning.actions import (
     ENCODINGS,
     action_of,
     best_of,
-    check_actions,
+    check_action_count,
     checked_actions,
     chosen,
+    drive_by_action,
     least_of,
     named_values,
-    take,
     write_inputs,
 )
 from mesa_swarm.learning.learner import (
@@ -123,7 +123,7 @@ class QPolicy(NetworkPolicy):
     """
 
     family: ClassVar[str] = "q"
-    checks: ClassVar[dict] = {"actions": check_actions, **NetworkPolicy.checks}
+    checks: ClassVar[dict] = {"actions": check_action_count, **NetworkPolicy.checks}
     choices_field: ClassVar[str] = "actions"
     networks_per_choice: ClassVar[int] = 1
     actions: int = 8
@@ -376,7 +376,7 @@ def learn_and_choose(
             rate = rate_of(rates, temperature[i], cooling)
             discount = discount_of(gamma, alert, bumps[i], bumping[0], self_adjusting)
             target = rewards[i] + discount * values[best_of(values)]
-            if not frozen and not learn_one(weights, first + a, inputs, i, hidden, target, rate):
+            if not frozen and not learn_network_value(weights, first + a, inputs, i, hidden, target, rate):
                 diverged = i if diverged < 0 else diverged
             elif not frozen:
                 lessons[i] += 1
@@ -392,7 +392,7 @@ def learn_and_choose(
         action[i] = -1
         if layer[i] < 0:
             action[i] = chosen(values, temperature[i], chance[i])
-            take(action[i], i, max_speed, command, layer, index)
+            drive_by_action(action[i], i, max_speed, command, layer, index)
         for k in range(inputs.shape[1]):
             inputs[i, k] = now[0, k]
     return diverged
@@ -417,13 +417,13 @@ def learn_again(weights, first, past, i, lessons, hidden, values, discount, rate
         e = min(int(chances[i, k] * stored), stored - 1)
         action_values(weights, first, after[i], e, hidden, values)
         target = rewards[i, e] + discount * values[best_of(values)]
-        if not learn_one(weights, first + actions[i, e], before[i], e, hidden, target, rate):
+        if not learn_network_value(weights, first + actions[i, e], before[i], e, hidden, target, rate):
             return False
     return True
 
 
 @compiled
-def learn_one(weights, m, inputs, i, hidden, target, rate):
+def learn_network_value(weights, m, inputs, i, hidden, target, rate):
     """Move Q of the action of robot i to its target; return False, changing nothing, if it diverges."""
     inner, inner_bias, outer, outer_bias = weights
     step = rate * (target - forward(inner, inner_bias, outer, outer_bias, m, inputs, i, hidden))

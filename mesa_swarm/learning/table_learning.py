@@ -19,9 +19,9 @@ from mesa_swarm.learning.actions import (
     best_of,
     checked_actions,
     chosen,
+    drive_by_action,
     named_values,
     ranges_of,
-    take,
 )
 from mesa_swarm.learning.learner import COUNT, INDEX, NUMBER, POSITIVE, Check, Declared, RewardedLayer, TableLayer
 from mesa_swarm.learning.policy import ChoosingPolicy, LearnedPolicy, SensorLayout, checked_numbers
@@ -291,7 +291,7 @@ def learn_table(
         state[i], last[i], action[i] = now, least, -1
         if layer[i] < 0:
             action[i] = chosen(values[row, now], temperature[i], chance[i])
-            take(action[i], i, max_speed, command, layer, index)
+            drive_by_action(action[i], i, max_speed, command, layer, index)
 
 
 @compiled

@@ -264,7 +264,9 @@ def learn_wires(
             rate = rate_of(rates, temperature[i], cooling)
             discount = discount_of(gamma, alert, bumps[i], bumping[0], self_adjusting)
             target = rewards[i] + discount * values[best_of(values)]
-            if not frozen and not learn_one(weights, first, inputs, i, hidden, ends, values, action, target, rate):
+            if not frozen and not learn_wire_value(
+                weights, first, inputs, i, hidden, ends, values, action, target, rate
+            ):
                 diverged = i if diverged < 0 else diverged
             elif not frozen:
                 lessons[i] += 1
@@ -286,7 +288,7 @@ def learn_wires(
 
 
 @compiled
-def learn_one(weights, first, inputs, i, hidden, ends, values, action, target, rate):
+def learn_wire_value(weights, first, inputs, i, hidden, ends, values, action, target, rate):
     """Move Q of the action of robot i to its target; return False, changing nothing, if it diverges."""
     inner, inner_bias, outer, outer_bias = weights
     wires = values.shape[0]

@@ -166,7 +166,7 @@ def check_actuator(actuator: object) -> None:
     own_function(actuator, "act")
 
 
-def check_actions(actuators: Iterable[Actuator]) -> dict[str, tuple[int, bool]]:
+def check_device_actions(actuators: Iterable[Actuator]) -> dict[str, tuple[int, bool]]:
     """Return what actuators of each name take: a width, and whether it holds; refuse names with two meanings.
 
     Raises

@@ -9,7 +9,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_name, check_number, read_attribute, shortened
 from mesa_swarm.geometry.sector import half_angle
-from mesa_swarm.robots.actuators import ACT, Actuator, check_actions, check_actuator
+from mesa_swarm.robots.actuators import ACT, Actuator, check_actuator, check_device_actions
 from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, Drive
 from mesa_swarm.robots.sensors import (
     BUILT_IN,
@@ -102,7 +102,7 @@ class RobotDesign:
         self._store_devices("actuators")
         for actuator in self.actuators:
             check_actuator(actuator)
-        check_actions(self.actuators)
+        check_device_actions(self.actuators)
         methods = [read_attribute(self.drive, name) for name in ("motion", "wheels")]
         if isinstance(self.drive, type) or not all(map(callable, methods)):
             raise InvalidValueError(f"drive is {shortened(self.drive)}; expected a drive such as DifferentialDrive()")
@@ -366,7 +366,7 @@ class DesignTable:
             slow=bool((noise[..., PERIOD] > 1).any()),
             exposed=bool((mounts > radii * (1 + 1e-9)).any()),
             readings=_readings(designs),
-            actions=check_actions(a for design in designs for a in design.actuators),
+            actions=check_device_actions(a for design in designs for a in design.actuators),
         )
 
     def columns(self) -> dict[str, tuple[tuple, type, object]]:

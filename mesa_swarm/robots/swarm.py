@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError, unknown_name
-from mesa_swarm.robots.actuators import check_actions
+from mesa_swarm.robots.actuators import check_device_actions
 from mesa_swarm.robots.design import DesignTable, RobotDesign
 from mesa_swarm.robots.devices import RESERVED, Device, argument_names, check_identifier, own_function, reserve_names
 from mesa_swarm.world.arena import Agents
@@ -268,7 +268,7 @@ class Swarm:
             If a sensor has the name of a layer's memory, takes what does not exist, or an actuator takes other numbers
             than that of the same name of another design.
         """
-        check_actions(actuator for other in (*self.designs, design) for actuator in other.actuators)
+        check_device_actions(actuator for other in (*self.designs, design) for actuator in other.actuators)
         for sensor in design.own:
             check_identifier(f"name of sensor {type(sensor).__name__}", sensor.name, RESERVED)
             if sensor.name not in self.table.readings and hasattr(self, sensor.name):

@@ -25,7 +25,7 @@ from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, ranges
 from mesa_swarm.learning.fire_learning import SITUATIONS, SKILLS, LearnFires
 from mesa_swarm.learning.fitness import Tally, floreano
 from mesa_swarm.learning.learner import cool, is_bounded
-from mesa_swarm.learning.wire_learning import WirePolicy, learn_one, propose
+from mesa_swarm.learning.wire_learning import WirePolicy, learn_wire_value, propose
 from mesa_swarm.robots.reasons import Moment
 from support.made_senses import (
     FIRE,
@@ -181,7 +181,7 @@ def test_wires_are_learned_of_and_chosen_in_every_step_as_documented(shared, rew
             seen_near += nearest < 0.4
             target, used = paid + 0.6 * values.max(), before["action"][i : i + 1]
             assert column(model, "reward")[i] == pytest.approx(paid)
-            assert learn_one(stack, 0, before["inputs"][i], 0, hidden, ends, values, used, target, 0.2)
+            assert learn_wire_value(stack, 0, before["inputs"][i], 0, hidden, ends, values, used, target, 0.2)
             propose(stack, 0, now, 0, hidden, ends, values)
             temperature = before["temperature"][i] - 0.05 * (before["temperature"][i] - 0.2)
             wheels = ends[drawn_by(values, temperature, chance[i])] + temperature * 0.5 * errors[i]

@@ -9,7 +9,7 @@ from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.base.errors import InvalidValueError, LearningError, SwarmError
 from mesa_swarm.control import Subsumption
 from mesa_swarm.learning import Networks, PolicyLayer, QLearning, WireFittedQ, load_policy, save_policy
-from mesa_swarm.learning.wire_learning import STARTS, learn_one, propose, wire_value
+from mesa_swarm.learning.wire_learning import STARTS, learn_wire_value, propose, wire_value
 
 SEEDS = st.integers(0, 2**32)
 
@@ -106,7 +106,7 @@ def test_a_step_goes_along_the_gradient_that_finite_differences_find(seed):
         slopes.append(slope)
     before = [weights.copy() for weights in networks.weights]
     hidden, ends, values = np.empty((9, 5)), np.empty((wires, 2)), np.empty(wires)
-    assert learn_one(networks.weights, 0, inputs, 0, hidden, ends, values, action, 1.5, rate)
+    assert learn_wire_value(networks.weights, 0, inputs, 0, hidden, ends, values, action, 1.5, rate)
     for old, new, slope in zip(before, networks.weights, slopes, strict=True):
         assert new - old == pytest.approx(rate * gap * slope, abs=1e-8)
 
