@@ -42,7 +42,7 @@ COUNTED_EVERY = 25
 FORMAT = "mesa_swarm archive 1"
 LEDGER = "runs.jsonl"
 # Trials depend on these files and on the engine; after a change they are repeated.
-SOURCES = tuple(f"searches/{name}.py" for name in ("diversity", "driving", "evolution"))
+SOURCES = tuple(f"searches/{name}.py" for name in ("diversity", "drive_measures", "evolved_controllers"))
 
 
 def need_ribs() -> None:

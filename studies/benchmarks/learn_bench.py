@@ -34,7 +34,8 @@ LARGEST = sys.float_info.max
 SOURCES = (
     str(Path(__file__).parent),
     "experiments/controllers.py",
-    *(f"searches/{name}.py" for name in ("design", "design_gap", "driving", "evolution", "gating")),
+    *(f"searches/{name}.py" for name in ("automatic_design", "design_gap", "drive_measures", "evolved_controllers")),
+    "searches/validation_gate.py",
     "environments",
 )
 MODES = ("frozen", "learning")

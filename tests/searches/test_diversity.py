@@ -10,6 +10,7 @@ from mesa_swarm.base import extras
 from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.base.extras import install_command
 from mesa_swarm.base.streams import Streams
+from mesa_swarm.experiments.fingerprints import PACKAGE
 from mesa_swarm.maps.map import Map
 from mesa_swarm.searches import diversity
 from mesa_swarm.searches.diversity import BehaviourMap, behaviour_figure, behaviour_of, cell_middles, diversify
@@ -93,6 +94,10 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatc
     monkeypatch.setattr(extras, "find_spec", lambda name: None)
     with pytest.raises(SwarmError, match=re.escape(install_command("diversity"))):
         diversify(BRIEF)
+
+
+def test_all_files_that_trials_depend_on_are_there():
+    assert all((PACKAGE / name).exists() for name in diversity.SOURCES)
 
 
 def test_measures_are_two_different_ones():

@@ -51,10 +51,12 @@ class Turning:
 
 # Of what the benchmark imports: errors, what does runs and stores them, tables and pictures.
 NOT_HASHED = {
-    *("errors", "extras", "files", "gallery", "progress", "viewing.palette", "viewing.pictures"),
-    *(f"experiments.{name}" for name in ("compare", "experiment", "figures", "fingerprints", "ledger", "pool")),
+    *("errors", "gallery", "model.gallery", "viewing.palette", "viewing.figures"),
+    *(f"base.{name}" for name in ("errors", "extras", "files", "progress", "wording")),
+    *(f"experiments.{name}" for name in ("compare", "experiment", "figures", "fingerprints", "ledger", "worker_pool")),
     *(f"experiments.{name}" for name in ("reality_gap", "runs", "statistics", "sweep", "tables")),
 }
+ROOMS = ("experiments", "searches")
 
 
 def brief(only=TWO, **options):
@@ -327,7 +329,7 @@ def test_trainings_are_done_again_when_code_changes_that_trains_drives_or_measur
     hashed = [PACKAGE / name for name in (*ENGINE, *bench.SOURCES)]
     assert all(path.exists() for path in hashed)
     assert Path(bench.__file__).parent in hashed
-    files = [*Path(bench.__file__).parent.glob("*.py"), *(path for path in hashed if path.parent.name == "experiments")]
+    files = [*Path(bench.__file__).parent.glob("*.py"), *(path for path in hashed if path.parent.name in ROOMS)]
     modules = {home for file in files for home in homes_of(file) if home.startswith("mesa_swarm.")}
     paths = {home: PACKAGE / home.partition(".")[2].replace(".", "/") for home in modules}
     left = [home for home, path in paths.items() if not {path.with_suffix(".py"), path, path.parent} & set(hashed)]
