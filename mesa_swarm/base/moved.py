@@ -195,7 +195,8 @@ class MovedFinder:
             return
         if old.removeprefix(ROOT) not in STAYING:
             _warn(old, HOMES[old], stacklevel=3)
-        names = {name: value for name, value in vars(import_module(HOMES[old])).items() if not name.startswith("__")}
+        contents = vars(import_module(HOMES[old]))
+        names = {name: value for name, value in contents.items() if name == "__all__" or not name.startswith("__")}
         for address, new in NAMES.items():
             home, _, name = address.rpartition(".")
             if home == old:
