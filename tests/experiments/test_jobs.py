@@ -265,7 +265,8 @@ def replaced(text, chance):
 
 
 def check_mutated(read, count, first):
-    bases = [RICH, *(Path(jobs.__file__).with_name("jobs").joinpath(name).read_text() for name in sample_jobs())]
+    standard = Path(jobs.__file__).with_name("standard_jobs")
+    bases = [RICH, *((standard / name).read_text() for name in sample_jobs())]
     fine = 0
     read(RICH)  # imports and compilation are not part of the second
     for number in range(first, first + count):

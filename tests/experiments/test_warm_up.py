@@ -13,8 +13,9 @@ from mesa_swarm.kernels import code_files, compiling
 
 # What a process does in place of compiling for a model.
 STORES = (
-    "from pathlib import Path; from mesa_swarm.geometry import code_files; "
-    "code_files.places = lambda: (Path({folder!r}),); [code_files.write(name, b'code') for name in {files!r}]"
+    "from pathlib import Path; from mesa_swarm.kernels import code_files; "
+    "code_files.list_folders = lambda: (Path({folder!r}),); "
+    "[code_files.write_code(name, b'code') for name in {files!r}]"
 )
 
 

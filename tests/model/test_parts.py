@@ -19,7 +19,7 @@ MUTABLE = {
 WITHOUT_SLOTS = MUTABLE | {
     *("Avoid", "Cohere", "Cruise", "FightFire", "Follow", "Gather", "Push", "Respond", "SeekHeat", "Separate"),
     *("Aggregation", "CollisionAvoidance", "ExtinguishFires", "FindFires", "FireTask", "Foraging", "Task"),
-    *("ModelInfo", "Scene", "ValidationGate"),
+    *("ModelInfo", "Scene", "ValidationGate", "WorldDrawing"),
     *("NetworkPolicy", "Networks", "OnnxPolicy", "QPolicy", "ReflexPolicy", "TablePolicy", "WirePolicy"),
 }
 

@@ -1,7 +1,6 @@
 import inspect
 import math
 import tracemalloc
-from pathlib import Path
 
 import mesa
 import numpy as np
@@ -12,7 +11,6 @@ from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.compare import compare
 from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.model.parameters import parameters_of
-from mesa_swarm_studies.registry import items
 
 NAMES = model_names()
 STEPS = 60
@@ -45,10 +43,6 @@ def batch_of_two(model_class, **more):
 
 @pytest.mark.parametrize("name", NAMES)
 class TestEveryModel:
-    def test_is_a_file_of_fewer_than_120_lines_or_150_if_it_reproduces_a_paper_or_has_a_part_of_its_own(self, name):
-        most = 150 if name in {*items(), "signposts"} else 119
-        assert len(Path(inspect.getfile(find_model(name))).read_text().splitlines()) <= most
-
     def test_runs_and_has_results_in_numbers(self, name):
         model = find_model(name)(rng=1).run(STEPS)
         assert model.steps == STEPS

@@ -283,7 +283,7 @@ def test_loads_that_are_taken_back_take_those_with_them_that_then_have_no_room()
     for load in (first, second, third):
         note(load, moved=True, pushers=0)
     # The second returns to 121: the first, at 104, is then 17 from it; the third, at 150, is 29.
-    loads.return_loads(around, Room.around(around), before, [1])
+    loads.take_back(around, Room.around(around), before, [1])
     assert [load.pose[0] for load in (first, second, third)] == [100.0, 121.0, 150.0]
     assert [load.moved for load in (first, second, third)] == [False, False, True]
     assert list(before) == [2]

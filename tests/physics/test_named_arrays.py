@@ -10,7 +10,7 @@ from mesa_swarm import physics
 
 ROOM = Path(physics.__file__).parent
 # Names of single arrays and of lists, whose places are numbers by nature.
-ARRAYS = {"bounds", "radius", "members", "rows", "met", "pairs", "drives"}
+ARRAYS = {"bounds", "radius", "members", "rows", "overlaps", "pairs", "drives"}
 # Beside compiled functions all functions of these files.
 WHOLE = {"crowd.py", "engine.py", "stage_kernels.py", "travel.py"}
 MOST_PASSED_OVER = 2

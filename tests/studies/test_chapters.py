@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.maps.map import Map
-from mesa_swarm_studies.drawing import plain_axes, svg
+from mesa_swarm.viewing.figures import svg
+from mesa_swarm_studies.drawing import plain_axes
 from mesa_swarm_studies.judging import above_zero, judged_fact, limits_in_words
 from mesa_swarm_studies.registry import table_of
 from mesa_swarm_studies.thesis import fire_fighting, fire_growth, learning

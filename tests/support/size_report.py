@@ -1,11 +1,11 @@
-"""What grows: a report of the sizes of the package, to be read; no limit of lines decides where a file ends.
+"""A report of the sizes of the package, to be read: no limit of lines decides where a file ends.
 
 ::
 
     python tests/support/size_report.py
 
 prints lines and files of each room, the longest files and functions, files that only one other file of their room
-imports, and how often names say nothing: participles and `one` as variables.
+imports, and how often variables have vague names: participles and `one`.
 """
 
 import ast
@@ -67,7 +67,7 @@ def long_functions(trees: dict[str, ast.Module]) -> list[tuple[int, str]]:
 
 
 def vague_names(trees: dict[str, ast.Module]) -> Counter[str]:
-    """Count how often names that say nothing are assigned."""
+    """Count how often vague names are assigned."""
     names = (node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.Name))
     return Counter(node.id for node in names if node.id in VAGUE and isinstance(node.ctx, ast.Store))
 
@@ -90,7 +90,7 @@ def main() -> None:
     print("files that only one other of their room imports:")
     for name, other in sorted(only_importers(trees).items()):
         print(f"  {name} by {other}")
-    print("names that say nothing:", ", ".join(f"{name} {count}" for name, count in vague_names(trees).most_common()))
+    print("vague names:", ", ".join(f"{name} {count}" for name, count in vague_names(trees).most_common()))
 
 
 if __name__ == "__main__":

@@ -272,7 +272,7 @@ def test_style_sheets_have_the_colours_that_python_has_and_use_no_other(css):
 def test_scripts_use_only_names_that_the_palette_has():
     names = {field.name for field in fields(Palette)}
     canvas = (PACKAGE / "viewing" / "canvas.js").read_text(encoding="utf-8")
-    charts = (PACKAGE / "dashboard" / "charts.js").read_text(encoding="utf-8")
+    charts = (PACKAGE / "dashboard" / "run" / "charts.js").read_text(encoding="utf-8")
     used = set(re.findall(r"(?:\bcolours|#colours)\.(\w+)", canvas))
     used |= set(re.findall(r"\bpalette\.(?!py)(\w+)", charts))
     assert used - {"length"} <= names

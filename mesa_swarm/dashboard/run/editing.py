@@ -36,7 +36,7 @@ def describe_edit(edit: Edit) -> str:
 
     Examples
     --------
-    >>> describe_edit(Edit(20, "set", ("noise", "0.3"))), in_brief(Edit(30, "wall", (1.0, 2.0, 30.0, 40.0, 5.0)))
+    >>> describe_edit(Edit(20, "set", ("noise", "0.3"))), describe_edit(Edit(30, "wall", (1.0, 2.0, 30.0, 40.0, 5.0)))
     ('step 20: noise = 0.3', 'step 30: wall')
     """
     pairs = zip(edit.values[::2], edit.values[1::2], strict=False)
