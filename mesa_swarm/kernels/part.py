@@ -79,7 +79,7 @@ class Kernel(NamedTuple):
     function : compiled function
         Of one signature.
     block : int64 ndarray
-        Addresses and shapes of arrays, and numbers, see `geometry.block`: valid as long as the plan that has it, and no
+        Addresses and shapes of arrays, and numbers, see `kernels.block`: valid as long as the plan that has it, and no
         parameter is set by hand; `model.plan` is made anew with these.
     kept : object
         What the block refers to, which has to live as long.

@@ -32,7 +32,7 @@ class Statics:
     """Edges and discs of all solid bodies, those that stand still listed by the cells of a grid.
 
     An item is an edge (its index below ``len(edges)``) or a disc (the rest). Items of driven bodies are in the tables
-    only; `physics.moving` lists them.
+    only; `physics.driven_bodies` lists them.
 
     Parameters
     ----------
