@@ -12,12 +12,23 @@ from typing import Any, TypeVar
 from pyarrow import parquet
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
-from mesa_swarm.base.files import check_writable, draft_of, write_whole
+from mesa_swarm.base.files import check_writable, draft_of, show_path, write_whole
+from mesa_swarm.base.progress import notice
 from mesa_swarm.experiments.experiment import Experiment, first_built
 from mesa_swarm.experiments.fingerprints import shown_value
 from mesa_swarm.experiments.ledger import ENDED_BY, Outcome
 from mesa_swarm.experiments.runs import Run
-from mesa_swarm.experiments.series import FOLDER, OF_MODEL, RNG, RUN, STEP, RunSeries, check_reporters, column_of
+from mesa_swarm.experiments.series import (
+    CHOICES,
+    FOLDER,
+    OF_MODEL,
+    RNG,
+    RUN,
+    STEP,
+    RunSeries,
+    check_reporters,
+    column_of,
+)
 from mesa_swarm.model.gallery import model_address
 
 CSV, BEHAVIORSPACE = "csv", "behaviorspace"
@@ -73,6 +84,8 @@ def write_stored(
 
     `rows` is the content of the CSV, by default a row a run with all that is known of it.
     """
+    # The CSV of a comparison is one of the files that it saves.
+    name_old_results(experiment, folder, forms if rows is None else (*forms, CSV))
     if experiment.series is not None:
         experiment.series.agree({run.key for run, _ in done})
     if BEHAVIORSPACE in forms:
@@ -84,6 +97,15 @@ def write_stored(
         names = dict.fromkeys(name for row in listed for name in row)
         write_csv(folder / FILES[CSV], sorted(names, key=LAST.__contains__), listed)
     return [folder / FILES[form] for form in forms]
+
+
+def name_old_results(experiment: Experiment, folder: Path, forms: Sequence[str]) -> None:
+    """Print a line about tables and series of an earlier call that this one leaves as they are."""
+    names = [name for form, name in FILES.items() if form not in forms and (folder / name).exists()]
+    parts = experiment.series.parts if experiment.series is not None else ()
+    names += [f"{FOLDER}/{part}" for part in CHOICES["both"] if part not in parts and (folder / FOLDER / part).exists()]
+    if names:
+        notice(f"{', '.join(names)} in {show_path(folder)} are of an earlier call, and were not written anew")
 
 
 def row_of(run: Run, outcome: Outcome) -> dict[str, Any]:

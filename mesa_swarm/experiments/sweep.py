@@ -29,6 +29,7 @@ from mesa_swarm.experiments.run_tables import (
     CSV,
     FILES,
     checked_forms,
+    name_old_results,
     row_of,
     with_series,
     write_behaviorspace,
@@ -482,6 +483,7 @@ def write_tables(
         If one cannot be written. The runs are in the ledger, and are not done again.
     """
     schema = _schema(experiment, ledger, archive)
+    name_old_results(experiment, folder, forms)
     if experiment.series is not None:
         experiment.series.agree({run.key for run in experiment.runs()})
 

@@ -18,14 +18,14 @@ LONGEST = 1_000
 STEPS = "steps"
 # What ended a run: the column `ended_by` of tables.
 CONDITION, ALL_STEPS, MODEL = "condition", "steps", "model"
-# A comparison with a number that is missing, NaN, does not hold.
+# What is missing, NaN, makes a comparison missing, unless other parts decide (Kleene's logic); a run goes on then.
 COMPARISONS: dict[type, Callable[[float, float], bool]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
     ast.Eq: operator.eq,
-    ast.NotEq: lambda a, b: a != b and not (math.isnan(a) or math.isnan(b)),
+    ast.NotEq: operator.ne,
 }
 ARITHMETIC: dict[type, Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -33,7 +33,10 @@ ARITHMETIC: dict[type, Callable[[float, float], float]] = {
     ast.Mult: operator.mul,
     ast.Div: lambda a, b: a / b if b else math.nan,
 }
-OF_ONE: dict[type, Callable[[float], float]] = {ast.USub: operator.neg, ast.Not: lambda value: not _is_true(value)}
+OF_ONE: dict[type, Callable[[float], float]] = {
+    ast.USub: operator.neg,
+    ast.Not: lambda value: value if math.isnan(value) else not value,
+}
 EXPECTED = "expected a comparison of reporters with numbers, such as 'fires_burning == 0 and steps > 100'"
 
 
@@ -137,15 +140,27 @@ def _value(node: ast.expr, number: Callable[[str], float]) -> float:
         case ast.UnaryOp() if type(node.op) in OF_ONE:
             return OF_ONE[type(node.op)](_value(node.operand, number))
         case ast.BoolOp():
-            holds = [_is_true(_value(part, number)) for part in node.values]
-            return all(holds) if isinstance(node.op, ast.And) else any(holds)
+            return _joined([_value(part, number) for part in node.values], isinstance(node.op, ast.And))
         case ast.BinOp() if type(node.op) in ARITHMETIC:
             return ARITHMETIC[type(node.op)](_value(node.left, number), _value(node.right, number))
         case ast.Compare() if all(type(sign) in COMPARISONS for sign in node.ops):
             values = [_value(part, number) for part in (node.left, *node.comparators)]
             pairs = zip(node.ops, values, values[1:], strict=False)
-            return all(COMPARISONS[type(sign)](left, right) for sign, left, right in pairs)
+            return _joined([_compared(sign, *pair) for sign, *pair in pairs], True)
     raise ValueError
+
+
+def _compared(sign: ast.cmpop, left: float, right: float) -> float:
+    """Return whether a comparison holds, NaN if a number is missing."""
+    return math.nan if math.isnan(left) or math.isnan(right) else COMPARISONS[type(sign)](left, right)
+
+
+def _joined(values: list[float], is_and: bool) -> float:
+    """Return whether all of these hold, or any, as far as those that are missing do not matter; else NaN."""
+    known = [bool(value) for value in values if not math.isnan(value)]
+    if (False in known) if is_and else (True in known):
+        return not is_and
+    return is_and if len(known) == len(values) else math.nan
 
 
 def _is_true(value: float) -> bool:

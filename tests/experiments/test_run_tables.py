@@ -92,3 +92,14 @@ def test_compare_and_reality_gap_write_both_tables(tmp_path):
 def test_tables_of_a_shard_are_refused_since_they_are_of_all(tmp_path):
     with pytest.raises(InvalidValueError, match="tables are of all shards; leave them out here"):
         sweep(Plain, seeds=2, steps=3, out=tmp_path, shard=(1, 2), tables=["csv"])
+
+
+def test_tables_and_series_of_an_earlier_call_that_are_left_are_named(tmp_path, capsys):
+    settings = {"varied": {"n_robots": [2]}, "seeds": 2, "out": tmp_path, "jobs": 1}
+    sweep(Plain, steps=3, tables=["csv"], series="model", **settings)
+    assert "earlier call" not in capsys.readouterr().err
+    sweep(Plain, steps=4, **settings)
+    line = f"runs.csv, series/model in {tmp_path} are of an earlier call, and were not written anew"
+    assert line in capsys.readouterr().err.replace("\n", " ")
+    compare(Plain, "n_robots", [2, 3], seeds=2, steps=3, out=tmp_path, jobs=1, series="model")
+    assert "earlier call" not in capsys.readouterr().err, "a comparison saves its runs.csv"

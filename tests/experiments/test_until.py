@@ -170,3 +170,18 @@ def test_a_model_with_its_own_way_to_run_needs_no_condition(tmp_path):
 
 def test_a_model_runs_until_a_function_of_it_is_true():
     assert Counting(rng=1).run(9, until=lambda model: model.completed == 4).completed == 4
+
+
+@pytest.mark.parametrize(
+    ("until", "steps"),
+    [
+        ("not late", 9),  # missing for three steps, and never 0 afterwards
+        ("not (late > 5)", 4),
+        ("late != 5", 4),
+        ("late < 5 or now == 2", 2),
+        ("not (late > 5 and now > 2)", 1),  # the second part is false
+        ("not (late > 5 or now > 20)", 4),
+    ],
+)
+def test_what_is_missing_decides_nothing_also_where_it_is_denied(until, steps):
+    assert Counting().run(9, until=checked_condition(until)).completed == steps
