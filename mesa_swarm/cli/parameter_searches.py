@@ -1,6 +1,6 @@
 """Which parameters matter, and which values fit: sensitivity, calibrate."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -69,32 +69,17 @@ def sensitivity_command(
 ) -> None:
     """Measure how much a measure depends on each parameter (SALib); continue an interrupted call."""
     prepare()
-    from mesa_swarm.model.parameters import parse_settings
     from mesa_swarm.searches import sensitivity as studies
 
     studies.need_salib()
     model_class = find_model(model)
     folder = check_writable(out or Path("results", f"sensitivity_{short_name(model)}_{method}"))
-    with resumable(folder):
-        found = studies.sensitivity(
-            model_class,
-            parsed_ranges(model_class, ranges),
-            measure,
-            method=method,
-            points=points,
-            seeds=seeds,
-            difference=None if difference is None else _parsed_difference(model_class, difference),
-            missing=missing,
-            steps=steps,
-            settings=parse_settings(model_class, setting or ()),
-            rng=rng,
-            out=folder,
-            jobs=jobs,
-            progress=not quiet,
-            retry_failed=retry_failed,
-            until=until,
-        )
-    _print(found, found.sweep.path, folder)
+    own: dict[str, Any] = {"method": method, "points": points, "seeds": seeds, "missing": missing}
+    if difference is not None:
+        own["difference"] = _parsed_difference(model_class, difference)
+    options = {"steps": steps, "rng": rng, "jobs": jobs, "retry_failed": retry_failed, "until": until, **own}
+    study = _study(studies.sensitivity, model_class, ranges, measure, folder, setting, quiet, options)
+    _print(study, study.sweep.path, folder)
 
 
 @commands.command("calibrate")
@@ -120,7 +105,6 @@ def calibrate_command(
     """Search parameters at which measures are near their targets (Optuna); continue an interrupted call."""
     prepare()
     from mesa_swarm.experiments.sweep import TABLE
-    from mesa_swarm.model.parameters import parse_settings
     from mesa_swarm.searches import calibration as studies
 
     studies.need_optuna()
@@ -128,26 +112,32 @@ def calibrate_command(
     folder = check_writable(out or Path("results", f"calibrate_{short_name(model)}"))
     if not target:
         raise InvalidValueError("no target is given; give at least one, such as --target 'fires out=7'")
+    targets = {name: numbers[0] if len(numbers) == 1 else numbers for name, numbers in _numbers("target", target, 2)}
+    absent = {name: number for name, (number,) in _numbers("missing", missing or [], 1)}
+    own = {"points": points, "batch": batch, "seeds": seeds, "fresh": fresh, "missing": absent}
+    options = {"steps": steps, "rng": rng, "jobs": jobs, "retry_failed": retry_failed, "until": until, **own}
+    _print(
+        _study(studies.calibrate, model_class, ranges, targets, folder, setting, quiet, options), folder / TABLE, folder
+    )
+
+
+def _study(
+    search: Callable[..., Any],
+    model_class: type,
+    ranges: Sequence[str] | None,
+    measured: Any,
+    folder: Path,
+    setting: Sequence[str] | None,
+    quiet: bool,
+    options: dict[str, Any],
+) -> Any:
+    """Return what a search makes of a model, ranges and what is measured; where it is interrupted it can continue."""
+    from mesa_swarm.model.parameters import parse_settings
+
+    settings = parse_settings(model_class, setting or ())
     with resumable(folder):
-        found = studies.calibrate(
-            model_class,
-            parsed_ranges(model_class, ranges),
-            {name: numbers[0] if len(numbers) == 1 else numbers for name, numbers in _numbers("target", target, 2)},
-            points=points,
-            batch=batch,
-            seeds=seeds,
-            fresh=fresh,
-            missing={name: number for name, (number,) in _numbers("missing", missing or [], 1)},
-            steps=steps,
-            settings=parse_settings(model_class, setting or ()),
-            rng=rng,
-            out=folder,
-            jobs=jobs,
-            progress=not quiet,
-            retry_failed=retry_failed,
-            until=until,
-        )
-    _print(found, folder / TABLE, folder)
+        ends = parsed_ranges(model_class, ranges)
+        return search(model_class, ends, measured, settings=settings, out=folder, progress=not quiet, **options)
 
 
 def parsed_ranges(model_class: type, texts: Sequence[str] | None) -> "dict[str, Range]":
