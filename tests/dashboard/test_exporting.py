@@ -1,6 +1,7 @@
 """Export from the page: the run repeated or its recording, in the background, within limits."""
 
 import io
+import threading
 
 import numpy as np
 import pandas as pd
@@ -227,6 +228,27 @@ def test_before_the_first_step_there_is_nothing_to_export_but_a_picture(desk):
     assert "no steps are recorded" in desk.fault
     make(desk, kind="png")
     assert desk.made["fire_fighting_0.png"].startswith(PNG)
+
+
+def test_a_file_can_be_wanted_while_the_page_is_still_notified_that_the_one_before_is_ready(desk):
+    told, go_on = threading.Event(), threading.Event()
+
+    def notify():
+        if not desk.doing and "30.png" in desk.message:
+            told.set()
+            go_on.wait(30)
+
+    desk.connect(desk._deliver, notify)
+    desk.start(kind="png")
+    first = desk._thread
+    assert told.wait(30)
+    assert first.is_alive()
+    desk.connect(desk._deliver, lambda: None)
+    make(desk, kind="svg")
+    assert desk.fault == ""
+    assert b"<svg" in desk.made["fire_fighting_30.svg"]
+    go_on.set()
+    first.join(30)
 
 
 @pytest.mark.slow

@@ -244,7 +244,8 @@ class Exporting:
 
     def start(self, **options: Any) -> None:
         """Begin to make a file, unless one is being made."""
-        if self._thread is not None and self._thread.is_alive():
+        # Not whether the thread is alive: it still notifies of a file that is ready, when the button is enabled again.
+        if self.doing:
             self.fault = "an export is in progress; wait for it, or cancel it"
         else:
             self._cancelled.clear()
