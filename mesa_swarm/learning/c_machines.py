@@ -97,7 +97,9 @@ class Program:
         self.table = DesignTable.of([design])
         self.functions: dict[str, str] = {}
         # Chances in a step: of transitions first, then one for each layer that draws.
-        self.chances = max(sum(one.source == name for one in machine.transitions) for name in machine.state_names)
+        self.chances = max(
+            sum(transition.source == name for transition in machine.transitions) for name in machine.state_names
+        )
         self.turners = 0
 
     def files(self) -> dict[str, str | bytes]:
@@ -139,21 +141,21 @@ class Program:
 
     def _constants(self) -> str:
         """Return the tables that the functions read."""
-        tables, seen = {}, self.table.bearing[0]
+        tables, bearings = {}, self.table.bearing[0]
         if "follow" in self.functions:
-            tables["bearings"] = seen
+            tables["bearings"] = bearings
         if "steer_things" in self.functions:
-            tables |= {"ahead": np.cos(seen), "to_left": np.sin(seen)}
+            tables |= {"ahead": np.cos(bearings), "to_left": np.sin(bearings)}
         if "steer_heat" in self.functions:
             azimuth = np.arctan2(self.table.radiation[0][:, AXIS_Y], self.table.radiation[0][:, AXIS_X])
             tables |= {"heat_ahead": np.cos(azimuth), "heat_to_left": np.sin(azimuth)}
         return "".join(self.writer.array(name, values) for name, values in tables.items())
 
-    def _call(self, function: str, *given: object) -> str:
+    def _call(self, function: str, *arguments: object) -> str:
         """Return the call of a function of C, and make it and what it calls part of the source."""
         for needed in (*NEEDS.get(function, ()), function):
             self.functions.setdefault(needed, FUNCTIONS[needed])
-        return f"{function}({', '.join(map(str, given))})"
+        return f"{function}({', '.join(map(str, arguments))})"
 
     def _drawn(self) -> str:
         """Return the chance of one more layer that draws."""
@@ -164,37 +166,37 @@ class Program:
         """Return the case of a state with the transitions out of it."""
         own = self.machine.state_names[number]
         lines, begin = "", "        if"
-        for place, one in enumerate(t for t in self.machine.transitions if t.source == own):
-            target = self.machine.state_names.index(one.target)
-            lines += f"{begin} (chances[{place}] < {self._chance_of(one.condition)})\n"
-            lines += f"            state->now = {target}; /* {one.target}: {one.condition.label} */\n"
+        for place, transition in enumerate(t for t in self.machine.transitions if t.source == own):
+            target = self.machine.state_names.index(transition.target)
+            lines += f"{begin} (chances[{place}] < {self._chance_of(transition.condition)})\n"
+            lines += f"            state->now = {target}; /* {transition.target}: {transition.condition.label} */\n"
             begin = "        else if"
         return f"    case {number}: /* {own} */\n{lines}        break;\n"
 
     def _chance_of(self, condition: Condition) -> str:
         """Return the expression of the probability of a condition."""
         number = self.writer.literal
-        code, probability, *given = condition.row
+        code, probability, *numbers = condition.row
         if code == kinds_of.OWN:
             raise InvalidValueError(
                 f"condition {shortened(condition)} cannot be exported; use those of the package, such as Seen"
             )
         if code == kinds_of.ROBOTS_SEEN:
-            return self._call("robots_seen", "kinds", *map(number, (probability, given[0], given[1])))
+            return self._call("robots_seen", "kinds", *map(number, (probability, numbers[0], numbers[1])))
         fulfilled = {
             kinds_of.CHANCE: lambda: "1",
-            kinds_of.SEEN: lambda: self._near(given),
-            kinds_of.UNSEEN: lambda: f"!{self._near(given)}",
+            kinds_of.SEEN: lambda: self._near(numbers),
+            kinds_of.UNSEEN: lambda: f"!{self._near(numbers)}",
             kinds_of.ON_MARK: self._marked,
             kinds_of.OFF_MARK: lambda: f"!{self._marked()}",
             kinds_of.HEAT_SENSED: lambda: (
-                self._call("is_hot", "radiation", number(given[0])) if self.design.radiation else "0"
+                self._call("is_hot", "radiation", number(numbers[0])) if self.design.radiation else "0"
             ),
         }[int(code)]()
         return f"({fulfilled} ? {number(probability)} : 0)"
 
-    def _near(self, given: list[float]) -> str:
-        return self._call("is_near", "readings", "kinds", int(given[0]), self.writer.literal(given[1]))
+    def _near(self, numbers: list[float]) -> str:
+        return self._call("is_near", "readings", "kinds", int(numbers[0]), self.writer.literal(numbers[1]))
 
     def _marked(self) -> str:
         return self._call("on_mark", "line") if self.design.line else "0"
@@ -211,8 +213,8 @@ class Program:
         }
         make = makers.get(type(layer))
         if make is None:
-            known = ", ".join(sorted(one.__name__ for one in makers))
-            raise InvalidValueError(without_middle(f"layer {shortened(layer)} cannot be exported; use {known}"))
+            usable = ", ".join(sorted(layer_type.__name__ for layer_type in makers))
+            raise InvalidValueError(without_middle(f"layer {shortened(layer)} cannot be exported; use {usable}"))
         return f"        if ({make(layer)})\n            return;\n"
 
     def _steer(self, layer: Approach | Retreat) -> str:
@@ -270,15 +272,15 @@ def _in_comment(text: str) -> str:
 def _in_c(names: tuple[str, ...]) -> list[str]:
     """Return names of states as parts of names in C, with numbers where two would be equal."""
     plain = [re.sub(r"[^A-Z0-9]", "_", name.upper()) for name in names]
-    found: list[str] = []
-    for k, one in enumerate(plain):
-        several = plain.count(one) > 1
-        name, number = f"{one}_{k}" if several else one, k
-        while name in found or (several and name in plain):
+    unique: list[str] = []
+    for k, plain_name in enumerate(plain):
+        several = plain.count(plain_name) > 1
+        name, number = f"{plain_name}_{k}" if several else plain_name, k
+        while name in unique or (several and name in plain):
             number += len(names)
-            name, several = f"{one}_{number}", True
-        found.append(name)
-    return found
+            name, several = f"{plain_name}_{number}", True
+        unique.append(name)
+    return unique
 
 
 SIZES = """\

@@ -58,7 +58,7 @@ class Search(Generic[Candidates]):
         self.history.append(values)
         self._note(candidates, values)
 
-    def _shown(self, asked: list[Any]) -> Candidates:
+    def _shown(self, candidates: list[Any]) -> Candidates:
         """Return copies of candidates as `ask` shows them."""
         raise NotImplementedError
 

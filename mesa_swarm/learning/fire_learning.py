@@ -53,12 +53,12 @@ def perform(skill, distance, kind, bearing, forward, i, d, at_fire, side, speed,
         return 0.0, 0.0
     if skill == BACK_OFF:
         return -speed, -speed
-    seen = nearest_of(distance, kind, i, ROBOT if skill == FOLLOW else FIRE)
-    if seen >= 0 and skill != EXPLORE:
-        return approach(bearing[d, seen], CRITICAL_ANGLE, speed, radius)
-    ahead = seen >= 0 and (seen == forward[d, 0] or seen == forward[d, 1] or seen == forward[d, 2])
-    if ahead and distance[i, seen] < NEAR:
-        away = -bearing[d, seen] if bearing[d, seen] != 0.0 else side
+    sensor = nearest_of(distance, kind, i, ROBOT if skill == FOLLOW else FIRE)
+    if sensor >= 0 and skill != EXPLORE:
+        return approach(bearing[d, sensor], CRITICAL_ANGLE, speed, radius)
+    ahead = sensor >= 0 and (sensor == forward[d, 0] or sensor == forward[d, 1] or sensor == forward[d, 2])
+    if ahead and distance[i, sensor] < NEAR:
+        away = -bearing[d, sensor] if bearing[d, sensor] != 0.0 else side
         return turn_towards(math.copysign(math.pi, away), speed, radius)
     return speed, speed
 

@@ -133,8 +133,8 @@ class LearningLayer(Generic[P]):
         start = self.start
         if start is not None:
             if not isinstance(start, self.policy_class):
-                wanted = f"{self.policy_class.__name__}, as policy() and load_policy() return it"
-                raise InvalidValueError(f"start is {shortened(start)}; expected a {wanted}")
+                expected = f"{self.policy_class.__name__}, as policy() and load_policy() return it"
+                raise InvalidValueError(f"start is {shortened(start)}; expected a {expected}")
             has, needs = ({name: getattr(owner, name) for name in self.agreed} for owner in (start, self))
             if has != needs:
                 raise InvalidValueError(f"start has {_listed(has)}; expected {_listed(needs)}")

@@ -431,13 +431,13 @@ def _reflex(policy: ReflexPolicy, graph: Graph) -> None:
     whim = graph.add("Sub", graph.add("Mul", "chance", graph.constant(2.0)), graph.constant(1.0))
     whim = graph.add("Where", graph.add("Less", "chance", zero), zero, whim)
     ends = graph.shaped(whim, -1, 1)
-    one = graph.add("Add", graph.add("Mul", ends, zero), graph.constant(1.0))
+    bias = graph.add("Add", graph.add("Mul", ends, zero), graph.constant(1.0))
     if policy.memory:
-        known = graph.add("Concat", *parts, "memory", ends, one, axis=1)
-        units = graph.add("Tanh", _weighted(graph, known, policy.hidden))
+        senses = graph.add("Concat", *parts, "memory", ends, bias, axis=1)
+        units = graph.add("Tanh", _weighted(graph, senses, policy.hidden))
         parts.append(graph.add("Identity", units, output="new_memory"))
-    known = graph.add("Concat", *parts, ends, one, axis=1)
-    sums = _weighted(graph, known, policy.wheel)
+    senses = graph.add("Concat", *parts, ends, bias, axis=1)
+    sums = _weighted(graph, senses, policy.wheel)
     if policy.squash == "tanh":
         graph.add("Tanh", sums, output="wheels")
     elif policy.squash == "linear":
@@ -447,7 +447,7 @@ def _reflex(policy: ReflexPolicy, graph: Graph) -> None:
         graph.add("Where", ahead, graph.constant(1.0), graph.constant(-1.0), output="wheels")
 
 
-def _weighted(graph: Graph, known: str, weights: np.ndarray) -> str:
+def _weighted(graph: Graph, senses: str, weights: np.ndarray) -> str:
     """Return the weighted sums (n, columns) of inputs (n, rows), given weights (copies, rows, columns)."""
     _, rows, columns = weights.shape
-    return graph.shaped(graph.add("MatMul", graph.shaped(known, -1, 1, rows), graph.chosen_copy(weights)), -1, columns)
+    return graph.shaped(graph.add("MatMul", graph.shaped(senses, -1, 1, rows), graph.chosen_copy(weights)), -1, columns)

@@ -44,12 +44,12 @@ def checked_numbers(numbers: ArrayLike | None, robots: int) -> np.ndarray:
     if numbers is None:
         return np.empty(0, np.int64)
     try:
-        given = fill_masked(numbers)
+        array = fill_masked(numbers)
     except ValueError:
-        given = np.empty(0)
-    if given.shape != (robots,) or given.dtype.kind not in "iu":
+        array = np.empty(0)
+    if array.shape != (robots,) or array.dtype.kind not in "iu":
         raise InvalidValueError(f"numbers is {shortened(numbers)}; expected {robots} whole numbers, one a robot")
-    return given.astype(np.int64, copy=False)
+    return array.astype(np.int64, copy=False)
 
 
 @compiled
@@ -172,11 +172,13 @@ def check_layout(sensors: object) -> None:
         raise InvalidValueError(f"sensors is {shortened(sensors)}; expected SensorLayout.of(design)")
 
 
-def check_stored(family: str, found: Sequence[str], expected: Sequence[str]) -> None:
+def check_stored(family: str, stored: Sequence[str], expected: Sequence[str]) -> None:
     """Check that a file of this family holds these arrays and settings, each of them once, and no others."""
-    if sorted(found) == sorted(expected):
+    if sorted(stored) == sorted(expected):
         return
-    missing, unknown = ([n for n in some if n not in others] for some, others in ((expected, found), (found, expected)))
+    missing, unknown = (
+        [n for n in some if n not in others] for some, others in ((expected, stored), (stored, expected))
+    )
     problem = f"no {missing[0]}" if missing else f"unknown {shortened(unknown[0])}" if unknown else "a part twice"
     raise InvalidValueError(f"a {family} policy has {problem}; expected {', '.join(expected)}")
 

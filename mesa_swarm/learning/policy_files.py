@@ -110,8 +110,8 @@ def load_policy(path: str | os.PathLike[str]) -> Policy:
         _check_list(file)
         with zipfile.ZipFile(file) as archive:
             _check_members(file, archive)
-        with np.load(file, allow_pickle=False) as found:
-            arrays = {name: found[name] for name in found.files}
+        with np.load(file, allow_pickle=False) as archive_arrays:
+            arrays = {name: archive_arrays[name] for name in archive_arrays.files}
     except FileNotFoundError:
         raise LearningError(f"there is no policy {show_path(file)}; save one with save_policy") from None
     except LearningError:

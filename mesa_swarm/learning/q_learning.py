@@ -63,7 +63,7 @@ def adjusted(answer: str | bool) -> dict[str, Any]:
     }
 
 
-def in_a_table(memory: str, networks: "QLearning", **given: str | float) -> bool:
+def in_a_table(memory: str, networks: "QLearning", **settings: str | float) -> bool:
     """Return whether `memory` is "table", to which settings of networks do not apply: these must have their defaults.
 
     Parameters
@@ -80,7 +80,7 @@ def in_a_table(memory: str, networks: "QLearning", **given: str | float) -> bool
     InvalidValueError, UnknownNameError
     """
     is_table = check_choice("memory", memory, ("networks", "table")) == "table"
-    for name, value in given.items():
+    for name, value in settings.items():
         if is_table and getattr(networks, name) != getattr(QLearning, name):
             raise InvalidValueError(
                 f"{name} is {shortened(value)}, which does not apply to memory 'table'; "
@@ -346,8 +346,8 @@ class QLearning(Learner[QPolicy]):
 
     def reason(self, moment: Moment) -> Reason:
         """Return the chosen action, and the nearest reading."""
-        seen = np.flatnonzero(moment.kind >= 0)
-        near = (int(seen[np.argmin(moment.distance[seen])]),) if len(seen) else ()
+        sensors = np.flatnonzero(moment.kind >= 0)
+        near = (int(sensors[np.argmin(moment.distance[sensors])]),) if len(sensors) else ()
         beside = f" with {moment.reading(near[0])}" if near else " with nothing in sight"
         return Reason(f"it chose {action_of(moment.command)}, by what it learned and by chance,{beside}", near)
 

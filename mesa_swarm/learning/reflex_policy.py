@@ -102,10 +102,10 @@ class ReflexPolicy(LearnedPolicy):
     @classmethod
     def reflex(cls, sensors: SensorLayout, weights: ArrayLike, squash: str = "linear") -> "ReflexPolicy":
         """Return a reflex designed by hand, which needs no training: weights (s + 1, 2), no whim."""
-        given = np.array(fill_masked(weights), dtype=float)
-        if given.shape != (len(sensors) + 1, 2):
-            raise InvalidValueError(f"weights have shape {given.shape}; expected ({len(sensors) + 1}, 2)")
-        wheel = np.insert(given, len(sensors), 0.0, axis=0)[None]
+        checked = np.array(fill_masked(weights), dtype=float)
+        if checked.shape != (len(sensors) + 1, 2):
+            raise InvalidValueError(f"weights have shape {checked.shape}; expected ({len(sensors) + 1}, 2)")
+        wheel = np.insert(checked, len(sensors), 0.0, axis=0)[None]
         return cls(sensors=sensors, hidden=np.zeros((1, len(wheel[0]), 0)), wheel=wheel, squash=squash, steps=1)
 
     @classmethod
@@ -190,25 +190,25 @@ def react(distance, kind, ranges, hidden, wheel, squash, typed, chance, numbers,
     """Write the wheel commands of every robot (n, 2), and its hidden units' new outputs (n, u)."""
     sensors, units = distance.shape[1], memory.shape[1]
     inputs = 2 * sensors if typed else sensors
-    known, outputs = np.empty(inputs + units + 2), np.empty(units)
-    known[inputs + units + 1] = 1.0
+    senses, outputs = np.empty(inputs + units + 2), np.empty(units)
+    senses[inputs + units + 1] = 1.0
     for i in range(distance.shape[0]):
         number = numbers[i] if numbers.shape[0] else i
         copy = number % wheel.shape[0]
         for s in range(sensors):
-            known[s] = nearness(distance[i, s], ranges[s])
+            senses[s] = nearness(distance[i, s], ranges[s])
             if typed:
-                known[sensors + s] = known[s] if kind[i, s] == ROBOT else 0.0
+                senses[sensors + s] = senses[s] if kind[i, s] == ROBOT else 0.0
         for u in range(units):
-            known[inputs + u] = memory[i, u]
-        known[inputs + units] = 2.0 * chance[i] - 1.0
+            senses[inputs + u] = memory[i, u]
+        senses[inputs + units] = 2.0 * chance[i] - 1.0
         for u in range(units):
-            outputs[u] = math.tanh(weighted(hidden, copy, u, known))
+            outputs[u] = math.tanh(weighted(hidden, copy, u, senses))
         for u in range(units):
-            known[inputs + u] = outputs[u]
+            senses[inputs + u] = outputs[u]
             memory[i, u] = outputs[u]
         for side in range(2):
-            shares[i, side] = squashed_sum(squash, weighted(wheel, copy, side, known))
+            shares[i, side] = squashed_sum(squash, weighted(wheel, copy, side, senses))
 
 
 @compiled
@@ -220,11 +220,11 @@ def nearness(distance, reach):
 
 
 @compiled
-def weighted(weights, copy, column, known):
+def weighted(weights, copy, column, inputs):
     """Return the weighted sum of the inputs."""
     total = 0.0
-    for k in range(known.shape[0]):
-        total += weights[copy, k, column] * known[k]
+    for k in range(inputs.shape[0]):
+        total += weights[copy, k, column] * inputs[k]
     return total
 
 
@@ -268,12 +268,12 @@ def twins_of(sensors: SensorLayout) -> np.ndarray:
     """Return for each sensor the index of its mirror image; one that looks ahead or back is its own."""
     eyes, twins = sensors.rows, []
     for bearing, *rest in eyes:
-        found = [k for k, (other, *more) in enumerate(eyes) if more == rest and (other + bearing) % 360.0 == 0.0]
-        if not found:
+        mirrors = [k for k, (other, *more) in enumerate(eyes) if more == rest and (other + bearing) % 360.0 == 0.0]
+        if not mirrors:
             raise InvalidValueError(
                 f"the sensor at {bearing:g} degrees has no mirror image; expected the same one at {-bearing:g} degrees"
             )
-        twins.append(found[0])
+        twins.append(mirrors[0])
     return np.array(twins, np.int64)
 
 

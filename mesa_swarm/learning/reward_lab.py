@@ -186,10 +186,10 @@ def learned_profile(
     readings = wall_readings(design, distance * max(policy.sensors.ranges), wall_degrees)
     chosen = range(policy.copies) if robot is None else [check_count("robot", robot, maximum=policy.copies - 1)]
     kinds = np.where(readings >= 0, 0, -1)
-    each = np.array([policy.of_robot(k).values(readings, kinds) for k in chosen])
+    tables = np.array([policy.of_robot(k).values(readings, kinds) for k in chosen])
     heat = policy.temperature if temperature is None else check_number("temperature", temperature, above=0)
-    shares = np.array([[boltzmann(row, heat) for row in table] for table in each]).mean(axis=0)
-    values = each.mean(axis=0)
+    shares = np.array([[boltzmann(row, heat) for row in table] for table in tables]).mean(axis=0)
+    values = tables.mean(axis=0)
     return Profile(distance, values, shares, tuple(_decisions(distance, values, shares)))
 
 

@@ -295,9 +295,9 @@ def learn_table(
 
 
 @compiled
-def look_up(distance, ranges, bearing, edges, sectors, values, numbers, given):
+def look_up(distance, ranges, bearing, edges, sectors, values, numbers, rows):
     """Write the value of every action for every robot (n, actions)."""
     nearest = np.empty(sectors)
     for i in range(distance.shape[0]):
         copy = (numbers[i] if numbers.shape[0] else i) % values.shape[0]
-        given[i] = values[copy, state_of(distance, ranges, bearing, i, 0, edges, sectors, nearest)]
+        rows[i] = values[copy, state_of(distance, ranges, bearing, i, 0, edges, sectors, nearest)]

@@ -274,9 +274,9 @@ class EngineModel(MesaModel):
     @property
     def robots(self) -> Agents[Robot]:
         """The robots as Mesa agents, in the order of the swarm's rows."""
-        found = Agents.of_list(self.swarm.agents, self.random)
-        self.swarm.listed[id(found)] = found
-        return found
+        agents = Agents.of_list(self.swarm.agents, self.random)
+        self.swarm.listed[id(agents)] = agents
+        return agents
 
     add_robots = delegate("robots", RobotsPart.add_robots)
 

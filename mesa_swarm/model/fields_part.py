@@ -70,10 +70,10 @@ class FieldsPart(Part):
     def _declare(self, fields: Sequence[Field]) -> None:
         before, self.live = self.live, {}
         for field in fields:
-            known = before.get(field.name)
-            if known is None or known.declaration != field:
-                known = self.add_field(field)
-            self.live = {**self.live, field.name: known}
+            field_state = before.get(field.name)
+            if field_state is None or field_state.declaration != field:
+                field_state = self.add_field(field)
+            self.live = {**self.live, field.name: field_state}
         for earlier in before.values():
             earlier.removed = self.live.get(earlier.name) is not earlier
         self._renew_kernel()

@@ -696,11 +696,11 @@ class _Twins:
     inputs: Callable[[int], tuple]
     tolerance: float
 
-    def same(self, got: Any, expected: Any) -> bool:
+    def same(self, result: Any, expected: Any) -> bool:
         """Return whether results are the same."""
         try:
-            alike = np.shape(got) == np.shape(expected)
-            return alike and np.allclose(got, expected, rtol=0, atol=self.tolerance, equal_nan=True)
+            alike = np.shape(result) == np.shape(expected)
+            return alike and np.allclose(result, expected, rtol=0, atol=self.tolerance, equal_nan=True)
         except (TypeError, ValueError):  # of a text, or of a list of lists of different lengths
             return False
 
@@ -711,10 +711,12 @@ def _function_verdict(twins: _Twins, authors: Authors, seeds: Sequence[int]) -> 
             with part_of_check(authors, seed):
                 expected, arguments = twins.twin(*twins.inputs(seed)), twins.inputs(seed)
             with part_of_check(authors, seed, uses_answer=True):
-                got = twins.function(*arguments)
-            if not twins.same(got, expected):
-                text = f"it returned {_short(got)} where {_short(expected)} was expected, with {seeds_in_words([seed])}"
-                return Verdict(False, text, status=NOT_JUDGED if is_missing(got) else JUDGED)
+                result = twins.function(*arguments)
+            if not twins.same(result, expected):
+                text = (
+                    f"it returned {_short(result)} where {_short(expected)} was expected, with {seeds_in_words([seed])}"
+                )
+                return Verdict(False, text, status=NOT_JUDGED if is_missing(result) else JUDGED)
     except CheckError as error:
         return _broken(error)
     except Exception as error:  # every error of a learner becomes a sentence

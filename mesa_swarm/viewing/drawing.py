@@ -120,14 +120,14 @@ class ObjectTrack:
 
 def tracks(moments: Iterable[tuple[np.ndarray, np.ndarray]]) -> Iterator[ObjectTrack]:
     """Yield the track of every object, by unique_id, from the ids (n,) and values (n, m) at each step."""
-    found = list(moments)
+    rows = list(moments)
     places: dict[int, list[tuple[int, int]]] = {}
-    for moment, (ids, _) in enumerate(found):
+    for moment, (ids, _) in enumerate(rows):
         for row, number in enumerate(ids.tolist()):
             places.setdefault(number, []).append((moment, row))
     for number in sorted(places):
-        values = np.array([found[moment][1][row] for moment, row in places[number]])
-        present = np.zeros(len(found), bool)
+        values = np.array([rows[moment][1][row] for moment, row in places[number]])
+        present = np.zeros(len(rows), bool)
         present[[moment for moment, _ in places[number]]] = True
         latest = np.maximum(np.cumsum(present) - 1, 0)
         yield ObjectTrack(number=number, values=values[latest], present=present)

@@ -204,15 +204,15 @@ def pieces(rows: RecordedSteps, steps: Sequence[int], table: str, progress: bool
     kinds = rows.recording.load_kinds if table == "loads" else {}
     sceneries = rows.recording.sceneries
     scale = scale_in(sceneries[0][1]) if sceneries else None
-    found = 0
+    count = 0
     with progress_bar(len(steps), "steps", progress) as bar:
         for begin in range(0, len(steps), STEPS_AT_ONCE):
             chosen = steps[begin : begin + STEPS_AT_ONCE]
             piece = measured(table_of((rows.frame(step) for step in chosen), table, kinds), scale)
-            found += len(piece)
+            count += len(piece)
             yield piece
             bar.update(len(chosen))
-    if not found:
+    if not count:
         text = f"{rows.recording.path} has no {table} in these steps: the table is empty"
         warnings.warn(text, ExportWarning, stacklevel=2)
 
@@ -383,10 +383,10 @@ def _checked_path(path: object) -> Path:
     return target
 
 
-def _check_permitted(path: Path, asked: set[str], animate: bool) -> None:
+def _check_permitted(path: Path, options: set[str], animate: bool) -> None:
     kind = path.suffix.lower()
     permitted = ANIMATED if animate and kind == ".svg" else PERMITTED[kind]
-    for name in sorted(asked - permitted):
+    for name in sorted(options - permitted):
         what = "an animated .svg" if permitted is ANIMATED else f"a {kind}"
         rule = f"it takes {', '.join(sorted(permitted))}" if permitted else "it shows the whole recording"
         raise InvalidValueError(f"{name} is given, which {what} does not take; {rule}")

@@ -134,25 +134,25 @@ def _sensors(columns: Columns) -> int:
 
 def _fields(table: np.ndarray, fields: Sequence[str], before: int = 0) -> np.ndarray:
     """Return fields of a table as float32 columns, after some columns that are left free."""
-    found = np.empty((len(table), before + len(fields)), "<f4")
+    out = np.empty((len(table), before + len(fields)), "<f4")
     for place, field in enumerate(fields, start=before):
-        found[:, place] = table[field]
-    return found
+        out[:, place] = table[field]
+    return out
 
 
 def _loads(table: np.ndarray, scene: Scene) -> np.ndarray:
     """Return loads with their index in the world instead of their id, -1 where the world does not know them."""
-    found = _fields(table, LOAD_FIELDS, before=1)
-    found[:, 0] = [scene.load_places.get(load, -1) for load in table["load"].tolist()]
-    return found
+    rows = _fields(table, LOAD_FIELDS, before=1)
+    rows[:, 0] = [scene.load_places.get(load, -1) for load in table["load"].tolist()]
+    return rows
 
 
 def _contacts(table: np.ndarray, ids: np.ndarray) -> np.ndarray:
     """Return the row of each robot that met something, and the azimuth in which that is."""
-    found = np.empty((len(table), 2), "<f4")
-    found[:, 0] = np.searchsorted(ids, table["robot"])
-    found[:, 1] = np.arctan2(-table["normal_y"].astype(float), -table["normal_x"].astype(float))
-    return found
+    rows = np.empty((len(table), 2), "<f4")
+    rows[:, 0] = np.searchsorted(ids, table["robot"])
+    rows[:, 1] = np.arctan2(-table["normal_y"].astype(float), -table["normal_x"].astype(float))
+    return rows
 
 
 def _turned(vector: np.ndarray, heading: np.ndarray) -> np.ndarray:

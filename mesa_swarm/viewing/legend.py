@@ -63,14 +63,14 @@ def body_entries(looks: dict, standing: Iterable[str], moving: Iterable[str]) ->
     groups = {"obstacle": still - declared - {"mark"}, "load": moved - declared, "mark": still & {"mark"}}
     groups |= {kind: {kind} for kind in sorted(declared & (still | moved))}
     usual = {"obstacle": (LIGHT.obstacle, DARK.obstacle), "mark": (LIGHT.mark, DARK.mark)}
-    found = []
+    entries = []
     for kind, kinds in groups.items():
         if kinds:
             light, dark = usual.get(kind, (LIGHT.load, DARK.load))
             colours = kind_colour(looks, kind, light), kind_colour(looks, kind, dark, "dark")
             label = "ground mark" if kind == "mark" else _listed(kind, kinds)
-            found.append(LegendEntry(form="body", label=label, light=colours[:1], dark=colours[1:]))
-    return found
+            entries.append(LegendEntry(form="body", label=label, light=colours[:1], dark=colours[1:]))
+    return entries
 
 
 def _listed(first: str, kinds: set[str]) -> str:

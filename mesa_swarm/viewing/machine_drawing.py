@@ -98,8 +98,8 @@ def _labels(machine: StateMachine) -> dict[tuple[int, int], str]:
     """Return the label of each arrow, by the numbers of its two states."""
     number = {name: k for k, name in enumerate(machine.state_names)}
     lines: dict[tuple[int, int], list[str]] = {}
-    for one in machine.transitions:
-        lines.setdefault((number[one.source], number[one.target]), []).append(one.condition.label)
+    for transition in machine.transitions:
+        lines.setdefault((number[transition.source], number[transition.target]), []).append(transition.condition.label)
     return {pair: literal("\n".join(labels)) for pair, labels in lines.items()}
 
 
@@ -164,9 +164,9 @@ def _labelled(
     for _ in range(ROUNDS):
         for k, options in enumerate(stands):
             hidden, crossed = _hidden(options, k, sizes, places, spots), _crossed(options, k, sizes, ways)
-            found = HIDING * hidden + INTERRUPTING * crossed + ASIDE * abs(2 * STANDS - 1)
-            best = int(found.argmin())
-            spots[k], costs[k] = options[best], found[best]
+            penalties = HIDING * hidden + INTERRUPTING * crossed + ASIDE * abs(2 * STANDS - 1)
+            best = int(penalties.argmin())
+            spots[k], costs[k] = options[best], penalties[best]
     return Arrangement(places=places, curves=curves, spots=spots, cost=float(costs.max(initial=0.0)))
 
 

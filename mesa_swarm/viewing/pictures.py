@@ -97,8 +97,11 @@ def _tracks(drawn: PicturedSteps, step: int, length: int) -> list[tuple[np.ndarr
     robots = frames[-1].robots
     if all(np.array_equal(frame.robots, robots) for frame in frames):
         return [(steps, track) for track in np.stack([frame["position"] for frame in frames], axis=1)]
-    found = {track.number: track for track in tracks((frame.robots, frame["position"]) for frame in frames)}
-    return [(steps[found[robot].present], found[robot].values[found[robot].present]) for robot in robots.tolist()]
+    by_number = {track.number: track for track in tracks((frame.robots, frame["position"]) for frame in frames)}
+    return [
+        (steps[by_number[robot].present], by_number[robot].values[by_number[robot].present])
+        for robot in robots.tolist()
+    ]
 
 
 def _spared(drawn: PicturedSteps, ways: Sequence[tuple[np.ndarray, np.ndarray]]) -> int:
@@ -422,7 +425,7 @@ def _robot_entry(label: str, colour: str) -> Line2D:
 
 def world_figure(shown: Mapping[str, Shown], sectors: bool = False, more: Sequence[Artist] = ()) -> Figure:
     """Return a figure of worlds side by side, by title, with one legend for all, and more entries in it."""
-    worlds = in_one_scale({title: frame_and_scene(one) for title, one in shown.items()})
+    worlds = in_one_scale({title: frame_and_scene(source) for title, source in shown.items()})
     columns = min(len(worlds), 3)
     rows = -(-len(worlds) // columns)
     bounds = [scene.bounds for _, scene in worlds.values()]
@@ -435,8 +438,8 @@ def world_figure(shown: Mapping[str, Shown], sectors: bool = False, more: Sequen
         axes.set_title(literal(title), fontsize=11)
     for axes in grid[len(worlds) :]:
         axes.set_axis_off()
-    known = [entry for world in worlds.values() for entry in legend_of(world)]
-    entries = {entry.get_label(): entry for entry in (*known, *more)}
+    listed = [entry for world in worlds.values() for entry in legend_of(world)]
+    entries = {entry.get_label(): entry for entry in (*listed, *more)}
     figure.legend(
         handles=list(entries.values()),
         loc="outside lower center",

@@ -109,11 +109,11 @@ class PlayLoop:
     @property
     def rate(self) -> float:
         """Steps a second that were taken in the last second, 0 at rest."""
-        taken = list(self._taken)
-        if not self.playing or len(taken) < 2:
+        batches = list(self._taken)
+        if not self.playing or len(batches) < 2:
             return 0.0
-        seconds = taken[-1][0] - taken[0][0]
-        return sum(steps for _, steps in taken[1:]) / seconds if seconds > 0 else 0.0
+        seconds = batches[-1][0] - batches[0][0]
+        return sum(steps for _, steps in batches[1:]) / seconds if seconds > 0 else 0.0
 
     def play(self) -> None:
         """Step from now on."""
@@ -130,29 +130,29 @@ class PlayLoop:
     def _run(self, stop: threading.Event) -> None:
         then, due = self._clock(), 1.0
         while not stop.is_set():
-            taken, goes_on = self._batch(stop, due)
+            steps, goes_on = self._batch(stop, due)
             if not goes_on and not stop.is_set():
                 stop.set()
                 self._ended()
                 return
-            if taken:
-                self._note(taken)
+            if steps:
+                self._note(steps)
                 self._show()
-            self._wait(stop, max(BREATH, min((1.0 - (due - taken)) / self.speed, 0.25)))
+            self._wait(stop, max(BREATH, min((1.0 - (due - steps)) / self.speed, 0.25)))
             now = self._clock()
-            due = min(due - taken + (now - then) * self.speed, 1.0 + LONGEST_DEBT * self.speed)
+            due = min(due - steps + (now - then) * self.speed, 1.0 + LONGEST_DEBT * self.speed)
             then = now
 
     def _batch(self, stop: threading.Event, due: float) -> tuple[int, bool]:
         """Take the steps that are due, as many as fit in a batch; return how many, and whether to go on."""
-        end, taken = self._clock() + BATCH_TIME, 0
-        while due - taken >= 1.0:
+        end, steps = self._clock() + BATCH_TIME, 0
+        while due - steps >= 1.0:
             if not self._step(stop):
-                return taken, False
-            taken += 1
+                return steps, False
+            steps += 1
             if self._clock() > end:
                 break
-        return taken, True
+        return steps, True
 
     def _note(self, steps: int) -> None:
         now = self._clock()

@@ -133,8 +133,8 @@ class RecentPast(Past):
 
     def _size_of_trail(self, frame: PackedFrame) -> int:
         """Return how much memory the points take that the frame before does not have."""
-        known = self._frames[-1].trail[-1] if self._frames and self._frames[-1].trail else None
-        return sum(point.places.nbytes for point in news(frame.trail, known)[0])
+        before = self._frames[-1].trail[-1] if self._frames and self._frames[-1].trail else None
+        return sum(point.places.nbytes for point in news(frame.trail, before)[0])
 
     def cut(self, step: int) -> None:
         """Drop the frames of this step and of later ones."""
@@ -433,8 +433,8 @@ class Player(Played):
         """Store a frame of the present, unless an earlier one is shown or it is stored already."""
         if self.model is None or self.error or not self.past.is_present:
             return
-        known = self.past.shown
-        if known is None or known.step != self.model.completed or (fingerprint and not known.fingerprint):
+        shown = self.past.shown
+        if shown is None or shown.step != self.model.completed or (fingerprint and not shown.fingerprint):
             self.recent.append(self._packed(self.model, fingerprint))
 
     def _packed(self, model: EngineModel, fingerprint: bool) -> PackedFrame:

@@ -132,8 +132,8 @@ def page_of(about: dict, chunks: list[bytes]) -> str:
 
 def page_script() -> str:
     """Return all that the page runs."""
-    made = palette.palette_script() + text_of("viewing/canvas.js", "viewing/elements.js")
-    return "\n" + made + text_of("viewing/player.js").replace(IMPORT, "")
+    drawers = palette.palette_script() + text_of("viewing/canvas.js", "viewing/elements.js")
+    return "\n" + drawers + text_of("viewing/player.js").replace(IMPORT, "")
 
 
 def style() -> str:

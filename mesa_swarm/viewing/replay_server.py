@@ -80,11 +80,11 @@ class Handler(BaseHTTPRequestHandler):
 
     def _answer(self) -> tuple[HTTPStatus, str, bytes]:
         reel, begin = self.server.reel, f"/{self.server.token}/"
-        known = secrets.compare_digest(self.path[: len(begin)].encode(), begin.encode())
+        is_known = secrets.compare_digest(self.path[: len(begin)].encode(), begin.encode())
         if any(name in self.headers for name in BODY):
             self.close_connection = True  # what follows would be read as the next request
             return HTTPStatus.BAD_REQUEST, TEXT, b"No request has a body here."
-        if self.headers.get_all("Host") != [self.server.host] or not known:
+        if self.headers.get_all("Host") != [self.server.host] or not is_known:
             return HTTPStatus.FORBIDDEN, TEXT, b"This address is not the one that mesa-swarm replay has printed."
         match self.path[len(begin) :].split("/"):
             case [""]:

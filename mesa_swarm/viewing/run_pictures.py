@@ -52,11 +52,11 @@ def stages(
     >>> len(stages(find_model("agglomeration")(n_robots=5, rng=1), steps=(0, 20)).axes)
     2
     """
-    wanted = [check_count("step", step, minimum=model.steps) for step in steps]
-    if not wanted or sorted(set(wanted)) != wanted:
+    due = [check_count("step", step, minimum=model.steps) for step in steps]
+    if not due or sorted(set(due)) != due:
         raise InvalidValueError(f"steps is {shortened(steps)}; expected ascending steps such as (0, 1000, 3000)")
     shown: dict[str, Shown] = {}
-    for step in wanted:
+    for step in due:
         model.run(step - model.steps, progress)
         frame = frame_of(model, perceived=perceived)
         shown[f"{type(model).__name__}, {step_text(model.steps, model.scale)}"] = frame, scene_of(model)

@@ -183,9 +183,9 @@ class Scene:
 
     def discs(self, frame: Frame) -> np.ndarray:
         """Return the discs of parts in a frame, shape (k, 4): the place among `parts`, x, y and radius."""
-        rows, known = frame.columns.get("shown", NO_ROWS["shown"]), self.changes[self._place(frame.step)][1]
+        rows, scenery = frame.columns.get("shown", NO_ROWS["shown"]), self.changes[self._place(frame.step)][1]
         places = np.array(
-            [self.parts.index((name, colour or USUAL_COLOUR)) for name, colour in known.get("parts", ())], int
+            [self.parts.index((name, colour or USUAL_COLOUR)) for name, colour in scenery.get("parts", ())], int
         )
         rows = rows[(rows["part"] >= 0) & (rows["part"] < len(places))]
         return np.column_stack([places[rows["part"]], *(rows[name].astype(float) for name in ("x", "y", "radius"))])
@@ -306,11 +306,11 @@ class Scene:
 
     @cached_property
     def _obstacles(self) -> list[tuple[Shape, ...]]:
-        found: list[tuple[Shape, ...]] = []
+        shapes: list[tuple[Shape, ...]] = []
         for place, (_, scenery) in enumerate(self.changes):
             same = place > 0 and scenery["shapes"] == self.changes[place - 1][1]["shapes"]
-            found.append(found[-1] if same else tuple(map(shape_from_json, scenery["shapes"])))
-        return found
+            shapes.append(shapes[-1] if same else tuple(map(shape_from_json, scenery["shapes"])))
+        return shapes
 
     @cached_property
     def _runs(self) -> np.ndarray:
@@ -418,10 +418,10 @@ def recorded_looks(looks: dict) -> dict[str, str]:
 
 def looks_in(frame: Frame, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return by what robots of a frame are coloured, and their texts: NaN and empty where the frame has none."""
-    known, names, n = frame.columns, recorded_looks(scene.looks), len(frame.robots)
-    values, texts = known.get(VALUE, known.get(names["value"])), known.get(LABEL)
-    if texts is None and names["label"] in known and known[names["label"]].size == n:
-        texts = np.array([label_text(value) for value in known[names["label"]].ravel().tolist()], object)
+    columns, names, n = frame.columns, recorded_looks(scene.looks), len(frame.robots)
+    values, texts = columns.get(VALUE, columns.get(names["value"])), columns.get(LABEL)
+    if texts is None and names["label"] in columns and columns[names["label"]].size == n:
+        texts = np.array([label_text(value) for value in columns[names["label"]].ravel().tolist()], object)
     if values is None or values.size != n or values.dtype.kind not in "biuf":
         values = np.full(n, np.nan)
     return values.reshape(n).astype(float), np.full(n, "", object) if texts is None else texts
@@ -429,11 +429,11 @@ def looks_in(frame: Frame, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def _themed_looks(looks: dict) -> dict:
     """Return looks as a browser draws them: by theme."""
-    found: dict = {"kinds": {t: {k: pair[place] for k, pair in looks.get("kinds", {}).items()} for place, t in THEMES}}
+    themed: dict = {"kinds": {t: {k: pair[place] for k, pair in looks.get("kinds", {}).items()} for place, t in THEMES}}
     if "column" in looks:
         about = {name: looks["column"][name] for name in ("label", "low", "high")}
-        found["column"] = {**about, **{theme: value_colours(looks, theme) for _, theme in THEMES}}
-    return found
+        themed["column"] = {**about, **{theme: value_colours(looks, theme) for _, theme in THEMES}}
+    return themed
 
 
 def usual_scenery(recording: Recording) -> dict:
