@@ -97,9 +97,8 @@ class Program:
         self.table = DesignTable.of([design])
         self.functions: dict[str, str] = {}
         # Chances in a step: of transitions first, then one for each layer that draws.
-        self.chances = max(
-            sum(transition.source == name for transition in machine.transitions) for name in machine.state_names
-        )
+        sources = [transition.source for transition in machine.transitions]
+        self.chances = max(sources.count(name) for name in machine.state_names)
         self.turners = 0
 
     def files(self) -> dict[str, str | bytes]:

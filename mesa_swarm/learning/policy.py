@@ -176,9 +176,8 @@ def check_stored(family: str, stored: Sequence[str], expected: Sequence[str]) ->
     """Check that a file of this family holds these arrays and settings, each of them once, and no others."""
     if sorted(stored) == sorted(expected):
         return
-    missing, unknown = (
-        [n for n in some if n not in others] for some, others in ((expected, stored), (stored, expected))
-    )
+    missing = [name for name in expected if name not in stored]
+    unknown = [name for name in stored if name not in expected]
     problem = f"no {missing[0]}" if missing else f"unknown {shortened(unknown[0])}" if unknown else "a part twice"
     raise InvalidValueError(f"a {family} policy has {problem}; expected {', '.join(expected)}")
 

@@ -98,10 +98,8 @@ def _tracks(drawn: PicturedSteps, step: int, length: int) -> list[tuple[np.ndarr
     if all(np.array_equal(frame.robots, robots) for frame in frames):
         return [(steps, track) for track in np.stack([frame["position"] for frame in frames], axis=1)]
     by_number = {track.number: track for track in tracks((frame.robots, frame["position"]) for frame in frames)}
-    return [
-        (steps[by_number[robot].present], by_number[robot].values[by_number[robot].present])
-        for robot in robots.tolist()
-    ]
+    last = (by_number[robot] for robot in robots.tolist())
+    return [(steps[track.present], track.values[track.present]) for track in last]
 
 
 def _spared(drawn: PicturedSteps, ways: Sequence[tuple[np.ndarray, np.ndarray]]) -> int:
