@@ -1,6 +1,5 @@
-"""Pictures of a world as arrays of pixels, with NumPy alone, and a window that shows them, with pygame."""
+"""Pictures of a scene as arrays of pixels, with NumPy alone, and a window that shows them, with pygame."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,8 +8,10 @@ import shapely
 from mesa_swarm.base.errors import check_choice
 from mesa_swarm.environments.registration import need_learning_package
 from mesa_swarm.maps.map import Map
+from mesa_swarm.recording.frames import Frame, field_levels, frame_of
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing.palette import LIGHT, fire_steps, rgb
+from mesa_swarm.viewing.palette import LIGHT, rgb, scalar_pixels
+from mesa_swarm.viewing.scene import PART_OPACITY, Scene, scene_of
 from mesa_swarm.world.shapes import Shape
 
 METADATA: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}
@@ -18,11 +19,10 @@ LONGEST_SIDE = 640
 MOST_CAMERAS = 32
 
 Pair = tuple[float, float]
-GROUND, SOLID, MARK, MOVED = map(rgb, (LIGHT.ground, LIGHT.obstacle, LIGHT.mark, LIGHT.load))
-ASHES = rgb(LIGHT.ashes)
-COOL, HOT, FRONT, RIM = map(rgb, (LIGHT.robot, LIGHT.robot_hot, LIGHT.robot_front, LIGHT.robot_outline))
-# Fires go from black to red with their temperature.
-FIRE = np.array([rgb(colour) for colour in LIGHT.fire])
+Coloured = tuple[Shape, str]
+GROUND, FRONT, RIM = map(rgb, (LIGHT.ground, LIGHT.robot_front, LIGHT.robot_outline))
+# None of readings: sensors would be read once more.
+DRAWN = ("position", "heading", "hot", "command", "fires", "loads", "fields", "shown")
 
 
 def checked_mode(render_mode: str | None) -> str | None:
@@ -95,79 +95,96 @@ class Display:
 
 
 class Camera:
-    """Takes pictures of worlds on one map, everything to scale, y up; the longest side is given in pixels.
+    """Takes pictures of worlds on one map, as every other view shows them, to scale, y up.
 
-    The front half of a robot is pale, its back blue, or orange while it is too hot to fight; where only some robots are
-    commanded, these have a dark rim. Fires go from black to red with their temperature and are pale once they are out.
-    So does what else radiates. Other bodies that a task adds have the colour of loads, or of marks if they are marks on
-    the ground.
+    Kinds, values of robots, fields and discs of parts have the colours that the model declares; sectors and texts are
+    left out. Where only some robots are commanded, these have a dark rim.
+
+    Parameters
+    ----------
+    map : Map
+    longest_side : int
+        Of the picture, pixels.
     """
 
     def __init__(self, map: Map, longest_side: int = LONGEST_SIDE) -> None:
         self.map = map
         self._scale = longest_side / max(map.width, map.height)
         self._size = tuple(max(round(side * self._scale), 1) for side in (map.height, map.width))
-        self._ground: np.ndarray | None = None
-        self._drawn: Sequence[Shape] = ()
+        self._ground = np.empty((0, 0, 3), np.float32)
+        self._drawn: list[Coloured] | None = None
 
     def picture(self, world: SwarmModel) -> np.ndarray:
         """Return the world as it is, uint8, shape (height, width, 3)."""
-        bodies = world.obstacle_list
-        shapes = [body.shape for body in bodies]
-        of_map, added = self._divided(shapes)
-        if self._ground is None or of_map != self._drawn:
-            self._ground, self._drawn = self._drawn_ground(of_map), of_map
-        pixels = self._ground.copy()
-        for shape in sorted(added, key=lambda shape: shape.contact):  # ground marks below what is moved
-            self._fill(pixels, shape, MOVED if shape.contact else MARK)
-        for body in bodies:
-            if (heat := body.temperature) is not None:
-                self._fill(pixels, body.shape, FIRE[fire_steps(heat)])
-        fires, robots = world.fires.columns, world.swarm.columns
-        colours = np.where(fires["out"][:, None], ASHES, FIRE[fire_steps(fires["temperature"])])
-        for centre, radius, colour in zip(fires["position"], fires["radius"], colours, strict=True):
-            self._disc(pixels, centre, radius, colour)
-        commanded, roster = getattr(world, "commanded", 0), getattr(world, "roster", None)
-        if roster is not None:
-            commanded = roster().remaining(commanded)
-        for i in range(len(world.swarm)):
-            self._robot(pixels, robots, i, rim=i < commanded < len(world.swarm))
-        return pixels[::-1].round().astype(np.uint8)
+        frame, scene = frame_of(world, DRAWN), scene_of(world)
+        standing = scene.standing(frame.step)
+        if standing != self._drawn:
+            self._ground, self._drawn = self._drawn_ground(standing), standing
+        pixels = self._on_fields(frame, scene) if scene.fields else self._ground.copy()
+        self._loads(pixels, frame, scene, small=False)
+        for place, x, y, radius in scene.discs(frame).tolist():
+            self._disc(pixels, (x, y), radius, rgb(scene.parts[int(place)][1]), cover=PART_OPACITY)
+        fires = scene.fires(frame)
+        for (x, y, _), radius, colour in zip(fires.poses, fires.radii, fires.colours[:, 0], strict=True):
+            self._disc(pixels, (x, y), radius, rgb(colour))
+        robots = scene.robots(frame)
+        for i, (pose, radius, colour) in enumerate(zip(robots.poses, robots.radii, robots.colours[:, 0], strict=True)):
+            self._robot(pixels, pose, radius, rgb(colour), rim=i < _commanded(world) < len(robots.ids))
+        self._loads(pixels, frame, scene, small=True)
+        return np.rint(pixels[::-1], out=pixels[::-1]).astype(np.uint8)
 
-    def _divided(self, shapes: Sequence[Shape]) -> tuple[Sequence[Shape], Sequence[Shape]]:
-        """Return the shapes of the map's own obstacles that are still there, and the others."""
-        own = self.map.obstacles
-        if all(shape is first for shape, first in zip(own, shapes, strict=False)) and len(shapes) >= len(own):
-            return own, shapes[len(own) :]
-        still = tuple(shape for shape in own if shape in shapes)
-        return still, [shape for shape in shapes if shape not in still]
+    def _loads(self, pixels: np.ndarray, frame: Frame, scene: Scene, *, small: bool) -> None:
+        """Draw loads: those that a robot which carries one would hide, or the others."""
+        loads = scene.loads(frame)
+        for load, pose, colour in zip(loads.ids.tolist(), loads.poses.tolist(), loads.colours[:, 0], strict=True):
+            if (load in scene.small) is small:
+                self._fill(pixels, scene.forms[load].shape_at(tuple(pose)), rgb(colour))
 
-    def _robot(self, pixels: np.ndarray, robots: dict[str, np.ndarray], i: int, *, rim: bool) -> None:
-        centre, radius, heading = robots["position"][i], robots["radius"][i], robots["heading"][i]
+    def _robot(self, pixels: np.ndarray, pose: np.ndarray, radius: float, colour: np.ndarray, *, rim: bool) -> None:
+        x, y, facing = pose
         if rim:
-            self._disc(pixels, centre, 1.5 * radius, RIM)
-        self._disc(pixels, centre, radius, HOT if robots["hot"][i] else COOL)
-        self._disc(pixels, centre, radius, FRONT, ahead=(np.cos(heading), np.sin(heading)))
+            self._disc(pixels, (x, y), 1.5 * radius, RIM)
+        self._disc(pixels, (x, y), radius, colour)
+        self._disc(pixels, (x, y), radius, FRONT, ahead=(np.cos(facing), np.sin(facing)))
 
     def _disc(
-        self, pixels: np.ndarray, centre: np.ndarray, radius: float, colour: np.ndarray, ahead: Pair | None = None
+        self,
+        pixels: np.ndarray,
+        centre: Pair,
+        radius: float,
+        colour: np.ndarray,
+        *,
+        ahead: Pair | None = None,
+        cover: float = 1.0,
     ) -> None:
         """Blend a disc into the pixels, or the half of it that is ahead; edges are as soft as a pixel is wide."""
         x, y = (np.asarray(centre) - self.map.bounds[:2]) * self._scale
         size = radius * self._scale
         rows, columns = (_span(at, size, most) for at, most in zip((y, x), self._size, strict=True))
         dy, dx = np.arange(*rows)[:, None] + 0.5 - y, np.arange(*columns) + 0.5 - x
-        cover = np.clip(size + 0.5 - np.hypot(dx, dy), 0.0, 1.0)
+        shares = cover * np.clip(size + 0.5 - np.hypot(dx, dy), 0.0, 1.0)
         if ahead is not None:
-            cover *= np.clip(dx * ahead[0] + dy * ahead[1] + 0.5, 0.0, 1.0)
+            shares *= np.clip(dx * ahead[0] + dy * ahead[1] + 0.5, 0.0, 1.0)
         window = pixels[slice(*rows), slice(*columns)]
-        window += cover[..., None] * (np.asarray(colour) - window)
+        window += shares[..., None] * (np.asarray(colour) - window)
 
-    def _drawn_ground(self, obstacles: Sequence[Shape]) -> np.ndarray:
+    def _drawn_ground(self, standing: list[Coloured]) -> np.ndarray:
         pixels = np.full((*self._size, 3), GROUND, np.float32)
-        for shape in sorted(obstacles, key=lambda shape: shape.contact):  # ground marks below obstacles
-            self._fill(pixels, shape, SOLID if shape.contact else MARK)
+        for shape, colour in sorted(standing, key=lambda pair: pair[0].contact):  # ground marks below obstacles
+            self._fill(pixels, shape, rgb(colour))
         return pixels
+
+    def _on_fields(self, frame: Frame, scene: Scene) -> np.ndarray:
+        """Return the ground with fields below all that stands on it."""
+        pixels = np.full_like(self._ground, GROUND)
+        for place, name in enumerate(scene.fields):
+            coloured = scalar_pixels(field_levels(frame, name), place)
+            if coloured.size:  # the field may have been removed
+                cells = (np.arange(n) * of // n for n, of in zip(self._size, coloured.shape, strict=False))
+                shown = coloured[np.ix_(*cells)].astype(np.float32)
+                pixels += shown[..., 3:] / 255 * (shown[..., :3] - pixels)
+        is_bare = (self._ground == GROUND).all(axis=2, keepdims=True)
+        return np.where(is_bare, pixels, self._ground)
 
     def _fill(self, pixels: np.ndarray, shape: Shape, colour: np.ndarray) -> None:
         if shape.is_disc:
@@ -177,6 +194,13 @@ class Camera:
         x_min, y_min = self.map.bounds[:2]
         shapely.prepare(shape.geometry)
         pixels[shapely.contains_xy(shape.geometry, *np.meshgrid(x + x_min, y + y_min))] = colour
+
+
+def _commanded(world: SwarmModel) -> int:
+    """Return how many robots of a world are commanded and still there, the first ones; 0 in other models."""
+    roster = getattr(world, "roster", None)
+    commanded = getattr(world, "commanded", 0)
+    return commanded if roster is None else roster().remaining(commanded)
 
 
 def _span(at: float, size: float, most: int) -> tuple[int, int]:

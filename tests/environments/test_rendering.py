@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mesa_swarm import AGENT9, Map, SwarmModel, disc, polygon, rectangle
+from mesa_swarm import AGENT9, Field, Looks, Map, SwarmModel, disc, polygon, rectangle
 from mesa_swarm.environments.rendering import Camera
 from mesa_swarm.maps.map import FireSpot
 from mesa_swarm.viewing.palette import LIGHT, fire_colour, rgb
@@ -53,7 +53,7 @@ def test_an_obstacle_that_was_removed_is_gone_from_the_picture_and_one_that_was_
     world.add_obstacle(disc((80, 80), 8))
     picture = camera.picture(world)
     assert colour(picture, -20, 80) == LIGHT.ground
-    assert colour(picture, 80, 80) == LIGHT.load
+    assert colour(picture, 80, 80) == LIGHT.obstacle
     assert colour(picture, 20, 30) == LIGHT.obstacle
     assert np.array_equal(camera.picture(World(map=HALL, rng=1)), pictured())
 
@@ -99,6 +99,22 @@ def test_what_radiates_has_the_colour_of_its_temperature():
     world = World(map=HALL, rng=1)
     world.add_body(disc((-50, 30), 10), kind="lamp", mode="fixed", temperature=0.5)
     assert colour(Camera(HALL, longest_side=400).picture(world), -50, 30) == fire_colour(0.5)
+
+
+class Declared(World):
+    looks = Looks(kinds={"food": "#123456"}, column=lambda model: np.ones(len(model.swarm)))
+
+
+def test_a_picture_has_the_colours_that_the_model_declares_and_its_fields_below_all_else():
+    world = Declared(map=HALL, rng=1)
+    world.add_body(disc((-50, 30), 10), kind="food")
+    world.add_robots(AGENT9, poses=[(-50, 60, 0.0)])
+    world.add_field(Field("trail", cell=5)).deposit([(2.0, 7.0)], 1.0)
+    picture = Camera(HALL, longest_side=400).picture(world)
+    assert colour(picture, -50, 30) == "#123456"
+    assert colour(picture, -53, 60) == LIGHT.values[-1]
+    assert colour(picture, 20, 30) == LIGHT.obstacle
+    assert colour(picture, 2, 7) not in (LIGHT.ground, LIGHT.obstacle)
 
 
 def test_what_reaches_over_the_edge_is_cut_off():
