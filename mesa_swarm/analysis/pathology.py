@@ -282,12 +282,13 @@ def _displacement(track: Track, first: np.ndarray, last: np.ndarray, row: np.nda
 
 def head_on_pairs(track: Track, limits: Thresholds, is_taken: np.ndarray) -> list[Found]:
     """Find pairs that block each other's way."""
-    steps, turns = limits.fewest_steps, track.turn != 0
-    active = ((track.travel > 0) | (turns & (track.travel == 0))) & ~is_taken
-    first, row = find_lasting(active, steps)
-    last = first + steps - 1
-    still = _displacement(track, first, last, row) < limits.stuck_share * track.max_speed[row] * steps
-    frame, robot = np.nonzero(mark_steps(is_taken.shape, row[still], first[still], last[still]))
+    steps = limits.fewest_steps
+    turns_on_the_spot = (track.turn != 0) & (track.travel == 0)
+    active = ((track.travel > 0) | turns_on_the_spot) & ~is_taken
+    begin, row = find_lasting(active, steps)
+    end = begin + steps - 1
+    still = _displacement(track, begin, end, row) < limits.stuck_share * track.max_speed[row] * steps
+    frame, robot = np.nonzero(mark_steps(is_taken.shape, row[still], begin[still], end[still]))
     if not len(robot):
         return []
     first, second, frames = _facing(track, limits, frame, robot)

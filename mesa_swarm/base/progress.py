@@ -69,8 +69,8 @@ def note(text: str) -> None:
     --------
     >>> note("compiling")  # there is no bar
     """
-    for bar in _SHOWN[-1:]:
-        bar.note(text)
+    if _SHOWN:
+        _SHOWN[-1].note(text)
 
 
 def notice(text: str) -> None:

@@ -70,17 +70,30 @@ class VelocityMatching:
 
 
 @compiled
-def track(centroid, count, command, radius, turns, share, jump, before, count_before, velocity, compared):
+def track(
+    centroid,
+    count,
+    command,
+    radius,
+    commands_wheels,
+    least_weight,
+    jump,
+    centroid_before,
+    count_before,
+    velocity,
+    compared,
+):
     """Bring the estimates up to date, and remember what is seen now."""
     for i in range(centroid.shape[0]):
-        ahead, left, turn = command[i, 0], command[i, 1], 0.0
-        if turns:
+        if commands_wheels:
             turn = (command[i, 1] - command[i, 0]) / (2.0 * radius[i])
             chord = 0.5 * (command[i, 0] + command[i, 1]) * sinc(0.5 * turn)
             ahead, left = chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn)
+        else:
+            turn, ahead, left = 0.0, command[i, 0], command[i, 1]
         cosine, sine = math.cos(turn), math.sin(turn)
         # Everything is in the frame that the robot has now: turned by `turn`, moved by (ahead, left).
-        x, y = before[i, 0] - ahead, before[i, 1] - left
+        x, y = centroid_before[i, 0] - ahead, centroid_before[i, 1] - left
         moved_x = centroid[i, 0] - (cosine * x + sine * y)
         moved_y = centroid[i, 1] - (cosine * y - sine * x)
         vx, vy = velocity[i, 0], velocity[i, 1]
@@ -89,11 +102,11 @@ def track(centroid, count, command, radius, turns, share, jump, before, count_be
             vx, vy, compared[i] = 0.0, 0.0, 0
         elif count_before[i] > 0 and math.hypot(moved_x, moved_y) <= jump:
             compared[i] += 1
-            weight = max(share, 1.0 / compared[i])
+            weight = max(least_weight, 1.0 / compared[i])
             vx += weight * (moved_x - vx)
             vy += weight * (moved_y - vy)
         velocity[i, 0], velocity[i, 1] = vx, vy
-        before[i, 0], before[i, 1] = centroid[i, 0], centroid[i, 1]
+        centroid_before[i, 0], centroid_before[i, 1] = centroid[i, 0], centroid[i, 1]
         count_before[i] = count[i]
 
 

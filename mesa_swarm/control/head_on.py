@@ -152,26 +152,25 @@ class HeadOn:
 @compiled
 def meet_head_on(
     nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, draws, near, margin, parting,
-    front, least, speed, left, command, layer,
-    index,
+    last_reading, least, speed, angle_left, command, layer, index,
 ):  # fmt: skip
-    """Begin, go on with and end encounters; `front` is the last reading ahead, -1 for no robot."""
+    """Begin, go on with and end encounters; `last_reading` is the last reading ahead, -1 for no robot."""
     for i in range(layer.shape[0]):
         s, f = nearest[i], forward[design[i], 0]
         reading = distance[i, f] if f >= 0 and kind[i, f] == ROBOT else -1.0
         if speed[i] > 0.0:
             if s >= 0:
                 least[i] = min(least[i], distance[i, s])
-            if left[i] <= 0.0 or (s >= 0 and distance[i, s] > least[i] + parting):
+            if angle_left[i] <= 0.0 or (s >= 0 and distance[i, s] > least[i] + parting):
                 speed[i] = 0.0
-        elif 0.0 <= reading < near and front[i] >= 0.0 and layer[i] < 0:
+        elif 0.0 <= reading < near and last_reading[i] >= 0.0 and layer[i] < 0:
             own = 0.5 * (last_command[i, 0] + last_command[i, 1])
-            if front[i] - reading > own + margin * max_speed[i]:
-                speed[i], left[i], least[i] = draws[i] * max_speed[i], math.pi, reading
-        front[i] = reading
+            if last_reading[i] - reading > own + margin * max_speed[i]:
+                speed[i], angle_left[i], least[i] = draws[i] * max_speed[i], math.pi, reading
+        last_reading[i] = reading
         if speed[i] > 0.0 and layer[i] < 0:
-            command[i, 0], command[i, 1] = turn_towards(tendency[i] * left[i], speed[i], radius[i])
-            left[i] -= abs(command[i, 1]) / radius[i]
+            command[i, 0], command[i, 1] = turn_towards(tendency[i] * angle_left[i], speed[i], radius[i])
+            angle_left[i] -= abs(command[i, 1]) / radius[i]
             layer[i] = index
 
 
@@ -191,8 +190,8 @@ def announce(nearest, distance, radius, number, count, distances, bearing, heard
 @compiled
 def lead_by_number(
     nearest, distance, kind, design, forward, last_command, max_speed, radius, tendency, count, distances, bearing,
-    heard, heard_follows, sent, near, margin, parting, tolerance, by_chain, front, least, speed, left, command, layer,
-    index,
+    heard_numbers, heard_follows, sent, near, margin, parting, tolerance, by_chain, last_reading, least, speed,
+    angle_left, command, layer, index,
 ):  # fmt: skip
     """Begin, go on with and end encounters; a robot that turns round has a `speed` above 0, one that waits below."""
     for i in range(layer.shape[0]):
@@ -201,22 +200,24 @@ def lead_by_number(
         if speed[i] != 0.0:
             if reading >= 0.0:
                 least[i] = min(least[i], reading)
-            if left[i] <= 0.0 or (speed[i] < 0.0 and reading > least[i] + parting):
+            if angle_left[i] <= 0.0 or (speed[i] < 0.0 and reading > least[i] + parting):
                 speed[i] = 0.0
-        elif 0.0 <= reading < near and front[i] >= 0.0 and layer[i] < 0:
+        elif 0.0 <= reading < near and last_reading[i] >= 0.0 and layer[i] < 0:
             own = 0.5 * (last_command[i, 0] + last_command[i, 1])
-            if front[i] - reading > own + margin * max_speed[i]:
+            if last_reading[i] - reading > own + margin * max_speed[i]:
                 far = reading + 2.0 * radius[i]
-                other = number_ahead(count[i], distances[i], bearing[i], heard[i], heard_follows[i], far, tolerance)
-                turns = who_turns(sent[i], other, by_chain)
+                other = number_ahead(
+                    count[i], distances[i], bearing[i], heard_numbers[i], heard_follows[i], far, tolerance
+                )
+                role = who_turns(sent[i], other, by_chain)
                 # One that waits does so for as long as the other needs to turn round.
-                speed[i], left[i], least[i] = turns * max_speed[i], math.pi, reading
-        front[i] = reading
+                speed[i], angle_left[i], least[i] = role * max_speed[i], math.pi, reading
+        last_reading[i] = reading
         if speed[i] != 0.0 and layer[i] < 0:
-            turn_left, turn_right = turn_towards(tendency[i] * left[i], max_speed[i], radius[i])
+            left_wheel, right_wheel = turn_towards(tendency[i] * angle_left[i], max_speed[i], radius[i])
             waits = speed[i] < 0.0
-            command[i, 0], command[i, 1] = (0.0, 0.0) if waits else (turn_left, turn_right)
-            left[i] -= abs(turn_right) / radius[i]
+            command[i, 0], command[i, 1] = (0.0, 0.0) if waits else (left_wheel, right_wheel)
+            angle_left[i] -= abs(right_wheel) / radius[i]
             layer[i] = index
 
 

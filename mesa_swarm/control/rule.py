@@ -274,7 +274,9 @@ class Rule:
             places, loop = self._loops[kinds]
             return loop(tuple([arrays[place] for place in places]), values, at, *outputs)
         numbers = _numbers_in(columns)
-        (places, loop), problem = _compiled(self.function, self._with_names[version], form, arrays, values, numbers)
+        (places, loop), problem = _compile_if_possible(
+            self.function, self._with_names[version], form, arrays, values, numbers
+        )
         inputs = tuple([arrays[place] for place in places])
         if not problem:
             self._compiled.add(version)
@@ -327,24 +329,24 @@ def _with_names(function: FunctionType, **names: Any) -> FunctionType:
     return copy
 
 
-def _compiled(
-    function: FunctionType, now: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
+def _compile_if_possible(
+    function: FunctionType, snapshot: FunctionType, form: FieldForm, columns: tuple, values: tuple, numbers: list[int]
 ) -> tuple[tuple[tuple[int, ...], Callable], str]:
     """Return the loop over all robots, compiled if that can be, and Numba's explanation if not.
 
-    Compiled is `now`, the function with the names around it as they were when the robots were given the rule.
+    `snapshot` is compiled: the function with the names around it as they were when the robots were given the rule.
     """
     recursive = calls_itself(function)
     if recursive:
-        return _plain(function, form), f"{recursive} calls itself"
-    variants = [now, *(_with_longer_pass(now, count) for count in numbers if count != len(PASS))]
+        return _plain_loop(function, form), f"{recursive} calls itself"
+    variants = [snapshot, *(_with_longer_pass(snapshot, count) for count in numbers if count != len(PASS))]
     problems = []
     for variant in variants:
         loop, problem = _try_compiling(variant, form, columns, values, numbers)
         if not problem:
             return loop, ""
         problems.append(problem)
-    return _plain(function, form), problems[0]
+    return _plain_loop(function, form), problems[0]
 
 
 def _numbers_in(columns: tuple) -> list[int]:
@@ -490,7 +492,7 @@ def _loop(
     return places, space["run"]
 
 
-def _plain(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
+def _plain_loop(function: FunctionType, form: FieldForm) -> tuple[tuple[int, ...], Callable]:
     """Return the same loop for a rule that stays plain Python, whatever it returns."""
     rule = uncompile(function)
 

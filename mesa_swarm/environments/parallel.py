@@ -67,7 +67,7 @@ class ParallelSwarmEnv(ParallelEnv):
         self.observation_spaces = {agent: observation_space(task, i) for i, agent in enumerate(self.possible_agents)}
         self.action_spaces = {agent: action_space(task) for agent in self.possible_agents}
         self.state_space = state_space(task)
-        self._observed_rows: dict[str, np.ndarray] = {}
+        self._last_observations: dict[str, np.ndarray] = {}
         self.world: TaskWorld | None = None
         self.conditions: Conditions | None = None
         self._width = task.observer().width
@@ -104,8 +104,8 @@ class ParallelSwarmEnv(ParallelEnv):
         self.agents = self.possible_agents[: self.world.commanded]
         self._no_measures = dict.fromkeys(self.world.measures(), 0.0)
         self._screen.show(self.world)
-        self._observed_rows = self._observations(self.world)
-        return dict(self._observed_rows), self._infos(self.world, self._no_measures)
+        self._last_observations = self._observations(self.world)
+        return dict(self._last_observations), self._infos(self.world, self._no_measures)
 
     def step(self, actions: dict) -> tuple[dict, dict, dict, dict, dict]:
         """Take a step, given an action of each agent.
@@ -136,12 +136,16 @@ class ParallelSwarmEnv(ParallelEnv):
         truncated = dict.fromkeys(self.agents, out_of_time and not is_over)
         absent = self._find_removed(world)
         for agent in absent:
-            observations[agent], terminated[agent], truncated[agent] = self._observed_rows[agent].copy(), True, False
+            observations[agent], terminated[agent], truncated[agent] = (
+                self._last_observations[agent].copy(),
+                True,
+                False,
+            )
         if is_over or out_of_time:
             self.agents = []
         elif absent:
             self.agents = [agent for agent in self.agents if agent not in absent]
-        self._observed_rows = observations
+        self._last_observations = observations
         self._screen.show(world)
         return dict(observations), rewards, terminated, truncated, infos
 

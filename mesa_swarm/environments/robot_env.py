@@ -206,7 +206,7 @@ class RobotVectorEnv(VectorEnv):
             mask = self._mask_of_worlds(options[MASK])
             options = {name: value for name, value in options.items() if name != MASK}
         observations = self._flat(self.swarms.reset(seed=seed, options=options, mask=mask))
-        return observations, self._conditions()
+        return observations, self._conditions() | self._present()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, Infos]:
         """Take a step in every world; all arrays have one row an environment.
@@ -279,13 +279,12 @@ class RobotVectorEnv(VectorEnv):
 
     def _conditions(self) -> Infos:
         """Return the conditions of the episodes that have just begun, as Gymnasium merges infos."""
-        is_new, infos = self.swarms.begun, self._present()
+        is_new, k, infos = self.swarms.begun, self.swarms.commanded, Infos()
         worlds = zip(self.swarms.conditions, is_new.tolist(), strict=True)
-        rows = [conditions.info if new else {} for conditions, new in worlds]
+        of_worlds = [conditions.info if new else {} for conditions, new in worlds]
         for name, kind in (("map", object), ("n_robots", int), ("speed", float), ("imperfection", float)):
             blank = None if kind is object else 0
-            values = np.array([row.get(name, blank) for row in rows], kind)
-            k = self.swarms.commanded
+            values = np.array([row.get(name, blank) for row in of_worlds], kind)
             infos |= _mask_infos({name: np.repeat(values, k)}, np.repeat(is_new, k))
         return infos
 

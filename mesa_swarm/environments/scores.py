@@ -30,7 +30,7 @@ CELLS = (40, 40)
 TALLIED = itemgetter("command", "max_speed", "collided", "position")
 
 
-def within_reach(model: SwarmModel, places: np.ndarray, radius: float | None = None) -> np.ndarray:
+def cells_in_reach(model: SwarmModel, places: np.ndarray, radius: float | None = None) -> np.ndarray:
     """Return which cells (40, 40) robots can reach from these places (n, 2), as if each were alone.
 
     The radius is by default that of the smallest robot that there is.
@@ -38,7 +38,7 @@ def within_reach(model: SwarmModel, places: np.ndarray, radius: float | None = N
     if radius is None:
         radius = float(model.swarm.radius.min())
     solids = [(body.shape.geometry, body.shape.radius) for body in model.obstacle_list if body.contact]
-    solids += [(shapely.Point(x, y), radius) for x, y, radius in model.fires.discs.tolist()]
+    solids += [(shapely.Point(x, y), fire_radius) for x, y, fire_radius in model.fires.discs.tolist()]
     return cells_from_places(model.map.bounds, solids, radius, places, CELLS)
 
 
@@ -270,9 +270,9 @@ class EpisodeTally:
         return np.vstack([np.column_stack([self.sums, np.full(len(self.sums), float(self.steps))]), self._removed_sums])
 
     def measures(self, reachable: np.ndarray) -> dict[str, float]:
-        """Return collisions per 1,000 steps of the mean and the worst robot, the mean speed ahead, and the coverage.
+        """Return the steps, collisions per 1,000 steps of the mean and the worst robot, the speed ahead, and the coverage.
 
-        The coverage is of the `reachable` cells (40, 40). Without steps all others are NaN.
+        The coverage is of the `reachable` cells (40, 40). Without steps all but steps and coverage are NaN.
         """
         cells = int((self.visited & reachable).sum())
         ahead, collided, steps = self._by_robot().T

@@ -13,7 +13,7 @@ from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key
 from mesa_swarm.environments.actions import shares
-from mesa_swarm.environments.scores import MESSAGE, EpisodeTally, TeamEncoder, within_reach
+from mesa_swarm.environments.scores import MESSAGE, EpisodeTally, TeamEncoder, cells_in_reach
 from mesa_swarm.environments.task import Task
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.swarm import Swarm
@@ -226,7 +226,7 @@ class TaskWorld(SwarmModel):
         self._score = task.score(self, self.rewarded)
         self._tally = EpisodeTally(self.rewarded, self.map.bounds)
         self._roster = Roster(self.swarm)
-        self._begun_at = np.empty((0, 2))
+        self._start_positions = np.empty((0, 2))
         self._radius = float(self.swarm.radius.min())
         self.sense()
 
@@ -256,18 +256,18 @@ class TaskWorld(SwarmModel):
         """
         roster = self.roster()
         if not self._tally.steps:
-            self._begun_at = self.swarm.position[: roster.remaining(self.rewarded)].copy()
+            self._start_positions = self.swarm.position[: roster.remaining(self.rewarded)].copy()
         if shares is not None and self._commands is not None:
-            there = shares if roster.complete else shares[roster.numbers[: self._commands.count]]
-            self._command(self._commands, there)
+            present_shares = shares if roster.complete else shares[roster.numbers[: self._commands.count]]
+            self._command(self._commands, present_shares)
         self.step()
         roster = self.roster()  # without those that were removed in the step
         self._tally.add(self.swarm.columns)
-        rewards = reward if roster.complete else np.zeros(roster.remaining(self.rewarded))
-        if len(rewards):
-            self._reward(rewards)
-        if rewards is not reward:
-            roster.spread(rewards, reward)
+        present_rewards = reward if roster.complete else np.zeros(roster.remaining(self.rewarded))
+        if len(present_rewards):
+            self._reward(present_rewards)
+        if present_rewards is not reward:
+            roster.spread(present_rewards, reward)
 
     def _reward(self, reward: np.ndarray) -> None:
         """Read the sensors, and write the rewards of the rewarded robots that are there."""
@@ -350,8 +350,8 @@ class TaskWorld(SwarmModel):
             that robots can reach from where they begin; then the task's own. NaN stands for what is not known yet.
         """
         rewarded = self.roster().remaining(self.rewarded)
-        begun_at = self._begun_at if self._tally.steps else self.swarm.position[:rewarded]
-        reachable = within_reach(self, begun_at, self._radius)
+        begun_at = self._start_positions if self._tally.steps else self.swarm.position[:rewarded]
+        reachable = cells_in_reach(self, begun_at, self._radius)
         measures_of_score = getattr(self._score, "measures", dict)
         return {**self._tally.measures(reachable), **measures_of_score()}
 

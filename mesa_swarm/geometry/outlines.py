@@ -148,7 +148,7 @@ def gap_to_point(solid, x, y, limit, outlines):
             d = distance_of(x, y, points[first, 0], points[first, 1])
             if d < gap:
                 gap, nearest = d, first
-        elif math.sqrt(box_gap(boxes[r, 0], boxes[r, 1], boxes[r, 2], boxes[r, 3], x, y, x, y)) <= gap:
+        elif math.sqrt(squared_box_gap(boxes[r, 0], boxes[r, 1], boxes[r, 2], boxes[r, 3], x, y, x, y)) <= gap:
             for v in range(first, last - 1):
                 d = gap_to_segment(x, y, points[v, 0], points[v, 1], points[v + 1, 0], points[v + 1, 1])
                 if d < gap:
@@ -169,10 +169,10 @@ def gap_between(a, b, limit, outlines):
     for k in range(outlines.solids[a], outlines.solids[a + 1]):
         for m in range(outlines.solids[b], outlines.solids[b + 1]):
             r, s = outlines.order[k], outlines.order[m]
-            apart = box_gap(
+            squared_gap = squared_box_gap(
                 boxes[r, 0], boxes[r, 1], boxes[r, 2], boxes[r, 3], boxes[s, 0], boxes[s, 1], boxes[s, 2], boxes[s, 3]
             )
-            if math.sqrt(apart) > gap:
+            if math.sqrt(squared_gap) > gap:
                 continue
             chains = rings[r], rings[r + 1], rings[s], rings[s + 1]
             gap, of_a, of_b = gap_of_rings(chains, boxes[s], outlines.points, gap, of_a, of_b)
@@ -183,17 +183,19 @@ def gap_between(a, b, limit, outlines):
 
 @compiled
 def gap_of_rings(chains, box, points, gap, of_a, of_b):
-    """Return the distance of two rings, the second in a box, and their nearest segments, unless others are nearer."""
+    """Return gap, of_a and of_b, the best so far, or those of these rings, the second in a box, if they are nearer."""
     first_a, last_a, first_b, last_b = chains
     for i in range(first_a, last_a - 1):
         ax, ay, bx, by = points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
         x_min, y_min, x_max, y_max = min(ax, bx), min(ay, by), max(ax, bx), max(ay, by)
-        if box_gap(x_min, y_min, x_max, y_max, box[0], box[1], box[2], box[3]) > gap * gap:
+        if squared_box_gap(x_min, y_min, x_max, y_max, box[0], box[1], box[2], box[3]) > gap * gap:
             continue
         for j in range(first_b, last_b - 1):
             cx, cy, dx, dy = points[j, 0], points[j, 1], points[j + 1, 0], points[j + 1, 1]
-            apart = box_gap(x_min, y_min, x_max, y_max, min(cx, dx), min(cy, dy), max(cx, dx), max(cy, dy))
-            if apart > gap * gap:
+            squared_gap = squared_box_gap(
+                x_min, y_min, x_max, y_max, min(cx, dx), min(cy, dy), max(cx, dx), max(cy, dy)
+            )
+            if squared_gap > gap * gap:
                 continue
             d = gap_between_segments(ax, ay, bx, by, cx, cy, dx, dy)
             if d < gap:
@@ -204,7 +206,7 @@ def gap_of_rings(chains, box, points, gap, of_a, of_b):
 
 
 @compiled
-def box_gap(a_left, a_low, a_right, a_high, b_left, b_low, b_right, b_high):
+def squared_box_gap(a_left, a_low, a_right, a_high, b_left, b_low, b_right, b_high):
     """Return the squared distance of two boxes."""
     dx = max(a_right, b_right) - min(a_left, b_left) - (a_right - a_left) - (b_right - b_left)
     dy = max(a_high, b_high) - min(a_low, b_low) - (a_high - a_low) - (b_high - b_low)

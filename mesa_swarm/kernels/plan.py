@@ -47,10 +47,9 @@ class Plan(NamedTuple):
         """Return the plan of these parts; `completed` returns how many steps were completed."""
         stages = [(part.name, stage) for part in parts for stage in part.stages()]
         stages.sort(key=lambda pair: pair[1].phase)  # stable: in the order of parts
-        collects = [stage.phase is Phase.COLLECT for _, stage in stages]
-        calls = [call_when_due(stage, completed) for _, stage in stages]
-        advancing = tuple(call for call, is_last in zip(calls, collects, strict=True) if not is_last)
-        return cls(tuple(stages), version, advancing, tuple(calls[len(advancing) :]))
+        calls = [(stage.phase is Phase.COLLECT, call_when_due(stage, completed)) for _, stage in stages]
+        advancing = tuple(call for collects, call in calls if not collects)
+        return cls(tuple(stages), version, advancing, tuple(call for collects, call in calls if collects))
 
     def __str__(self) -> str:
         """Return a table of the stages, what is compiled, and what makes Python due."""

@@ -218,7 +218,7 @@ def learn_wheels(
     diverged = -1
     for i in range(layer.shape[0]):
         states = body_of(fire[i] >= 0, hot[i], heat[i])
-        nearest, clearance = observed(distance, kind, ranges[design[i]], i, now)
+        nearest, clearance = write_sight(distance, kind, ranges[design[i]], i, now)
         rest = now.shape[1] - OF_BODY
         now[0, rest], now[0, rest + 1] = radiation[i], min(temperature[i] / full_heat, 1.0)
         now[0, rest + 2], now[0, rest + 3], now[0, rest + 4] = hot[i], heat[i] > 0.0, fire[i] >= 0
@@ -251,18 +251,18 @@ def learn_wheels(
 
 
 @compiled
-def observed(distance, kind, ranges, i, now):
-    """Write what robot i sees; return the nearest reading of a fire, and of anything else, -1 and infinity for none."""
+def write_sight(distance, kind, ranges, i, out):
+    """Write what robot i sees; return the nearest reading of a fire (-1 for none) and of anything else (infinity)."""
     sensors = distance.shape[1]
     fire, other = -1.0, math.inf
     for s in range(sensors):
-        near = distance[i, s] >= 0.0 and ranges[s] > 0.0
-        now[0, s] = 1.0 - min(distance[i, s] / ranges[s], 1.0) if near else 0.0
-        now[0, sensors + s] = 1.0 if kind[i, s] == ROBOT else 0.0
-        now[0, 2 * sensors + s] = 1.0 if kind[i, s] == FIRE else 0.0
-        if near and kind[i, s] == FIRE:
+        sees = distance[i, s] >= 0.0 and ranges[s] > 0.0
+        out[0, s] = 1.0 - min(distance[i, s] / ranges[s], 1.0) if sees else 0.0
+        out[0, sensors + s] = 1.0 if kind[i, s] == ROBOT else 0.0
+        out[0, 2 * sensors + s] = 1.0 if kind[i, s] == FIRE else 0.0
+        if sees and kind[i, s] == FIRE:
             fire = distance[i, s] if fire < 0.0 else min(fire, distance[i, s])
-        elif near:
+        elif sees:
             other = min(other, distance[i, s])
     return fire, other
 

@@ -13,7 +13,7 @@ from mesa_swarm.control.layer import Senses
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.learner import NUMBER, POSITIVE, SHARE, Check, Declared, RewardedLayer
-from mesa_swarm.learning.reflex_policy import ReflexPolicy, nearness
+from mesa_swarm.learning.reflex_policy import CONSTANT, WHIM, ReflexPolicy, nearness
 from mesa_swarm.learning.rewards import REWARDS, rewarded
 
 # Of the former rule, which learned from rewards of random trials and did not learn to avoid; they have no effect.
@@ -123,7 +123,7 @@ class HebbianLearning(RewardedLayer[ReflexPolicy]):
                     f"start has encoding {start.encoding!r} and squash {start.squash!r}; "
                     "expected 'distance' and 'linear'"
                 )
-            if start.wheel[:, -2].any():
+            if start.wheel[:, WHIM].any():
                 raise InvalidValueError("start has weights of the whim, which this does not learn; expected 0")
         super()._check_start()
 
@@ -143,7 +143,7 @@ class HebbianLearning(RewardedLayer[ReflexPolicy]):
 
     def _sets_of_start(self) -> dict[str, np.ndarray]:
         wheel: Any = self.start.wheel if self.start else ()
-        return {"weights": wheel[:, :-2], "constant": wheel[:, -1]}
+        return {"weights": wheel[:, :WHIM], "constant": wheel[:, CONSTANT]}
 
     def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
         sensed = senses.distance, ranges_of(senses.sensors), senses.bearing, senses.design, senses.max_speed

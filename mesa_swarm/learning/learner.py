@@ -507,8 +507,8 @@ class Learner(NetworkLayer[Q], RewardedLayer[Q]):
         share = np.minimum(1.0, self._column("bumps") / self.bump_rate) if self.self_adjusting else 0.0
         return np.full(len(self._robots), self.gamma) + (self._alert - self.gamma) * share
 
-    def _known(self, senses: Senses) -> tuple[object, ...]:
-        """Return the first arguments of the learners' compiled functions, with each robot's chance of this step."""
+    def _kernel_arguments(self, senses: Senses) -> tuple[object, ...]:
+        """Return the first arguments of the learners' compiled functions; draw each robot's chance of this step."""
         return (
             senses.distance,
             senses.kind,
@@ -572,23 +572,23 @@ def discount_of(gamma, alert, bumps, usual, self_adjusting):
 def adapt(distance, i, ahead, temperature, bumps, pace, cooling, bumping, self_adjusting):
     """Set the temperature of robot i, which drove ahead by this share of its speed, for its next choice."""
     before = temperature[i]
-    cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
+    set_temperature(distance, i, temperature, bumps, cooling, bumping, self_adjusting)
     if pace.shape[0]:
         regulate(pace, i, ahead, before, temperature, cooling, bumping)
 
 
 @compiled
-def cool(distance, i, temperature, bumps, cooling, bumping, self_adjusting):
-    """Set the temperature of robot i by time, or by its rate of bumps."""
+def set_temperature(distance, i, temperature, bumps, cooling, bumping, self_adjusting):
+    """Bring the rate of bumps of robot i up to date, and set its temperature by that rate, or by time."""
     beta, first, last = cooling
-    usual, forgetting, near, _ = bumping
+    usual_rate, forgetting, bump_distance, _ = bumping
     bumped = 0.0
     for s in range(distance.shape[1]):
-        if 0.0 <= distance[i, s] <= near:
+        if 0.0 <= distance[i, s] <= bump_distance:
             bumped = 1.0
     bumps[i] += forgetting * (bumped - bumps[i])
     if self_adjusting:
-        temperature[i] = last + (first - last) * min(1.0, bumps[i] / usual)
+        temperature[i] = last + (first - last) * min(1.0, bumps[i] / usual_rate)
     else:
         temperature[i] -= beta * (temperature[i] - last)
 

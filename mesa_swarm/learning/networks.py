@@ -250,13 +250,13 @@ def fit_in_turn(
     [False, True, True]
     """
     check_choice("rehearsal", rehearsal, REHEARSALS)
-    shown = _checked_tasks(tasks)
+    points_of_tasks = _checked_tasks(tasks)
     stack = Networks.random(
         check_count("networks", networks, minimum=1), inputs=1, hidden=hidden, rng=rng, activation=activation
     )
     after = []
-    for k, points in enumerate(shown):
-        stored = np.concatenate(shown[: k + 1])
+    for k, points in enumerate(points_of_tasks):
+        stored = np.concatenate(points_of_tasks[: k + 1])
         first = stored if rehearsal == "interleaved" else points
         for rounds in (first, stored) if rehearsal == "consolidated" else (first,):
             present(stack, rounds, rng=rng, presentations=presentations, rate=rate)
@@ -469,7 +469,7 @@ class NetworkPolicy(PolicyOfNetworks, ChoosingPolicy):
     def _ranges(self) -> np.ndarray:
         return np.array([self.sensors.ranges])
 
-    def _known(self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None) -> tuple:
+    def _kernel_arguments(self, readings: ArrayLike, kinds: ArrayLike | None, numbers: ArrayLike | None) -> tuple:
         """Return readings, kinds, ranges, weights and numbers for the compiled functions."""
         distance, kind = self.sensors.check_readings(readings, kinds, self.encoding)
         return distance, kind, self._ranges, self.networks.weights, checked_numbers(numbers, len(distance))

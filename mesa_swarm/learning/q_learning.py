@@ -153,7 +153,7 @@ class QPolicy(NetworkPolicy):
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
     ) -> np.ndarray:
         """Return the value of every action (n, actions), given readings and kinds (n, s); see `act`."""
-        known = self._known(readings, kinds, numbers)
+        known = self._kernel_arguments(readings, kinds, numbers)
         values = np.empty((len(known[0]), self.actions))
         value_of_actions(*known, values)
         return values
@@ -299,7 +299,7 @@ class QLearning(Learner[QPolicy]):
     name: str = "QLearning"
 
     def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        return learn_and_choose(*self._known(senses), self._past(), command, layer, index)
+        return learn_and_choose(*self._kernel_arguments(senses), self._past(), command, layer, index)
 
     def bind(self, swarm: Swarm, prefix: str, rng: np.random.Generator) -> None:
         """Make the columns of the swarm; in the same model, continue with what was learned before."""

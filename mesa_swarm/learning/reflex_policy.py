@@ -25,6 +25,8 @@ SQUASHES = ("linear", "threshold", "tanh")
 # Inputs a sensor.
 REFLEX_ENCODINGS = {"distance": 1, "typed": 2}
 PARTS = ("hidden", "wheel")
+# The last rows of weights.
+WHIM, CONSTANT = -2, -1
 MOST_UNITS = 64
 
 
@@ -283,7 +285,7 @@ def _mirrored_rows(sensors: SensorLayout, units: int, rows: int) -> tuple[np.nda
     twins = twins_of(sensors)
     of_eyes = [twins + first for first in range(0, count, max(len(sensors), 1))]
     of_units = count + np.roll(np.arange(units), units // 2)
-    order = np.concatenate([*of_eyes, of_units, [rows - 2, rows - 1]]).astype(np.int64)
+    order = np.concatenate([*of_eyes, of_units, [rows + WHIM, rows + CONSTANT]]).astype(np.int64)
     signs = np.ones(rows)
-    signs[-2] = -1.0
+    signs[WHIM] = -1.0
     return order, signs

@@ -143,7 +143,7 @@ class WirePolicy(NetworkPolicy):
         self, readings: ArrayLike, kinds: ArrayLike | None = None, *, numbers: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the wires' actions (n, w, 2) and values (n, w), given readings and kinds (n, s)."""
-        known = self._known(readings, kinds, numbers)
+        known = self._kernel_arguments(readings, kinds, numbers)
         actions, values = np.empty((len(known[0]), self.wires, 2)), np.empty((len(known[0]), self.wires))
         propose_all(*known, actions, values)
         return actions, values
@@ -226,7 +226,7 @@ shared, self_adjusting, bump_rate, bump_window, bump_distance, alert_gamma, leas
     name: str = "WireFittedQ"
 
     def _learn(self, senses: Senses, command: np.ndarray, layer: np.ndarray, index: int) -> int:
-        known = self._known(senses)
+        known = self._kernel_arguments(senses)
         errors = float(self.jitter) * self._rng.normal(size=(len(layer), 2))
         return learn_wires(*known, errors, self.wires, command, layer, index)
 

@@ -47,16 +47,17 @@ class Imperfect:
         self.imperfections, self.key = imperfections, key
         for name, column in KEPT.items():
             swarm.remember(f"{LASTING}{name}", *column)
-        self._version, self._ends = -1, {}  # type: ignore[var-annotated]  # of custom sensors, by name
-        self._reads = not is_ideal(imperfections.sensing)
+        self._version = -1
+        self._custom_limits: dict[str, tuple] = {}
+        self._disturbs_readings = not is_ideal(imperfections.sensing)
         if imperfections.sensor_failure > 0 or imperfections.wheel_failure > 0:
             swarm.add_failures()
-        wears = imperfections.battery > 0 or imperfections.failure > 0 or imperfections.slip_probability > 0
-        self._drives = wears or not is_ideal(imperfections.driving)
+        wears_or_slips = imperfections.battery > 0 or imperfections.failure > 0 or imperfections.slip_probability > 0
+        self._disturbs_driving = wears_or_slips or not is_ideal(imperfections.driving)
 
     def spoil_readings(self, swarm: Swarm, step: int) -> None:
         """Disturb the readings of all sensors in this step."""
-        if self._reads:
+        if self._disturbs_readings:
             self._spoil_readings(swarm, step)
         if FAILED_SENSORS in swarm.columns:
             failed, numbers = swarm.columns[FAILED_SENSORS], np.array([len(d.sensors) for d in swarm.designs], np.int64)
@@ -85,7 +86,7 @@ class Imperfect:
 
     def spoil_custom(self, swarm: Swarm, step: int) -> None:
         """Disturb what custom sensors read in this step."""
-        if self._reads:
+        if self._disturbs_readings:
             self._spoil_custom(swarm, step)
         if FAILED_SENSORS in swarm.columns:
             blind_custom_sensors(swarm, swarm.columns[FAILED_SENSORS])
@@ -93,9 +94,9 @@ class Imperfect:
     def _spoil_custom(self, swarm: Swarm, step: int) -> None:
         columns, limits, key = swarm.columns, self.imperfections.sensing.limits, np.uint64(self.key)
         if self._version != swarm.version:
-            self._ends = {name: _limits_of(swarm, name) for name in swarm.table.readings}
+            self._custom_limits = {name: _limits_of(swarm, name) for name in swarm.table.readings}
             self._version = swarm.version
-        for name, ends in self._ends.items():
+        for name, ends in self._custom_limits.items():
             last, channel = columns[f"{LAST_READ}{name}"], CUSTOM + (crc32(name.encode()) << CUSTOM_BITS)
             by_chance = columns["design"], columns["number"], step, key
             spoil_any(columns[name], last, *ends, channel, limits, *by_chance)
@@ -107,7 +108,7 @@ class Imperfect:
         """
         columns, table, imperfections = swarm.columns, swarm.table, self.imperfections
         fails = FAILED_WHEELS in columns
-        if not (self._drives or fails or table.battery.any()):
+        if not (self._disturbs_driving or fails or table.battery.any()):
             return columns["command"]
         driven = columns["command"].copy()
         worn = [imperfection_column(swarm, name) for name in ("told", "wheels", "used", "broken")]

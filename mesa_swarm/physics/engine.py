@@ -135,7 +135,7 @@ class CompiledEngine(Engine):
 
     def __init__(self) -> None:
         super().__init__()
-        self._moving: Kernel | None = None  # of robots that `move_robots` can move
+        self._move_kernel: Kernel | None = None  # of robots that `move_robots` can move
         self._turn_angle = np.zeros(1)
 
     def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
@@ -147,7 +147,7 @@ class CompiledEngine(Engine):
             self._sense_proximity(swarm, surroundings, step, draws)
             if old:
                 hold_readings(swarm, step, *old)
-        if self._sensing.function is not sense_devices or self._parts(len(swarm)) > 1:
+        if self._sense_kernel.function is not sense_devices or self._parts(len(swarm)) > 1:
             self._sense_devices(swarm, surroundings)
 
     def _sense_devices(self, swarm: Swarm, surroundings: Surroundings) -> None:
@@ -164,20 +164,20 @@ class CompiledEngine(Engine):
     def move(
         self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
     ) -> None:
-        """Write position, heading, slip and the contact columns, of plain robots without loads in one call."""
+        """Move as `Engine.move` says: plain robots without loads by one call of a kernel, others stage by stage."""
         self._prepare(swarm, surroundings)
         n = len(swarm)
-        if self._moving is None or draws is not None or surroundings.room is not None or self._parts(n) > 1:
+        if self._move_kernel is None or draws is not None or surroundings.room is not None or self._parts(n) > 1:
             self._list_pairs()
             super().move(swarm, surroundings, driven, turn_angle, draws)
             return
         begin_way(surroundings)
         self._turn_angle[ONLY] = turn_angle
         if driven is swarm.columns["command"]:
-            self._moving.run(0, n)
+            self._move_kernel.run(0, n)
         else:
             self._driven[:] = driven
-            self._moving_driven.run(0, n)
+            self._driven_kernel.run(0, n)
             write_slip(swarm, driven, self._rolled)
 
     def sensing(self, swarm: Swarm, surroundings: Surroundings, due: Mapping[str, bool]) -> dict[str, Any]:
@@ -191,7 +191,7 @@ class CompiledEngine(Engine):
             **self._reasons(swarm, surroundings),
             **due,
         }
-        return _fields(self._sensing, reasons, "sense_proximity")
+        return _fields(self._sense_kernel, reasons, "sense_proximity")
 
     def moving(
         self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, due: Mapping[str, bool]
@@ -201,12 +201,12 @@ class CompiledEngine(Engine):
         self._turn_angle[ONLY] = turn_angle
         reasons = {
             "no robots": not len(swarm),
-            "drives": len(swarm) > 0 and self._moving is None,
+            "drives": len(swarm) > 0 and self._move_kernel is None,
             "wheels that slip": swarm.table.slips,
             **self._reasons(swarm, surroundings),
             **due,
         }
-        return _fields(self._moving, reasons, "travel_pieces")
+        return _fields(self._move_kernel, reasons, "travel_pieces")
 
     def _reasons(self, swarm: Swarm, surroundings: Surroundings) -> dict[str, bool]:
         return {
@@ -216,7 +216,7 @@ class CompiledEngine(Engine):
         }
 
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
-        """Write position, heading and the contact columns."""
+        """Move as `Engine.travel` says; `motion` is `self._motion`, which the blocks hold already."""
         begin_way(surroundings)
         crowd, n = self._crowd, len(swarm)
         if self._parts(n) > 1:
@@ -242,7 +242,7 @@ class CompiledEngine(Engine):
         if surroundings.moving is not None:
             surroundings.moving.look()
         if self._parts(n) == 1:
-            self._sensing.run(step, n)
+            self._sense_kernel.run(step, n)
         else:
             self._sense_together(swarm, n)
         if draws is not None:
@@ -302,7 +302,7 @@ class CompiledEngine(Engine):
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
         self._make_sensing(swarm, surroundings)
         is_plain = not (table.limited or table.mixed or table.slides)
-        self._moving = None
+        self._move_kernel = None
         if is_plain and [type(drive) for drive, _ in self._drives] == [DifferentialDrive]:
             self._make_moving(swarm, surroundings)
 
@@ -322,7 +322,7 @@ class CompiledEngine(Engine):
             heat = table.radiation, self._heat.numbers, radiation
             marked = table.line, marks.edges, marks.rings, marks.discs, line
             block, function = Block(DeviceArrays(arrays, *heat, *marked)), sense_devices
-        self._sensing = Kernel(function, block.numbers, block, lambda code: self._crowd.make_room())
+        self._sense_kernel = Kernel(function, block.numbers, block, lambda code: self._crowd.make_room())
 
     def _make_moving(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the kernels that move robots by their commands, or by what else drives their wheels."""
@@ -347,7 +347,7 @@ class CompiledEngine(Engine):
         function = move_robots if movers is None else move_robots_and_movers
         blocks = Block(arrays), Block(arrays._replace(driven=self._driven))
         attend = partial(self._attend, swarm, surroundings)
-        self._moving, self._moving_driven = (Kernel(function, block.numbers, block, attend) for block in blocks)
+        self._move_kernel, self._driven_kernel = (Kernel(function, block.numbers, block, attend) for block in blocks)
 
     def _attend(self, swarm: Swarm, surroundings: Surroundings, code: int) -> None:
         """Do what `move_robots` cannot."""

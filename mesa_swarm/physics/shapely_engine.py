@@ -4,7 +4,7 @@ It shares the arithmetic of wheels, arcs and errors with the compiled engine, it
 tests compare with those of Shapely to the last bit; but no other function that measures a shape: it is the oracle that
 the other is tested against.
 
-The centre of a robot is never inside a solid, because of `find_room_among_solids` and of the length of the pieces: the
+The centre of a robot is never inside a solid, because of `move_to_free_place` and of the length of the pieces: the
 nearest point of an outline always shows the way out.
 """
 
@@ -497,7 +497,7 @@ def settle_by_shapely(columns: dict[str, np.ndarray], bounds: tuple[float, ...],
     position, radius = columns["position"], columns["radius"]
     for i in range(len(radius)):
         if not is_free_of_solids(position[i : i + 1], radius[i], solids)[0]:
-            find_room_among_solids(i, position, radius, bounds, solids, apart=False)
+            move_to_free_place(i, position, radius, bounds, solids, apart=False)
     contacts = Touches({name: column.copy() for name, column in columns.items()})
     if not separate_by_shapely(position, radius, solids, contacts, int(SWEEPS)):
         separate_placed_robots(position, radius, bounds, solids)
@@ -509,7 +509,7 @@ def separate_placed_robots(position: np.ndarray, radius: np.ndarray, bounds: tup
         place = position[i : i + 1]
         if is_free_of_solids(place, radius[i], solids)[0] and is_apart_from_robots(i, place, position, radius)[0]:
             continue
-        if not find_room_among_solids(i, position, radius, bounds, solids, apart=True):
+        if not move_to_free_place(i, position, radius, bounds, solids, apart=True):
             raise no_room_error(i, radius)
 
 
@@ -532,12 +532,12 @@ def is_apart_from_robots(i: int, places: np.ndarray, position: np.ndarray, radiu
     return (distance >= near).all(axis=1)
 
 
-def find_room_among_solids(
+def move_to_free_place(
     i: int, position: np.ndarray, radius: np.ndarray, bounds: tuple[float, ...], solids: Solids, *, apart: bool
 ) -> bool:
     """Move robot i to the first free place on growing rings around it and return whether there is one."""
     for places in places_on_rings(position[i].copy(), radius[i], bounds):
-        # The solid outside ends somewhere; beyond that there is no room either.
+        # The solid outside is a ring of finite width; beyond it, off the map, a place would count as free.
         free = is_on_map(places, bounds) & is_free_of_solids(places, radius[i], solids)
         if apart:
             free &= is_apart_from_robots(i, places, position, radius)

@@ -74,7 +74,7 @@ class RowThread:
         self._last = 0
         Thread(target=self._serve, daemon=True, name="mesa_swarm rows").start()
 
-    def begin(self, job: Callable[[], Any]) -> None:
+    def start_job(self, job: Callable[[], Any]) -> None:
         """Give the thread a job."""
         self._job, self._error = job, None
         self._last += 1
@@ -82,7 +82,7 @@ class RowThread:
         if self._asleep:
             self._wake.put(None)
 
-    def end(self) -> BaseException | None:
+    def wait_for_job(self) -> BaseException | None:
         """Wait until the job is done, and return its error or None."""
         wait_while(self._done, self._last - 1, LOOKS)
         interrupted = None
@@ -90,26 +90,26 @@ class RowThread:
         while self._done[0] != self._last:
             try:
                 self._finished.get()
-            except KeyboardInterrupt as interrupt:  # when the job is done: it still writes
+            except KeyboardInterrupt as interrupt:  # raised when the job is done: until then it writes
                 interrupted = interrupt
         self._awaited = False
         return self._error or interrupted
 
     def _serve(self) -> None:
-        number = 0
+        jobs_done = 0
         while True:
-            wait_while(self._begun, number, LOOKS)
+            wait_while(self._begun, jobs_done, LOOKS)
             self._asleep = True
-            # Written before it is looked at, here and by the other thread: one of the two sees the other's word.
-            while self._begun[0] == number:
+            # Each side writes its own word before it reads the other's, so one of them sees it and no wake-up is lost.
+            while self._begun[0] == jobs_done:
                 self._wake.get()
             self._asleep = False
-            number += 1
+            jobs_done += 1
             try:
                 self._job()  # type: ignore[misc]
             except BaseException as error:  # raised where the job came from
                 self._error = error
-            self._done[0] = number
+            self._done[0] = jobs_done
             if self._awaited:
                 self._finished.put(None)
 
@@ -142,12 +142,12 @@ class RowThreads:
 
         busy = self._threads[:helping]
         for thread, crew in zip(busy, crews[1:], strict=True):
-            thread.begin(partial(work, crew))
+            thread.start_job(partial(work, crew))
         try:
             work(crews[0])
         finally:
             # All have to be done, or one would write while the next step begins.
-            errors = [error for error in [thread.end() for thread in busy] if error is not None]
+            errors = [error for error in [thread.wait_for_job() for thread in busy] if error is not None]
         if errors:
             raise errors[0]
         return results

@@ -88,22 +88,22 @@ class Gripper(Actuator):
 
     def apply(self, model: Any, rows: np.ndarray) -> None:
         """Grip and put down what the robots in these rows have set."""
-        table, closed = model.parts.bodies.table, model.swarm.columns[f"{ACT}{self.name}"][rows] > CLOSED
         if not len(model.movers):
             return
+        table, closed = model.parts.bodies.table, model.swarm.columns[f"{ACT}{self.name}"][rows] > CLOSED
         carriers = {table.agents[row].carrier for row in table.rows(CARRIED).tolist()}
         robots = [model.swarm.agents[row] for row in rows]
         for robot, grips in zip(robots, closed, strict=True):
             if robot in carriers and not grips:
                 model.release(robot)
         empty = [robot for robot, grips in zip(robots, closed, strict=True) if grips and robot not in carriers]
-        near = list(self._near(model, empty)) if empty else []
-        taken_bodies, busy = set[int](), set[int]()
-        for _, k, body in sorted(near):
-            if body not in taken_bodies and k not in busy:
-                taken_bodies.add(body)
+        within_grip = list(self._near(model, empty)) if empty else []
+        taken_rows, busy = set[int](), set[int]()
+        for _, k, body_row in sorted(within_grip):
+            if body_row not in taken_rows and k not in busy:
+                taken_rows.add(body_row)
                 busy.add(k)
-                model.attach(empty[k], table.agents[body])
+                model.attach(empty[k], table.agents[body_row])
 
     def _near(self, model: Any, robots: list) -> Iterator[tuple[float, int, int]]:
         """Yield the distance of each body that a robot can grip, the robot's place in the list, and the body's row."""

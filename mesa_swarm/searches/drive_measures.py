@@ -6,7 +6,7 @@ import numpy as np
 
 from mesa_swarm.analysis.coverage import coverage
 from mesa_swarm.control.arbiter import Arbiter
-from mesa_swarm.environments.scores import within_reach
+from mesa_swarm.environments.scores import cells_in_reach
 from mesa_swarm.learning.actions import ranges_of
 from mesa_swarm.learning.fitness import SQUARE, Tally
 from mesa_swarm.maps.map import Map
@@ -46,7 +46,7 @@ def drive_measured(model: SwarmModel, steps: int) -> dict[str, float]:
     Collisions are per 1,000 steps, of the mean robot and of the worst; the mean speed ahead is a share of max_speed;
     the coverage is the share visited of the cells, of 40 x 40, that robots can reach from where they start.
     """
-    reachable = within_reach(model, model.swarm.position)
+    reachable = cells_in_reach(model, model.swarm.position)
     positions = np.empty((steps, len(model.swarm), 2))
 
     def store(step: int) -> None:

@@ -639,14 +639,15 @@ def _estimate_verdict(
                 numbers.append(float(run(seed)))
     except CheckError as error:
         return _broken(error)
-    means = np.array(numbers)
-    mean, least, largest = map(format_number, (means.mean(), means.min(), means.max()))
+    measured = np.array(numbers)
+    average = measured.mean()
+    mean, least, largest = map(format_number, (average, measured.min(), measured.max()))
     text = (
         f"you expected {format_number(expected)} for {what}; the mean of {seeds_in_words(seeds)} is {mean} "
         f"({least} to {largest}); required: within {within:g}"
     )
-    near = bool(abs(expected - means.mean()) <= within + rounding(within))
-    return Verdict(near, f"  {text}" if near else text)
+    passes = bool(abs(expected - average) <= within + rounding(within))
+    return Verdict(passes, f"  {text}" if passes else text)
 
 
 def check_function(

@@ -49,6 +49,8 @@ from mesa_swarm.world.shapes import Shape
 
 # The caption of a drawing that stands alone is so high, as a share of the map's longer side.
 CAPTION = 0.045
+# Width of a letter in the mean, as a share of its size.
+LETTER = 0.62
 # Height of the texts above robots, pixels at the usual size.
 LABEL = 11
 # Width of trails as a share of the width of a picture.
@@ -504,7 +506,7 @@ def page_of_drawing(drawing: WorldDrawing) -> str:
     """Return a drawing that stands alone, with its name and step above it, and its legend below."""
     scene, frames, (width, height) = drawing.scene, drawing.frames, drawing.size
     caption, pixel = CAPTION * max(drawing.size), max(drawing.size) / USUAL
-    legend, high = _strip(scene.own_legend(frames[-1]), width, 0.36 * caption)
+    legend, high = _legend_rows(scene.own_legend(frames[-1]), width, 0.36 * caption)
     total, edge = caption + height + high, 2 * pixel
     box = drawing.numbers(-edge, -edge, width + 2 * edge, total + 2 * edge)
     look = f'width="{round(width / pixel) + 4}" height="{round(total / pixel) + 4}" font-family="sans-serif"'
@@ -555,21 +557,20 @@ def _caption(drawing: WorldDrawing, height: float) -> Iterator[str]:
     yield "</g></g>"
 
 
-def _strip(entries: Sequence[LegendEntry], width: float, size: float) -> tuple[str, float]:
+def _legend_rows(entries: Sequence[LegendEntry], width: float, size: float) -> tuple[str, float]:
     """Return the entries of a legend in rows, from (0, 0) on, and how high they are."""
     parts, x, y = [], size, size
     for entry in entries:
-        sign = (1.2 if entry.form == "body" else 4.0) * size
+        swatch = (1.2 if entry.form == "body" else 4.0) * size
         text = entry.text
-        length = sign + (0.62 * len(text) + 2.0) * size
+        length = swatch + (LETTER * len(text) + 2.0) * size
         if x > size and x + length > width:
             x, y = size, y + 1.9 * size
-        step, look = (
-            sign / len(entry.light),
-            f'y="{y:.5g}" width="{1.1 * sign / len(entry.light):.4g}" height="{size:.4g}"',
-        )
+        step = swatch / len(entry.light)
+        # Wider than a step: between colours that only touch, a browser shows gaps.
+        look = f'y="{y:.5g}" width="{1.1 * step:.4g}" height="{size:.4g}"'
         parts += [f'<rect x="{x + k * step:.5g}" {look} fill="{colour}"/>' for k, colour in enumerate(entry.light)]
-        place = f'x="{x + sign + 0.5 * size:.5g}" y="{y + 0.9 * size:.5g}" font-size="{size:.4g}"'
+        place = f'x="{x + swatch + 0.5 * size:.5g}" y="{y + 0.9 * size:.5g}" font-size="{size:.4g}"'
         parts.append(f'<text {place} fill="{LIGHT.ink}">{escape(text)}</text>')
         x += length
     return "".join(parts), y + 1.5 * size if entries else 0.0

@@ -205,7 +205,7 @@ def _draw_ruler(axes: Axes, scale: Scale, bounds: Bounds) -> None:
 def draw_frame(axes: Axes, frame: Frame, scene: Scene, sectors: bool = False) -> None:
     """Draw fields, discs of parts, loads, fires and robots."""
     _draw_fields(axes, frame, scene)
-    _draw_discs(axes, frame, scene)
+    _draw_parts(axes, frame, scene)
     _draw_loads(axes, frame, scene)
     _draw_fires(axes, scene.fires(frame))
     if sectors:
@@ -239,12 +239,12 @@ def _draw_fields(axes: Axes, frame: Frame, scene: Scene) -> None:
         axes.add_image(image)
 
 
-def _draw_discs(axes: Axes, frame: Frame, scene: Scene) -> None:
+def _draw_parts(axes: Axes, frame: Frame, scene: Scene) -> None:
     """Draw what parts of the model's own show, on the ground and what stands on it."""
     discs = scene.discs(frame)
     if len(discs):
         colours = [scene.parts[place][1] for place in discs[:, 0].astype(int).tolist()]
-        _discs(axes, discs[:, 1:3], discs[:, 3], to_rgba_array(colours, PART_OPACITY), colours, 2.5, label="parts")
+        _add_discs(axes, discs[:, 1:3], discs[:, 3], to_rgba_array(colours, PART_OPACITY), colours, 2.5, label="parts")
 
 
 def _draw_shapes(axes: Axes, shapes: Sequence[Sequence], height: int, label: str) -> None:
@@ -266,12 +266,12 @@ def _outline(shape: Shape) -> Outline:
 
 def _draw_fires(axes: Axes, fires: Painted) -> None:
     discs, rims, inks = fires.colours.T
-    _discs(axes, fires.poses[:, :2], fires.radii, to_rgba_array(discs.tolist()), rims, 3, label="fires")
+    _add_discs(axes, fires.poses[:, :2], fires.radii, to_rgba_array(discs.tolist()), rims, 3, label="fires")
     for number, ((x, y, _), ink) in enumerate(zip(fires.poses.tolist(), inks, strict=True), start=1):
         axes.text(x, y, str(number), color=ink, size=7, ha="center", va="center", zorder=4, clip_on=True)
 
 
-def _discs(
+def _add_discs(
     axes: Axes, centres: np.ndarray, radii: np.ndarray, colours: ArrayLike, edge: ArrayLike, height: float, **more: Any
 ) -> None:
     """Draw discs to scale; the collection's sizes are in the units of the axes."""
@@ -285,7 +285,7 @@ def _draw_robots(axes: Axes, robots: Painted) -> None:
     if not len(robots.ids):
         return
     position, facing = robots.poses[:, :2], robots.poses[:, 2]
-    _discs(axes, position, robots.radii, robots.colours[:, 0], LIGHT.robot_outline, 5, label="robots")
+    _add_discs(axes, position, robots.radii, robots.colours[:, 0], LIGHT.robot_outline, 5, label="robots")
     ahead = robots.radii[:, None] * np.column_stack([np.cos(facing), np.sin(facing)])
     fronts = _half_discs(position, 0.92 * ahead)
     axes.add_collection(PathCollection(fronts, facecolors=LIGHT.robot_front, linewidths=0, zorder=6, label="fronts"))

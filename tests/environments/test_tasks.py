@@ -10,7 +10,7 @@ from mesa_swarm.analysis import coverage
 from mesa_swarm.base.errors import InvalidValueError, UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.environments import CollisionAvoidance, ExtinguishFires, FindFires, VectorSwarmEnv
-from mesa_swarm.environments.scores import within_reach
+from mesa_swarm.environments.scores import cells_in_reach
 from mesa_swarm.environments.task_world import TaskWorld
 from mesa_swarm.fire import FireConstants
 from mesa_swarm.learning import reward
@@ -225,7 +225,7 @@ def test_an_episode_without_steps_has_no_means_and_has_covered_nothing():
 def test_measures_are_those_of_numpy_on_the_positions_and_collisions_of_each_step():
     rules = Subsumption(Avoid(), Explore(turn_interval=20))
     world = TaskWorld(task=CollisionAvoidance(n_robots=4, map="original"), control=rules, rng=3)
-    reach = within_reach(world, world.swarm.position)
+    reach = cells_in_reach(world, world.swarm.position)
     positions, collided, ahead, reward = [], [], [], np.empty(4)
     for _ in range(300):
         world.advance(None, reward)

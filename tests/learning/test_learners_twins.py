@@ -24,7 +24,7 @@ from mesa_swarm.learning import (
 from mesa_swarm.learning.actions import ACTION_NAMES, ACTIONS, boltzmann, ranges_of, write_inputs
 from mesa_swarm.learning.fire_learning import SITUATIONS, SKILLS, LearnFires
 from mesa_swarm.learning.fitness import Tally, floreano
-from mesa_swarm.learning.learner import cool, is_bounded
+from mesa_swarm.learning.learner import is_bounded, set_temperature
 from mesa_swarm.learning.wire_learning import WirePolicy, learn_wire_value, propose
 from mesa_swarm.robots.reasons import Moment
 from support.made_senses import (
@@ -217,7 +217,7 @@ def test_a_temperature_follows_time_or_the_share_of_steps_that_ended_near_someth
     heated = 0.2 + 0.8 * np.minimum(1, recent / 0.05)
     wanted = heated if self_adjusting else temperature - 0.3 * (temperature - 0.2)
     for i in range(20):
-        cool(distance, i, temperature, bumps, (0.3, 1.0, 0.2), (0.05, 0.1, 0.5, 0.0), self_adjusting)
+        set_temperature(distance, i, temperature, bumps, (0.3, 1.0, 0.2), (0.05, 0.1, 0.5, 0.0), self_adjusting)
     np.testing.assert_allclose(bumps, recent)
     np.testing.assert_allclose(temperature, wanted)
 

@@ -294,7 +294,7 @@ def test_the_place_that_a_robot_is_moved_to_is_the_first_free_one_of_the_rings(p
     position[2], size[2] = place, radius
     twin = position.copy()
     found = settle.find_room(2, position, size, WORLD.statics, WORLD.rings, apart)
-    assert found == shapely_engine.find_room_among_solids(2, twin, size, BOUNDS, WORLD.solids, apart=apart)
+    assert found == shapely_engine.move_to_free_place(2, twin, size, BOUNDS, WORLD.solids, apart=apart)
     assert position == pytest.approx(twin, abs=1e-9)
     assert found
     assert WORLD.solids.gaps(position[2:3])[0] >= radius * (1 - 1e-6)
@@ -307,7 +307,7 @@ def test_deep_in_a_large_body_both_engines_search_the_same_coarser_rings():
     for place in ((55.0, 33.0), (62.0, 37.5), (97.0, 20.0)):
         ours, twin, radius = np.array([place]), np.array([place]), np.array([0.5])
         assert settle.find_room(0, ours, radius, block.statics, block.rings, False)
-        assert shapely_engine.find_room_among_solids(0, twin, radius, BOUNDS, block.solids, apart=False)
+        assert shapely_engine.move_to_free_place(0, twin, radius, BOUNDS, block.solids, apart=False)
         assert ours == pytest.approx(twin, abs=1e-9)
         nearest = min(place[0] - 20, 100 - place[0], place[1] - 5, 65 - place[1]) + 0.5
         assert nearest <= math.dist(ours[0], place) <= 1.02 * nearest + 0.0625
@@ -317,7 +317,7 @@ def test_there_is_no_room_for_a_robot_wider_than_the_map():
     position, radius = np.array([[60.0, 40.0]]), np.array([41.0])
     for apart in (False, True):
         assert not settle.find_room(0, position, radius, WORLD.statics, WORLD.rings, apart)
-        assert not shapely_engine.find_room_among_solids(0, position, radius, BOUNDS, WORLD.solids, apart=apart)
+        assert not shapely_engine.move_to_free_place(0, position, radius, BOUNDS, WORLD.solids, apart=apart)
     assert position.tolist() == [[60.0, 40.0]]
 
 
@@ -361,7 +361,7 @@ def test_only_robots_inside_of_solids_leave_them_and_other_robots_do_not_count_y
     for i, was in enumerate(before):
         alone = was[None].copy()
         if not settle.is_free(*was, 3.0, WORLD.statics, WORLD.rings):
-            assert shapely_engine.find_room_among_solids(0, alone, np.array([3.0]), BOUNDS, WORLD.solids, apart=False)
+            assert shapely_engine.move_to_free_place(0, alone, np.array([3.0]), BOUNDS, WORLD.solids, apart=False)
         assert position[i] == pytest.approx(alone[0], abs=1e-9)
 
 

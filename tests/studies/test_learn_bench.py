@@ -15,7 +15,7 @@ from mesa_swarm import AGENT9, Map, disc
 from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.cli import app
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.environments.scores import within_reach
+from mesa_swarm.environments.scores import cells_in_reach
 from mesa_swarm.experiments.fingerprints import ENGINE, PACKAGE
 from mesa_swarm.experiments.ledger import Ledger, Outcome
 from mesa_swarm.learning import ReflexPolicy, SensorLayout, save_policy
@@ -149,15 +149,15 @@ def test_what_robots_can_reach_is_what_any_of_them_can():
     )
     model = driven_world(Subsumption(Explore()), AGENT9, 0, walls, 1)
     model.add_robots(AGENT9, poses=[(100, 100, 0.0)])
-    assert within_reach(model, model.swarm.position)[:, 21:].sum() == 0
+    assert cells_in_reach(model, model.swarm.position)[:, 21:].sum() == 0
     model.add_robots(AGENT9, poses=[(300, 100, 0.0)])
-    assert within_reach(model, model.swarm.position)[:, 22:].all()
+    assert cells_in_reach(model, model.swarm.position)[:, 22:].all()
 
 
 def test_within_reach_leaves_out_what_stands_there():
     pillar = Map(name="pillar", bounds=(0, 0, 400, 400), obstacles=[disc((200, 200), 60)])
     model = driven_world(Subsumption(Avoid(), Explore()), AGENT9, 3, pillar, 1)
-    cells = within_reach(model, model.swarm.position)
+    cells = cells_in_reach(model, model.swarm.position)
     assert not cells[19:21, 19:21].any()
     assert cells[2:8, 2:8].all()
 
