@@ -270,7 +270,7 @@ class EpisodeTally:
         return np.vstack([np.column_stack([self.sums, np.full(len(self.sums), float(self.steps))]), self._removed_sums])
 
     def measures(self, reachable: np.ndarray) -> dict[str, float]:
-        """Return the steps, collisions per 1,000 steps of the mean and the worst robot, the speed ahead, and the coverage.
+        """Return steps, collisions per 1,000 steps of the mean and the worst robot, the mean speed, and the coverage.
 
         The coverage is of the `reachable` cells (40, 40). Without steps all but steps and coverage are NaN.
         """
