@@ -231,17 +231,17 @@ def test_before_the_first_step_there_is_nothing_to_export_but_a_picture(desk):
 
 
 def test_a_file_can_be_wanted_while_the_page_is_still_notified_that_the_one_before_is_ready(desk):
-    told, go_on = threading.Event(), threading.Event()
+    notified, go_on = threading.Event(), threading.Event()
 
     def notify():
         if not desk.doing and "30.png" in desk.message:
-            told.set()
+            notified.set()
             go_on.wait(30)
 
     desk.connect(desk._deliver, notify)
     desk.start(kind="png")
     first = desk._thread
-    assert told.wait(30)
+    assert notified.wait(30)
     assert first.is_alive()
     desk.connect(desk._deliver, lambda: None)
     make(desk, kind="svg")
