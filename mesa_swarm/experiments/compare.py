@@ -2,23 +2,18 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from mesa_swarm.base.files import check_writable
-from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.base.files import check_writable, write_whole
+from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
-from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
+from mesa_swarm.experiments.run_tables import NOTHING_STORED, RunFiles, TableHead
 from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
-from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.experiments.worker_pool import checked_jobs
-
-# A comparison stores its runs here, in the folder of its tables.
-LEDGER = "runs.jsonl"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -136,10 +131,9 @@ def compare(
     >>> compare("agglomeration", "n_robots", [4, 6], seeds=[7], steps=5, jobs=1).runs[0].rng
     7
     """
-    workers, forms, parts = checked_jobs(jobs), checked_forms(tables), checked_series(series)
+    workers, files = checked_jobs(jobs), RunFiles.checked(out, series=series, tables=tables)
     plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures, until=until)
-    folder = checked_folder(out, series=parts, forms=forms)
-    return run_plan(plan, workers, progress, folder=folder, series=parts, tables=forms)
+    return run_plan(plan, workers, progress, files=files)
 
 
 def run_plan(
@@ -147,11 +141,9 @@ def run_plan(
     workers: int = 1,
     progress: bool = False,
     heard: Callable[[PairedOutcome], object] = lambda outcome: None,
-    folder: Path | None = None,
-    series: Sequence[str] = (),
-    tables: Sequence[str] = (),
+    files: RunFiles = NOTHING_STORED,
 ) -> Comparison:
-    """Do all runs of a plan that are not stored in a folder, and return all of them.
+    """Do all runs of a plan that are not stored, and return all of them.
 
     Parameters
     ----------
@@ -161,18 +153,16 @@ def run_plan(
     progress : bool
     heard : callable, optional
         Called with each outcome as soon as its run is done.
-    folder : Path, optional
-        Where each run is stored as soon as it is done.
-    series, tables : sequence of str
-        Data sets and forms of tables that are written to the folder: see `checked_series`, `checked_forms`.
+    files : RunFiles
+        Where each run is stored as soon as it is done, and what is written of all.
 
     Examples
     --------
     >>> len(run_plan(checked_plan("fire_fighting", seeds=1, steps=2)).runs)
     2
     """
-    plan = with_series(plan, folder, series)
-    with nullcontext() if folder is None else Ledger(folder / LEDGER, fits=has_numbers) as ledger:
+    plan = files.of(plan)
+    with files.ledger(fits=has_numbers) as ledger:
         runs = list(plan.runs(keyed=ledger is not None))
         stored = stored_in(ledger, runs)
         do = partial(completed, runs, plan.simulate, ledger=ledger, each=heard, workers=workers, progress=progress)
@@ -189,8 +179,12 @@ def run_plan(
     # Of two values that are the same map, each has its own name in the tables.
     ordered = (replace(found[run.key], value=run.settings[plan.parameter]) for run in runs)
     comparison = Comparison(plan, tuple(ordered), done_before)
-    if folder is not None:
-        write_stored(plan, list(zip(runs, comparison.runs, strict=True)), folder, tables, runs_csv(comparison))
+    files.write(
+        partial(TableHead.of, plan),
+        lambda: zip(runs, comparison.runs, strict=True),
+        lambda path: write_whole(path, runs_csv(comparison)),
+        keeps_csv=True,
+    )
     return comparison
 
 

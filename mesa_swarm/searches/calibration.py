@@ -24,6 +24,7 @@ from mesa_swarm.experiments.experiment import (
     checked_measures,
 )
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows, sum_of_left_out
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text
 from mesa_swarm.experiments.statistics import FEWEST, Summary, known, mean_interval, summarised
 from mesa_swarm.experiments.sweep import run_experiment
@@ -229,6 +230,7 @@ def calibrate(
     progress: bool = False,
     retry_failed: bool = False,
     until: Callable[[Any], object] | str | None = None,
+    tables: Sequence[str] = (),
 ) -> Calibration:
     """Search the parameters at which measures of a model are nearest to their targets, on all cores.
 
@@ -268,7 +270,7 @@ def calibrate(
         The number that counts where a measure did not happen (None), such as `steps` for a time.
     sampler : optuna.samplers.BaseSampler, optional
         A new one, with a seed; by default Optuna's TPE ([1]_) with the seed `rng`.
-    steps, settings, jobs, progress, retry_failed, until
+    steps, settings, jobs, progress, retry_failed, until, tables
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
         Seed of the search.
@@ -312,10 +314,12 @@ def calibrate(
         progress=progress,
         retry_failed=retry_failed,
         until=until,
+        tables=tables,
     )
+    files = RunFiles.checked(out, tables=tables).within(FRESH)
     history = _searched(design, checked, losses, _checked_sampler(sampler, rng), points, batch)
     how: dict[str, Any] = {"workers": workers, "progress": progress, "retry_failed": retry_failed}
-    return _judged(design, history, checked, losses, fresh, check_writable(out) / FRESH, how)
+    return _judged(design, history, checked, losses, fresh, files, how)
 
 
 def _judged(
@@ -324,13 +328,13 @@ def _judged(
     ranges: Mapping[str, Range],
     losses: "_Losses",
     fresh: int,
-    folder: Path,
+    files: RunFiles,
     how: dict[str, Any],
 ) -> Calibration:
     """Run the best point of a search again with fresh seeds, and return what is known of it then."""
     point, experiment = int(history[LOSS].argmin()), design.experiment
     again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, fresh))
-    made = run_experiment(again, folder, **how)
+    made = run_experiment(again, files, **how)
     frame = made.frame()
     rows = losses.numbers(frame, again)
     return Calibration(

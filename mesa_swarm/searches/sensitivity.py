@@ -17,6 +17,7 @@ from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import Experiment, checked_class, checked_experiment
 from mesa_swarm.experiments.reports import notes_on_rows
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sampling import Range, checked_ranges, points_at, range_text
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.experiments.sweep import Sweep, run_experiment
@@ -271,6 +272,8 @@ def sensitivity(
     progress: bool = False,
     retry_failed: bool = False,
     until: Callable[[Any], object] | str | None = None,
+    series: bool | str = False,
+    tables: Sequence[str] = (),
 ) -> Sensitivity:
     """Measure how much a measure of a model depends on each of its parameters, on all cores.
 
@@ -308,7 +311,7 @@ def sensitivity(
     missing : float, optional
         The number that counts where the measure did not happen (None), such as `steps` for a time. Without it a
         missing measure is an error, and so is an infinite one.
-    steps, settings, jobs, progress, retry_failed, until
+    steps, settings, jobs, progress, retry_failed, until, series, tables
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
         Seed of the design.
@@ -344,10 +347,10 @@ def sensitivity(
     need_salib()
     model_class, workers = checked_class(model), checked_jobs(jobs)
     plan = _checked_plan(model_class, ranges, measure, method, points, difference, missing, rng)
-    shares = plan.shares()
+    files, shares = RunFiles.checked(out, series=series, tables=tables), plan.shares()
     how: dict[str, Any] = {"seeds": seeds, "steps": steps, "settings": settings, "until": until}
     experiment = checked_experiment(model_class, _varied(plan, shares), measure=[measure], **how)
-    made = run_experiment(experiment, check_writable(out), workers, progress, retry_failed=retry_failed)
+    made = run_experiment(experiment, files, workers, progress, retry_failed=retry_failed)
     numbers = _numbers(plan, experiment, made)
     estimated = partial(_sobol if plan.method == "sobol" else _morris, shares)
     indices = _indices(estimated, numbers, list(plan.ranges), _groups(plan.method, len(plan.ranges)))
