@@ -1,7 +1,7 @@
 """Robots that learn: reward-lab, tune."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -9,7 +9,7 @@ from mesa_swarm.base.errors import check_choice, check_number
 from mesa_swarm.base.files import check_writable, write_all
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet
+from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, Tables, resumable
 
 if TYPE_CHECKING:
     from mesa_swarm.learning.reward_lab import Profile
@@ -129,23 +129,30 @@ def tune_command(
     judged: Annotated[int, typer.Option(min=2, max=1000, help="Runs with other seeds that judge the result.")] = 24,
     rng: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Seed of the search.")] = 1,
     jobs: Jobs = 1,
+    out: Folder = Path("results", "tune"),
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
-    """Tune temperature and gamma of the Q-learner to few collisions at a speed; compare with the thesis's values."""
+    """Tune T and gamma of the Q-learner to few collisions at a speed, and compare; continue an interrupted call."""
     from mesa_swarm.experiments.tables import fitting
     from mesa_swarm.searches import tuning
+    from mesa_swarm.searches.calibration import FRESH
 
     least_speed = tuning.LEAST_SPEED if least_speed is None else least_speed
     goal = tuning.LearningGoal(steps=steps, least_speed=least_speed, robots=robots)
-    found = tuning.tune(
-        goal,
-        generations=generations,
-        population=population,
-        seeds=range(tuning.FIRST_SEED, tuning.FIRST_SEED + seeds),
-        rng=rng,
-        jobs=jobs,
-        progress=not quiet,
-    )
-    print("\n".join(f"{name} = {value:.4g}" for name, value in found.settings.items()))
-    judgement = tuning.comparison(found, seeds=range(1, judged + 1), jobs=jobs)
+    files: dict[str, Any] = {"jobs": jobs, "tables": table or ()}
+    first = tuning.FIRST_SEED
+    with resumable(out):
+        tuned = tuning.tune(
+            goal,
+            generations=generations,
+            population=population,
+            seeds=range(first, first + seeds),
+            rng=rng,
+            progress=not quiet,
+            out=out,
+            **files,
+        )
+        print("\n".join(f"{name} = {value:.4g}" for name, value in tuned.settings.items()))
+        judgement = tuning.comparison(tuned, seeds=range(1, judged + 1), out=out / FRESH, **files)
     print_lines([*fitting(judgement.table, terminal_width()), *judgement.remarks], 0)

@@ -176,15 +176,12 @@ def _results(
     built = plan.built(plan.seeds[0], plan.values[0])
     names = list(dict.fromkeys([*(built.results() if hasattr(built, "results") else ()), *counted(plan.reports)]))
 
-    def fits(outcome: Outcome) -> bool:
-        return has_numbers(outcome) and list(outcome.numbers) == names
-
     def check(outcome: Outcome) -> None:
         if measure is not None:
             check_choice("measure", measure, outcome.numbers)  # now, not when all is done
 
     every = [run for at_place in runs.values() for run in at_place]
-    with files.ledger(fits=fits) as ledger:
+    with files.ledger(fits=partial(has_numbers, names=names)) as ledger:
         done = completed(every, simulate, ledger=ledger, each=check, workers=workers, progress=progress)
     files.write(partial(TableHead.of, plan), lambda: ((run, done[run.key]) for run in every))
     return {place: [done[run.key].numbers for run in at_place] for place, at_place in runs.items()}
