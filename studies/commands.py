@@ -10,7 +10,7 @@ import typer
 
 from mesa_swarm.base.files import check_apart, check_writable, checked_file, write_all
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import Folder, Jobs, Quiet, resumable
+from mesa_swarm.cli.options import Folder, Jobs, Quiet, Tables, print_files, resumable
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 
 if TYPE_CHECKING:
@@ -229,6 +229,7 @@ def learn_bench(
         Path | None, typer.Option(metavar="FILE", help="Also write this page, .md, and its pictures.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume/--afresh", help="Continue an interrupted call.")] = True,
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Train all learners, then measure them, and controllers from outside, on maps that were not used for training."""
@@ -247,15 +248,17 @@ def learn_bench(
         **{**(benchmarks.QUICK if quick else {}), **{name: n for name, n in given.items() if n is not None}},
     )
     with resumable(out):
-        runs = benchmarks.learn_bench(benchmark, out=out, jobs=jobs, resume=resume, progress=not quiet)
-    table = markdown(benchmark, runs)
+        how = {"jobs": jobs, "resume": resume, "progress": not quiet, "tables": table or ()}
+        runs = benchmarks.learn_bench(benchmark, out=out, **how)
+    text = markdown(benchmark, runs)
     files: dict[str, str | bytes] = {
-        "learn_bench.md": table,
+        "learn_bench.md": text,
         "learn_bench.csv": runs_csv(runs),
         "learn_bench.json": summary_json(benchmark, runs),
         **learning_pictures(runs),
     }
-    print_lines([*markdown_fitting(table, terminal_width()), *map(str, write_all(out, files))], 0)
+    print_lines(markdown_fitting(text, terminal_width()), 0)
+    print_files(out, files, table)
     if report is not None:
         write_all(report.parent, _page(benchmark, runs, report))
         print(report)

@@ -10,7 +10,7 @@ from typing import Any, cast
 from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
-from mesa_swarm.experiments.run_tables import NOTHING_STORED, RunFiles, TableHead
+from mesa_swarm.experiments.run_tables import NOTHING_STORED, RunFiles
 from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
 from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.experiments.worker_pool import checked_jobs
@@ -180,7 +180,7 @@ def run_plan(
     ordered = (replace(found[run.key], value=run.settings[plan.parameter]) for run in runs)
     comparison = Comparison(plan, tuple(ordered), done_before)
     files.write(
-        partial(TableHead.of, plan),
+        plan,
         lambda: zip(runs, comparison.runs, strict=True),
         lambda path: write_whole(path, runs_csv(comparison)),
         keeps_csv=True,

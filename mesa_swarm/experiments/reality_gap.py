@@ -19,7 +19,7 @@ from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond,
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.reports import counted, notes_on_rows, split_measure, sum_of_left_out
-from mesa_swarm.experiments.run_tables import RunFiles, TableHead
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
 from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
@@ -183,7 +183,7 @@ def _results(
     every = [run for at_place in runs.values() for run in at_place]
     with files.ledger(fits=partial(has_numbers, names=names)) as ledger:
         done = completed(every, simulate, ledger=ledger, each=check, workers=workers, progress=progress)
-    files.write(partial(TableHead.of, plan), lambda: ((run, done[run.key]) for run in every))
+    files.write(plan, lambda: ((run, done[run.key]) for run in every))
     return {place: [done[run.key].numbers for run in at_place] for place, at_place in runs.items()}
 
 

@@ -69,8 +69,10 @@ class TableHead:
     bounds: tuple[float, float, float, float]
 
     @classmethod
-    def of(cls, experiment: Experiment) -> "TableHead":
+    def of(cls, experiment: "Experiment | TableHead") -> "TableHead":
         """Return that of an experiment."""
+        if isinstance(experiment, TableHead):
+            return experiment
         return cls(model_address(experiment.model_class), experiment.name, first_built(experiment).map.bounds)
 
 
@@ -86,18 +88,27 @@ class RunFiles:
         Data sets of series, from `checked_series`.
     forms : tuple of str
         Forms of tables, from `checked_forms`.
+    file : str
+        The name of the ledger.
     """
 
     folder: Path | None = None
     parts: tuple[str, ...] = ()
     forms: tuple[str, ...] = ()
+    file: str = RUNS
 
     @classmethod
-    def checked(cls, out: str | os.PathLike[str] | None, *, series: object = False, tables: object = ()) -> "RunFiles":
-        """Return the files of a folder that can be written to, or of none; refuse series and tables without one."""
+    def checked(
+        cls, out: str | os.PathLike[str] | None, *, series: object = False, tables: object = (), option: str = "out"
+    ) -> "RunFiles":
+        """Return the files of a folder that can be written to, or of none; refuse series and tables without one.
+
+        `option` is the argument that names the folder.
+        """
         parts, forms = checked_series(series), checked_forms(tables)
         if out is None and (parts or forms):
-            raise InvalidValueError(f"{'series' if parts else 'tables'} are wanted and no folder is named; add out=...")
+            what = "series" if parts else "tables"
+            raise InvalidValueError(f"{what} are wanted and no folder is named; add {option}=...")
         return cls(None if out is None else check_writable(out), parts, forms)
 
     def within(self, name: str) -> "RunFiles":
@@ -106,7 +117,7 @@ class RunFiles:
 
     def ledger(self, fits: Callable[[Outcome], bool] | None = None) -> AbstractContextManager[Ledger | None]:
         """Return the ledger of the runs as a context, None in it without a folder."""
-        return nullcontext() if self.folder is None else Ledger(self.folder / RUNS, fits=fits)
+        return nullcontext() if self.folder is None else Ledger(self.folder / self.file, fits=fits)
 
     @property
     def series(self) -> RunSeries | None:
@@ -123,6 +134,11 @@ class RunFiles:
         """The tables, and the folders of series."""
         return [*self.tables, *(() if self.series is None else self.series.folders)]
 
+    @property
+    def stored(self) -> list[Path]:
+        """The ledger, and all that is written."""
+        return [] if self.folder is None else [self.folder / self.file, *self.written]
+
     def of(self, experiment: SomeExperiment) -> SomeExperiment:
         """Return an experiment whose series are stored here; refuse a reporter named as a column of all series."""
         if self.series is None:
@@ -132,7 +148,7 @@ class RunFiles:
 
     def write(
         self,
-        head: Callable[[], TableHead],
+        experiment: Experiment | TableHead,
         pairs: Pairs,
         write_rows: Callable[[Path], object] | None = None,
         *,
@@ -150,7 +166,7 @@ class RunFiles:
             self.series.agree({run.key for run, _ in pairs()})
         for form, path in zip(self.forms, self.tables, strict=True):
             if form == BEHAVIORSPACE:
-                write_behaviorspace(path, head(), pairs)
+                write_behaviorspace(path, experiment, pairs)
             else:
                 (write_rows or partial(write_all_rows, pairs=pairs))(path)
 
@@ -187,7 +203,7 @@ def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]
     return _write(path, [names], lines, quoting=csv.QUOTE_MINIMAL)
 
 
-def write_behaviorspace(path: Path, head: TableHead, pairs: Pairs) -> Path:
+def write_behaviorspace(path: Path, experiment: Experiment | TableHead, pairs: Pairs) -> Path:
     """Write the table of NetLogo's BehaviorSpace, as NetLogo 6.4 does: six lines about the experiment, then the rows.
 
     Where series are stored there is a row for each row that was collected, with the reporters; else one for each run,
@@ -196,10 +212,12 @@ def write_behaviorspace(path: Path, head: TableHead, pairs: Pairs) -> Path:
     Parameters
     ----------
     path : Path
-    head : TableHead
+    experiment : Experiment or TableHead
+        A `TableHead` of runs that are not those of one model.
     pairs : callable
         Returns runs with their outcomes, in the order in which they are numbered, from 1.
     """
+    head = TableHead.of(experiment)
     low_x, low_y, high_x, high_y = head.bounds
     about: list[list[Any]] = [
         [f"BehaviorSpace results (mesa-swarm {version('mesa-swarm')})", "Table version 2.0"],

@@ -25,7 +25,7 @@ from mesa_swarm.experiments.experiment import (
 from mesa_swarm.experiments.ledger import ENDED_BY, Ledger, Outcome
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, sum_of_left_out
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
-from mesa_swarm.experiments.run_tables import RunFiles, TableHead, row_of, write_csv
+from mesa_swarm.experiments.run_tables import RunFiles, row_of, write_csv
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
 from mesa_swarm.experiments.series import RUN, RunSeries, check_reporters
@@ -473,7 +473,7 @@ def write_tables(experiment: Experiment, ledger: Ledger, files: RunFiles, archiv
     with draft_of(path) as draft, parquet.ParquetWriter(draft, schema) as writer:
         for some in _batches(rows()):
             writer.write_table(pa.Table.from_pylist(some, schema=schema))
-    files.write(partial(TableHead.of, experiment), pairs, lambda place: write_csv(place, schema.names, rows()))
+    files.write(experiment, pairs, lambda place: write_csv(place, schema.names, rows()))
     return [path, *files.tables]
 
 

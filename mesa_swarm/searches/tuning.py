@@ -216,7 +216,7 @@ def tune(
             means = _measures(done[-len(runs) :]).reshape(search.population, len(listed), 2).mean(axis=1)
             search.tell([-goal.cost(collisions=collisions, speed=speed) for collisions, speed in means.tolist()])
             bar.update()
-    files.write(goal.head, lambda: done)
+    files.write(goal.head(), lambda: done)
     costs_of_all = tuple(tuple(-fitness for fitness in generation) for generation in search.history)
     best = int(np.argmin(costs_of_all)) * len(listed)
     return Tuned(settings=dict(done[best][0].settings), goal=goal, costs=costs_of_all)
@@ -266,7 +266,7 @@ def comparison(
     files, runs = RunFiles.checked(out, tables=tables), goal.runs((THESIS, tuned.settings), listed)
     with files.ledger(fits=IS_MEASURED) as ledger:
         done = done_in_order(runs, ledger=ledger, workers=workers)
-    files.write(goal.head, lambda: done)
+    files.write(goal.head(), lambda: done)
     numbers = _measures(done).reshape(2, len(listed), 2)
     rows = zip(("thesis", "tuned", "difference"), (*numbers, numbers[1] - numbers[0]), strict=True)
     cells = [[name, *(_shown(mean_interval(values)) for values in measured.T)] for name, measured in rows]

@@ -299,9 +299,9 @@ print(list(on_all(3, np.sum, [(np.ones(1_000_000),), (np.ones(1_000_000),)])))
 time.sleep(1000)
 """,
     "of oscillations": """
-from mesa_swarm.experiments.diagnosis import oscillations
+from mesa_swarm.experiments.reward_study import reward_study
 if __name__ == "__main__":
-    oscillations([("b", 4)], [1, 2, 3], steps=1_000_000, jobs=2)
+    reward_study(["b"], actions=4, seeds=3, steps=1_000_000, jobs=2)
 """,
     "of the page's comparison": """
 import time
