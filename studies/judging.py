@@ -1,8 +1,9 @@
 """Checks of a result, from the numbers of many runs to a verdict."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -240,6 +241,18 @@ def judged_difference(
         main=main,
         detectable=detectable_mean(pair_differences(first, second)),
     )
+
+
+def judged_measure(
+    claim: str, reported: str, measure: str, sides: Mapping[str, Sequence[Mapping[str, Any]]], *, main: bool = True
+) -> Check:
+    """Judge whether a measure is larger in the mean in the second of two sets of runs, by their names, as a difference.
+
+    See `judged_difference`.
+    """
+    first, second = ([run[measure] for run in runs] for runs in sides.values())
+    low, high = sides
+    return judged_difference(claim, reported, first, second, names=(low, high), main=main)
 
 
 def above_zero(difference: Interval) -> str:

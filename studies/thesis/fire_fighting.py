@@ -16,7 +16,15 @@ from mesa_swarm.fire import FireConstants, design_constants, is_hot, next_temper
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, plain_axes, world_picture
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_share
+from mesa_swarm_studies.judging import (
+    Check,
+    Result,
+    judged_difference,
+    judged_fact,
+    judged_mean,
+    judged_measure,
+    judged_share,
+)
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 from mesa_swarm_studies.thesis.fire_company import ITEMS as OF_COMPANY
@@ -333,12 +341,8 @@ def strategy_b(laboratory: Laboratory) -> Result:
             [out == FIRES for out in column(waiting, "out")],
             low=0.9,
         ),
-        judged_difference(
-            "B puts out more fires than A",
-            "7 against 6 (one run each)",
-            column(leaving, "out"),
-            column(waiting, "out"),
-            names=("A", "B"),
+        judged_measure(
+            "B puts out more fires than A", "7 against 6 (one run each)", "out", {"A": leaving, "B": waiting}
         ),
         judged_share(
             "robots meet at the large fire: two or more at once",

@@ -10,7 +10,14 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import Networks, boltzmann, chosen, fit, fit_in_turn
 from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column, draw_means, plain_axes
-from mesa_swarm_studies.judging import Result, judged_difference, judged_fact, judged_mean, judged_number
+from mesa_swarm_studies.judging import (
+    Result,
+    judged_difference,
+    judged_fact,
+    judged_mean,
+    judged_measure,
+    judged_number,
+)
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -287,12 +294,11 @@ def tables(laboratory: Laboratory) -> Result:
         for memory, name in zip(MEMORIES, ("networks", "a table"), strict=True)
     ]
     late = [
-        judged_difference(
+        judged_measure(
             f"in the last tenth: {claim}",
             "networks generalise",
-            column(rows[less], f"{measure} late"),
-            column(rows[more], f"{measure} late"),
-            names=(less, more),
+            f"{measure} late",
+            {less: rows[less], more: rows[more]},
             main=False,
         )
         for claim, measure, less, more in (

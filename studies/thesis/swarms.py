@@ -19,7 +19,7 @@ from mesa_swarm.experiments import mean_interval
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import trace
 from mesa_swarm_studies.drawing import column, world_picture
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_share
+from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_measure, judged_share
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -288,12 +288,11 @@ def chains_early(laboratory: Laboratory) -> Result:
     checks = (
         judged_mean("most robots are in chains", "chains in the picture", column(rows, f"chained at {EARLY}"), low=0.5),
         *(check for link in LINKS for check in cohesion_checks(groups, rows, link)),
-        judged_difference(
+        judged_measure(
             "grouped pairs stay in one group: share that still are 200 steps later",
             "higher cohesion",
-            column(groups, f"kept together at {LATE}"),
-            column(rows, f"kept together at {LATE}"),
-            names=("clusters", "chains"),
+            f"kept together at {LATE}",
+            {"clusters": groups, "chains": rows},
             main=False,
         ),
         judged_mean("chains merge, times per run", "seen", column(rows, "merges"), low=1, main=False),
@@ -342,12 +341,11 @@ def chains_late(laboratory: Laboratory) -> Result:
         column(rows, f"length at {LATE}"),
         names=("robots per chain at 1,000", "at 3,000"),
     )
-    hurrying = judged_difference(
+    hurrying = judged_measure(
         "the gap rule makes chains longer",
         "without it chains break",
-        column(loose, f"length at {LATE}"),
-        column(rows, f"length at {LATE}"),
-        names=("without", "with"),
+        f"length at {LATE}",
+        {"without": loose, "with": rows},
         main=False,
     )
     return Result(
@@ -408,9 +406,9 @@ def turning_checks(rule: str, without: list[dict], ruled: list[dict]) -> list[Ch
     ratio = [one / other for one, other in zip(column(ruled, length), column(without, length), strict=True)]
     proposed = "not proposed" if rule == OUR_RULE else "proposed (10.2)"
     return [
-        judged_difference(
-            f"{rule}: fewer meetings disperse", proposed, column(ruled, "share dispersed"),
-            column(without, "share dispersed"), names=("with", "without"), main=rule != OUR_RULE,
+        judged_measure(
+            f"{rule}: fewer meetings disperse", proposed, "share dispersed", {"with": ruled, "without": without},
+            main=rule != OUR_RULE,
         ),
         judged_mean(
             f"{rule}: chains are at most a tenth shorter, length relative to none", "implied", ratio, low=1.0 - TENTH,
