@@ -11,7 +11,7 @@ import typer
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.cli.lines import print_lines, terminal_width
+from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import (
     FAILED,
     Jobs,
@@ -24,6 +24,7 @@ from mesa_swarm.cli.options import (
     Until,
     known_model,
     prepare,
+    print_study,
     resumable,
 )
 from mesa_swarm.model.gallery import find_model, loaded_models, short_name
@@ -148,7 +149,6 @@ def compare_command(
     from mesa_swarm.experiments.ledger import RUNS
     from mesa_swarm.experiments.plan import checked_plan
     from mesa_swarm.experiments.run_tables import RunFiles
-    from mesa_swarm.experiments.tables import WIDEST
     from mesa_swarm.experiments.worker_pool import checked_jobs
     from mesa_swarm.model.parameters import parse_settings
 
@@ -166,12 +166,10 @@ def compare_command(
     )
     with resumable(folder / RUNS):
         comparison = run_plan(plan, workers, not quiet, files=files)
-    paths = dict.fromkeys([*comparison.save(folder), *files.written])
     if comparison.done_before:
         done = f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / RUNS}"
         print_lines([done])
-    summary = comparison.table(terminal_width() or WIDEST)
-    print_lines([summary, "", *map(str, paths), "", comparison.finding()], 0)
+    print_study(comparison, folder, files.written, finding=True)
 
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
@@ -234,5 +232,5 @@ def _print_gap(model: str, setting: Sequence[str] | None, folder: Path, options:
     from mesa_swarm.model.parameters import parse_settings
 
     gap = reality_gap(model, settings=parse_settings(find_model(model), setting or ()), out=folder, **options)
-    print_lines([gap.table(terminal_width()), "", *map(str, (*gap.save(folder), *gap.stored))], 0)
+    print_study(gap, folder, gap.stored)
     return gap

@@ -6,8 +6,7 @@ from typing import Annotated
 import typer
 
 from mesa_swarm.base.files import check_writable
-from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, Tables, print_files, resumable
+from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, Tables, print_files, print_study, resumable
 
 commands = typer.Typer()
 
@@ -80,9 +79,9 @@ def design_gap_command(
     quiet: Quiet = False,
 ) -> None:
     """Design state machines and networks for ideal robots, and compare what they lose on imperfect ones."""
+    from mesa_swarm.experiments.run_tables import RunFiles, checked_forms
     from mesa_swarm.searches import design_gap as gaps
     from mesa_swarm.searches.automatic_design import Mission
-    from mesa_swarm.viewing.pictures import png
 
     with resumable(check_writable(out)):
         gap = gaps.design_gap(
@@ -97,13 +96,7 @@ def design_gap_command(
             progress=not quiet,
             tables=table or (),
         )
-    print_lines([gap.table(terminal_width())], 0)
-    files: dict[str, str | bytes] = {
-        "design_gap.csv": gap.csv(),
-        "design_gap.png": png(gaps.design_gap_figure(gap)),
-        "machines.txt": "\n".join(gap.texts),
-    }
-    print_files(out, files, table)
+    print_study(gap, out, RunFiles(out, forms=checked_forms(table or ())).tables)
 
 
 @commands.command("diversity")

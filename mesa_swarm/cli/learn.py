@@ -5,17 +5,21 @@ from typing import Annotated, Any
 
 import typer
 
-from mesa_swarm.base.wording import quantity
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, Series, Tables, Until, print_files, resumable
+from mesa_swarm.cli.options import (
+    MOST_STORED,
+    Folder,
+    Jobs,
+    Quiet,
+    Series,
+    Tables,
+    Until,
+    print_files,
+    print_study,
+    resumable,
+)
 
 commands = typer.Typer()
-
-# Of the four measures of oscillation.
-UNITS = (
-    "flips of the turn, and of the direction of travel, per 100 of the steps with something within 30 units; "
-    "shares of all steps that are in a corridor flip, or back-and-forth at a threshold."
-)
 
 
 @commands.command("reward-lab")
@@ -36,7 +40,6 @@ def reward_lab_command(
 ) -> None:
     """Draw reward, learned values and choice over the distance ahead; measure where robots oscillate."""
     from mesa_swarm.experiments.reward_study import reward_study
-    from mesa_swarm.experiments.tables import fitting
 
     with resumable(out):
         study = reward_study(
@@ -53,9 +56,7 @@ def reward_lab_command(
             series=series or False,
             tables=table or (),
         )
-    print_lines([*fitting(study.table(), terminal_width()), ""])
-    print_lines([f"Means over 15 robots and {quantity(seeds, 'seed')}: {UNITS}"], 0)
-    print_lines(map(str, [*study.files.stored, *study.save(out)]), 0)
+    print_study(study, out, study.files.stored)
 
 
 @commands.command("tune")

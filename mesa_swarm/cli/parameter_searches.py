@@ -8,8 +8,19 @@ import typer
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.base.files import check_writable
-from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import Jobs, Model, Quiet, Series, Settings, StepsOfRuns, Tables, Until, prepare, resumable
+from mesa_swarm.cli.options import (
+    Jobs,
+    Model,
+    Quiet,
+    Series,
+    Settings,
+    StepsOfRuns,
+    Tables,
+    Until,
+    prepare,
+    print_study,
+    resumable,
+)
 from mesa_swarm.model.gallery import find_model, short_name
 
 if TYPE_CHECKING:
@@ -82,7 +93,7 @@ def sensitivity_command(
         own["difference"] = _parsed_difference(model_class, difference)
     options = {"steps": steps, "rng": rng, "jobs": jobs, "retry_failed": retry_failed, "until": until, **own}
     study = _study(studies.sensitivity, model_class, ranges, measure, folder, setting, quiet, options)
-    _print(study, [study.sweep.path, *study.sweep.written], folder)
+    print_study(study, folder, [study.sweep.path, *study.sweep.written], finding=True)
 
 
 @commands.command("calibrate")
@@ -122,7 +133,8 @@ def calibrate_command(
     own = {"points": points, "batch": batch, "seeds": seeds, "fresh": fresh, "missing": absent, "tables": table or ()}
     options = {"steps": steps, "rng": rng, "jobs": jobs, "retry_failed": retry_failed, "until": until, **own}
     study = _study(studies.calibrate, model_class, ranges, targets, folder, setting, quiet, options)
-    _print(study, [folder / TABLE, *RunFiles(folder, forms=checked_forms(table or ())).tables], folder)
+    tables = RunFiles(folder, forms=checked_forms(table or ())).tables
+    print_study(study, folder, [folder / TABLE, *tables], finding=True)
 
 
 def _study(
@@ -197,11 +209,3 @@ def _numbers(option: str, texts: Sequence[str], most: int) -> list[tuple[str, li
             raise InvalidValueError(f"{option} of {shortened(name)} is given twice; leave one out")
         found.append((name, numbers))
     return found
-
-
-def _print(found: Any, runs: Sequence[Path], folder: Path) -> None:
-    """Write the files of a study, and print its table, the paths of all files and the finding."""
-    from mesa_swarm.experiments.tables import WIDEST
-
-    paths = found.save(folder)
-    print_lines([found.table(terminal_width() or WIDEST), "", *map(str, [*runs, *paths]), "", found.finding()], 0)

@@ -4,20 +4,19 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, cast
 
-from mesa_swarm.base.files import check_writable, write_whole
+from mesa_swarm.base.files import write_whole
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
 from mesa_swarm.experiments.run_tables import NOTHING_STORED, RunFiles
 from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
-from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
+from mesa_swarm.experiments.tables import WIDEST, Study, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.experiments.worker_pool import checked_jobs
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Comparison(PairedRuns):
+class Comparison(Study, PairedRuns):
     """The runs of a comparison, with its table, its finding and its files.
 
     Examples
@@ -27,9 +26,6 @@ class Comparison(PairedRuns):
     [0, 0]
     """
 
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.finding()}"
-
     def table(self, width: int = WIDEST) -> str:
         """Return the summary as text, at most `width` columns wide."""
         return text_table(self, width)
@@ -38,24 +34,14 @@ class Comparison(PairedRuns):
         """Return the finding in one sentence."""
         return finding(self)
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write the tables and pictures, all of them or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        summary = summary_csv(summary_rows(self))
+        return {"runs.csv": runs_csv(self), "summary.csv": summary, "finding.txt": f"{self.finding()}\n"}
 
-        If a picture cannot be drawn, the tables are written without any, before that error is raised.
+    def _pictures(self) -> dict[str, bytes]:
+        from mesa_swarm.experiments.figures import comparison_pictures  # noqa: PLC0415 - slow to load
 
-        Raises
-        ------
-        InvalidValueError
-            If the folder cannot be written to.
-        """
-        tables = {
-            "runs.csv": runs_csv(self),
-            "summary.csv": summary_csv(summary_rows(self)),
-            "finding.txt": f"{self.finding()}\n",
-        }
-        from mesa_swarm.experiments.figures import comparison_pictures, write_with_pictures  # noqa: PLC0415 - slow to load
-
-        return write_with_pictures(check_writable(folder), tables, partial(comparison_pictures, self))
+        return comparison_pictures(self)
 
 
 def compare(

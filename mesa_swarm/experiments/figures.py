@@ -1,8 +1,7 @@
 """Figures of a comparison: distributions and paired differences."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from textwrap import fill
 from typing import Any
 
@@ -11,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import FixedLocator, MaxNLocator, StrMethodFormatter
 
-from mesa_swarm.base.files import write_all
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.statistics import TIME, Interval, bootstrap_mean, pair_differences, summarised
@@ -244,22 +242,6 @@ def comparison_pictures(comparison: PairedRuns) -> dict[str, bytes]:
     elif all(portrait.series for portrait in portraits.values()):
         pictures["over_time.png"] = series_figure(portraits)
     return {name: png(figure) for name, figure in pictures.items()}
-
-
-def write_with_pictures(
-    folder: Path, tables: Mapping[str, str], pictures: Callable[[], Mapping[str, bytes]]
-) -> list[Path]:
-    """Write tables and the PNGs that `pictures` draws, all of them or none, and return their paths.
-
-    If a picture cannot be drawn, the tables are written without any, all of them or none, and the error is raised: the
-    runs may have taken hours.
-    """
-    try:
-        drawn = pictures()
-    except Exception:
-        write_all(folder, tables)
-        raise
-    return write_all(folder, {**tables, **drawn})
 
 
 def fires_figure(runs: Mapping[str, FinalState | SwarmModel]) -> Figure:

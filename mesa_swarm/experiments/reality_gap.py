@@ -15,14 +15,14 @@ from matplotlib.figure import Figure
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.experiment import checked_settings
-from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond, write_with_pictures
+from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.reports import counted, notes_on_rows, split_measure, sum_of_left_out
 from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
-from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
+from mesa_swarm.experiments.tables import Study, csv_text, fitting, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.gallery import find_model, short_name
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections, combine_imperfections
@@ -37,7 +37,7 @@ IMPERFECTIONS = "imperfections"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Gap:
+class Gap(Study):
     """The scores of a model over the dial: by place one score a seed, None where it did not happen."""
 
     model: str
@@ -81,14 +81,11 @@ class Gap:
         runs = ([p, seed, s] for p in self.dial for seed, s in zip(self.seeds, self.scores[p], strict=True))
         return csv_text([["dial", "rng", self.measure], *runs])
 
-    def save(self, folder: Path) -> list[Path]:
-        """Write the table and the picture, both or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        return {"reality_gap.csv": self.csv()}
 
-        If the picture cannot be drawn, the table is written without it, before that error is raised.
-        """
-        return write_with_pictures(
-            folder, {"reality_gap.csv": self.csv()}, lambda: {"reality_gap.png": png(gap_figure(self))}
-        )
+    def _pictures(self) -> dict[str, bytes]:
+        return {"reality_gap.png": png(gap_figure(self))}
 
 
 def reality_gap(

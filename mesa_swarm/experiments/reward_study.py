@@ -4,26 +4,30 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mesa_swarm.base.errors import check_choice, check_count, check_number
-from mesa_swarm.base.files import check_writable
+from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, oscillation
 from mesa_swarm.experiments.experiment import Experiment, checked_experiment
 from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import Run, done_in_order
-from mesa_swarm.experiments.tables import csv_text
+from mesa_swarm.experiments.tables import WIDEST, Study, csv_text, fitting
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.actions import checked_actions
 from mesa_swarm.learning.reward_lab import Profile, learned_profile, profile_of, reward_profile
 from mesa_swarm.learning.rewards import CRITICAL, REWARDS
 from mesa_swarm.robots.design import AGENT9
 
+# Of the four measures of oscillation.
+UNITS = (
+    "flips of the turn, and of the direction of travel, per 100 of the steps with something within 30 units; "
+    "shares of all steps that are in a corridor flip, or back-and-forth at a threshold."
+)
 # What is stored of the curves of the first seed, lists beside the measures.
 CURVES = ("distance", "Q", "P")
 # Of a robot alone in a scene, by its name in the results of a run.
@@ -32,8 +36,8 @@ IN_SCENES = {f"{scene}: {measure}": (scene, measure) for scene in SCENES for mea
 SOURCES = ("experiments/diagnosis.py", "experiments/reward_study.py")
 
 
-@dataclass(frozen=True, slots=True)
-class RewardStudy:
+@dataclass(frozen=True, slots=True, repr=False)
+class RewardStudy(Study):
     """Robots that learned with rewards, by reward and seed; made by `reward_study`.
 
     `profiles` has by reward the curves of the reward, and of what was learned from it with the first seed; `done` each
@@ -45,8 +49,8 @@ class RewardStudy:
     done: tuple[tuple[Run, Outcome], ...]
     files: RunFiles
 
-    def table(self) -> list[list[str]]:
-        """Return the mean measures of each scene and reward, below a header."""
+    def table(self, width: int | None = WIDEST) -> str:
+        """Return the mean measures of each scene and reward as text, and their units."""
         rows = [["scene", "reward", *MEASURES]]
         for scene in SCENES:
             for reward in self.profiles:
@@ -54,7 +58,9 @@ class RewardStudy:
                 turns, travels, corridor, threshold = np.array([row[4:] for row in runs], float).mean(axis=0)
                 shares = [f"{100 * corridor:.1f} %", f"{100 * threshold:.1f} %"]
                 rows.append([scene, reward, f"{turns:.1f}", f"{travels:.1f}", *shares])
-        return rows
+        seeds = quantity(len(self.experiment.seeds), "seed")
+        robots = self.experiment.settings["n_robots"]
+        return "\n".join([*fitting(rows, width), "", f"Means over {robots} robots and {seeds}: {UNITS}"])
 
     def _oscillations(self) -> list[tuple]:
         """Return a row for each run and scene: reward, actions, seed, scene, measures."""
@@ -89,27 +95,21 @@ class RewardStudy:
             for mark in profile.marks
         ]
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write the picture and its tables, all of them or none, and return their paths.
-
-        If the picture cannot be drawn, the tables are written without it, before that error is raised.
-        """
-        from mesa_swarm.experiments.figures import write_with_pictures  # noqa: PLC0415 - slow to load
-        from mesa_swarm.experiments.learning_figures import reward_figure  # noqa: PLC0415
-        from mesa_swarm.viewing.figures import png  # noqa: PLC0415
-
+    def _texts(self) -> dict[str, str]:
         tables = {
             "curves.csv": [("reward", "action", "distance", "r", "Q", "P"), *self._curves()],
             "marks.csv": [("reward", "curve", "mark", "action", "start", "end", "size"), *self._marks()],
             "oscillations.csv": [("reward", "actions", "seed", "scene", *MEASURES), *self._oscillations()],
         }
+        return {name: csv_text(rows) for name, rows in tables.items()}
+
+    def _pictures(self) -> dict[str, bytes]:
+        from mesa_swarm.experiments.learning_figures import reward_figure  # noqa: PLC0415 - slow to load
+        from mesa_swarm.viewing.figures import png  # noqa: PLC0415
+
         settings = self.experiment.settings
         titles = {f"reward {kind}, {settings['actions']} actions": pair for kind, pair in self.profiles.items()}
-        return write_with_pictures(
-            check_writable(folder),
-            {name: csv_text(rows) for name, rows in tables.items()},
-            lambda: {"reward_lab.png": png(reward_figure(titles, settings["critical"]))},
-        )
+        return {"reward_lab.png": png(reward_figure(titles, settings["critical"]))}
 
 
 def reward_study(
@@ -156,8 +156,8 @@ def reward_study(
     Examples
     --------
     >>> study = reward_study(["b"], actions=4, steps=20, robots=2)
-    >>> [row[0] for row in study.table()]
-    ['scene', 'beside a wall', 'towards a wall']
+    >>> [outcome.steps for _, outcome in study.done]
+    [20]
     """
     kinds = list(dict.fromkeys(check_choice("reward", kind, REWARDS) for kind in rewards))
     check_number("critical", critical, above=0, maximum=1)

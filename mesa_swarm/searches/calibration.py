@@ -5,14 +5,12 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.base.extras import require_extra
-from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import (
     LARGEST_SEED,
@@ -28,7 +26,7 @@ from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text
 from mesa_swarm.experiments.statistics import FEWEST, Summary, known, mean_interval, summarised
 from mesa_swarm.experiments.sweep import run_experiment
-from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, with_limits
+from mesa_swarm.experiments.tables import WIDEST, Study, csv_text, fitting, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.searches.adaptive import AdaptiveDesign
 
@@ -58,7 +56,7 @@ class Target:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, repr=False, eq=False)
-class Calibration:
+class Calibration(Study):
     """The outcome of a calibration, its table, picture and files; made by `calibrate`.
 
     Parameters
@@ -98,9 +96,6 @@ class Calibration:
     failed: int
     loss: float
     left_out: Mapping[str, int] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.finding()}"
 
     @property
     def searched(self) -> dict[str, Any]:
@@ -191,23 +186,14 @@ class Calibration:
             self.point,
         )
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write tables, finding and picture, all of them or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        history = self.history.to_csv(index=False, lineterminator="\n")
+        return {"best.csv": self.csv(), "history.csv": history, "calibration.txt": f"{self!r}\n"}
 
-        Raises
-        ------
-        InvalidValueError
-            If the folder cannot be written to.
-        """
-        from mesa_swarm.experiments.figures import write_with_pictures  # noqa: PLC0415 - slow to load
-        from mesa_swarm.viewing.pictures import png  # noqa: PLC0415
+    def _pictures(self) -> dict[str, bytes]:
+        from mesa_swarm.viewing.figures import png  # noqa: PLC0415 - slow to load
 
-        tables = {
-            "best.csv": self.csv(),
-            "history.csv": self.history.to_csv(index=False, lineterminator="\n"),
-            "calibration.txt": f"{self!r}\n",
-        }
-        return write_with_pictures(check_writable(folder), tables, lambda: {"calibration.png": png(self.figure())})
+        return {"calibration.png": png(self.figure())}
 
 
 def calibrate(

@@ -23,7 +23,7 @@ from mesa_swarm.experiments.reality_gap import DIAL, checked_dial
 from mesa_swarm.experiments.run_tables import RunFiles, TableHead
 from mesa_swarm.experiments.runs import Run, done_in_order
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean
-from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
+from mesa_swarm.experiments.tables import Study, csv_text, fitting, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.maps.map import Map
@@ -37,7 +37,7 @@ from mesa_swarm.searches.automatic_design import (
     evolve_network,
     settings_of_mission,
 )
-from mesa_swarm.viewing.figures import plain_figure
+from mesa_swarm.viewing.figures import plain_figure, png
 from mesa_swarm.viewing.palette import LIGHT
 
 MACHINE, NETWORK = "state machine", "evolved network"
@@ -81,7 +81,7 @@ class Budget:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class DesignGap:
+class DesignGap(Study):
     """Scores of designed controllers over the dial: by kind one row a design, a column a place of the dial.
 
     Each score is the mean over the evaluation seeds; `texts` are the machines that were designed, and `settings` all
@@ -158,6 +158,12 @@ class DesignGap:
             for place, score in zip(self.dial, row, strict=True)
         ]
         return csv_text([["controller", "design", "dial", "score"], *rows])
+
+    def _texts(self) -> dict[str, str]:
+        return {"design_gap.csv": self.csv(), "machines.txt": "\n".join(self.texts)}
+
+    def _pictures(self) -> dict[str, bytes]:
+        return {"design_gap.png": png(design_gap_figure(self))}
 
 
 def design_gap(

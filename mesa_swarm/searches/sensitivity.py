@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ import pandas as pd
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.base.extras import require_extra
-from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import Experiment, checked_class, checked_experiment
 from mesa_swarm.experiments.reports import notes_on_rows
@@ -21,7 +19,7 @@ from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sampling import Range, checked_ranges, points_at, range_text
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.experiments.sweep import Sweep, run_experiment
-from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, known, with_limits
+from mesa_swarm.experiments.tables import WIDEST, Study, csv_text, fitting, known, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.parameters import parameters_of
 
@@ -103,7 +101,7 @@ class SensitivityPlan:
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
-class Sensitivity:
+class Sensitivity(Study):
     """Indices of sensitivity with 95 % intervals, their table, picture and files; made by `sensitivity`.
 
     Parameters
@@ -129,9 +127,6 @@ class Sensitivity:
     numbers: np.ndarray
     indices: Mapping[str, Mapping[str, Interval]]
     chance: float
-
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.finding()}"
 
     def ranked(self) -> list[str]:
         """Return the parameters, the one with the largest ST or mu* first."""
@@ -239,19 +234,13 @@ class Sensitivity:
             floor=self.floor,
         )
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write table, finding and picture, all of them or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        return {"sensitivity.csv": self.csv(), "sensitivity.txt": f"{self!r}\n"}
 
-        Raises
-        ------
-        InvalidValueError
-            If the folder cannot be written to.
-        """
-        from mesa_swarm.experiments.figures import write_with_pictures  # noqa: PLC0415 - slow to load
-        from mesa_swarm.viewing.pictures import png  # noqa: PLC0415
+    def _pictures(self) -> dict[str, bytes]:
+        from mesa_swarm.viewing.figures import png  # noqa: PLC0415 - slow to load
 
-        tables = {"sensitivity.csv": self.csv(), "sensitivity.txt": f"{self!r}\n"}
-        return write_with_pictures(check_writable(folder), tables, lambda: {"sensitivity.png": png(self.figure())})
+        return {"sensitivity.png": png(self.figure())}
 
 
 def sensitivity(
