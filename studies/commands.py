@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -248,7 +248,7 @@ def learn_bench(
         **{**(benchmarks.QUICK if quick else {}), **{name: n for name, n in given.items() if n is not None}},
     )
     with resumable(out):
-        how = {"jobs": jobs, "resume": resume, "progress": not quiet, "tables": table or ()}
+        how: dict[str, Any] = {"jobs": jobs, "resume": resume, "progress": not quiet, "tables": table or ()}
         runs = benchmarks.learn_bench(benchmark, out=out, **how)
     text = markdown(benchmark, runs)
     files: dict[str, str | bytes] = {

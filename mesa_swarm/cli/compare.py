@@ -214,7 +214,14 @@ def reality_gap_command(
     if model is None and option is not None:
         raise InvalidValueError(f"{option} is given without a model; name the model that it is for")
     folder = check_writable(out or Path("results", f"reality_gap_{short_name(model)}" if model else "reality_gap"))
-    options = {"preset": preset, "measure": measure, "seeds": seeds, "steps": steps, "jobs": jobs, "until": until}
+    options: dict[str, Any] = {
+        "preset": preset,
+        "measure": measure,
+        "seeds": seeds,
+        "steps": steps,
+        "jobs": jobs,
+        "until": until,
+    }
     options |= {"series": series or False, "tables": table or (), "progress": not quiet}
     if model is not None:
         _print_gap(model, setting, folder, options)

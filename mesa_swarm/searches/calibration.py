@@ -176,7 +176,7 @@ class Calibration(Study):
 
     def figure(self) -> Any:
         """Return the picture, a Matplotlib figure: the loss of all points in order, and over each parameter."""
-        from mesa_swarm.experiments.study_figures import calibration_figure  # noqa: PLC0415 - slow to load
+        from mesa_swarm.experiments.figures import calibration_figure  # noqa: PLC0415 - slow to load
 
         title = f"{self.experiment.model_class.__name__}: {quantity(len(self.history), 'point')} of a search"
         return calibration_figure(

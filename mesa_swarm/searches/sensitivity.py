@@ -221,7 +221,7 @@ class Sensitivity(Study):
 
     def figure(self) -> Any:
         """Return the picture, a Matplotlib figure: the indices, and the measure over each parameter."""
-        from mesa_swarm.experiments.study_figures import sensitivity_figure  # noqa: PLC0415 - slow to load
+        from mesa_swarm.experiments.figures import sensitivity_figure  # noqa: PLC0415 - slow to load
 
         title = f"{self.experiment.model_class.__name__}: {self.plan.title}, {quantity(len(self.shares), 'point')}"
         of = dict(zip(self.plan.ranges, self.shares.T, strict=True))

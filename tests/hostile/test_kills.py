@@ -154,6 +154,34 @@ def test_the_benchmark_of_learners_goes_on(tally, amount, tmp_path):
     )
 
 
+def test_tuning_goes_on(tally, amount, tmp_path):
+    line = f"tune --steps 400 --robots 4 --population 4 --seeds {amount(4, 30)} --judged 4 --generations 3 --quiet"
+    attack_work(
+        tally,
+        "kills: tune",
+        tmp_path,
+        amount(2, 30),
+        COMMAND,
+        lambda home, jobs: [*line.split(), "--table", "csv", "--jobs", jobs, "--out", home],
+        lambda home: lines_in(home / "runs.jsonl") + lines_in(home / "fresh" / "runs.jsonl"),
+        lambda home: [(home / name).read_bytes() for name in ("runs.csv", "fresh/runs.csv")],
+    )
+
+
+def test_a_reward_laboratory_goes_on(tally, amount, tmp_path):
+    line = f"reward-lab --steps 200 --quiet --table csv --seeds {amount(4, 40)} --jobs"
+    attack_work(
+        tally,
+        "kills: reward-lab",
+        tmp_path,
+        amount(0, 30),  # what tune does
+        COMMAND,
+        lambda home, jobs: [*line.split(), jobs, "--out", home],
+        lambda home: lines_in(home / "runs.jsonl"),
+        lambda home: contents(home, "*.csv", "*.png"),
+    )
+
+
 EVOLUTION = """
 import sys
 from pathlib import Path
