@@ -90,12 +90,15 @@ class RunFiles:
         Forms of tables, from `checked_forms`.
     file : str
         The name of the ledger.
+    names_old : bool
+        Whether a line is printed about tables and series that earlier calls have left there.
     """
 
     folder: Path | None = None
     parts: tuple[str, ...] = ()
     forms: tuple[str, ...] = ()
     file: str = RUNS
+    names_old: bool = True
 
     @classmethod
     def checked(
@@ -161,7 +164,8 @@ class RunFiles:
         """
         if self.folder is None:
             return
-        self._name_old((*self.forms, CSV) if keeps_csv else self.forms)
+        if self.names_old:
+            self._name_old(self.folder, (*self.forms, CSV) if keeps_csv else self.forms)
         if self.series is not None:
             self.series.agree({run.key for run, _ in pairs()})
         for form, path in zip(self.forms, self.tables, strict=True):
@@ -170,12 +174,12 @@ class RunFiles:
             else:
                 (write_rows or partial(write_all_rows, pairs=pairs))(path)
 
-    def _name_old(self, forms: Sequence[str]) -> None:
+    def _name_old(self, folder: Path, forms: Sequence[str]) -> None:
         """Print a line about tables and series of an earlier call that this one leaves as they are."""
         names = [name for form, name in FILES.items() if form not in forms]
         names += [f"{FOLDER}/{part}" for part in CHOICES["both"] if part not in self.parts]
-        if self.folder is not None and (old := [name for name in names if (self.folder / name).exists()]):
-            notice(f"{', '.join(old)} in {show_path(self.folder)} are of an earlier call, and were not written anew")
+        if old := [name for name in names if (folder / name).exists()]:
+            notice(f"{', '.join(old)} in {show_path(folder)} are of an earlier call, and were not written anew")
 
 
 NOTHING_STORED = RunFiles()

@@ -150,8 +150,10 @@ class AdaptiveDesign:
             raise InvalidValueError("no points were proposed since the last results; call propose(points) first")
         if self._retry_failed:  # only here: the runs of earlier points would be repeated with every batch
             new = replace(experiment, points=experiment.points[self._done :])
-            run_experiment(new, RunFiles(self._folder), self._workers, self._progress, retry_failed=True)
+            only_runs = RunFiles(self._folder, names_old=False)
+            run_experiment(new, only_runs, self._workers, self._progress, retry_failed=True)
         run_experiment(experiment, self._files, self._workers, self._progress)
+        self._files = replace(self._files, names_old=False)  # once is enough
         rows = self.table()
         first, self._done = self._done, len(self._points)
         return rows[rows[POINT] >= first].reset_index(drop=True)
