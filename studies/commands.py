@@ -233,9 +233,7 @@ def learn_bench(
     quiet: Quiet = False,
 ) -> None:
     """Train all learners, then measure them, and controllers from outside, on maps that were not used for training."""
-    from mesa_swarm.experiments import markdown_fitting
     from mesa_swarm_studies.benchmarks import learn_bench as benchmarks
-    from mesa_swarm_studies.benchmarks.learn_report import learning_pictures, markdown, runs_csv, summary_json
 
     if report is not None:
         check_writable(checked_file(report, ".md", "report").parent / "pictures")
@@ -247,9 +245,20 @@ def learn_bench(
         policies=tuple(policy or ()),
         **{**(benchmarks.QUICK if quick else {}), **{name: n for name, n in given.items() if n is not None}},
     )
+    how: dict[str, Any] = {"jobs": jobs, "resume": resume, "progress": not quiet, "tables": table or ()}
     with resumable(out):
-        how: dict[str, Any] = {"jobs": jobs, "resume": resume, "progress": not quiet, "tables": table or ()}
         runs = benchmarks.learn_bench(benchmark, out=out, **how)
+    _print_benchmark(benchmark, runs, out, table)
+    if report is not None:
+        write_all(report.parent, _page(benchmark, runs, report))
+        print(report)
+
+
+def _print_benchmark(benchmark: "Benchmark", runs: "Sequence[Training]", out: Path, table: list[str] | None) -> None:
+    """Write the tables and pictures of a benchmark, and print the tables and where they are."""
+    from mesa_swarm.experiments import markdown_fitting
+    from mesa_swarm_studies.benchmarks.learn_report import learning_pictures, markdown, runs_csv, summary_json
+
     text = markdown(benchmark, runs)
     files: dict[str, str | bytes] = {
         "learn_bench.md": text,
@@ -259,9 +268,6 @@ def learn_bench(
     }
     print_lines(markdown_fitting(text, terminal_width()), 0)
     print_files(out, files, table)
-    if report is not None:
-        write_all(report.parent, _page(benchmark, runs, report))
-        print(report)
 
 
 def _page(benchmark: "Benchmark", runs: "Sequence[Training]", page: Path) -> dict[str, str | bytes]:
