@@ -76,9 +76,7 @@ def herding_checks(home: dict[tuple[int, int], list[float]]) -> list[Check]:
         judged_difference(
             "success falls between flocks of 16 and 24: neighbours are 2/3 and 2/5 of the others",
             "limit at about half the flock",
-            of_ten[24],
-            of_ten[16],
-            names=("24 sheep", "16 sheep"),
+            {"24 sheep": of_ten[24], "16 sheep": of_ten[16]},
             main=False,
         ),
         judged_share(

@@ -115,9 +115,7 @@ def caste_checks(by_share: list[list[dict]]) -> list[Check]:
         judged_difference(
             "minors work more than majors where there are as many of each",
             "specialists",
-            column(equal, "_majorsafter"),
-            column(equal, "_minorsafter"),
-            names=("majors", "minors"),
+            {"majors": column(equal, "_majorsafter"), "minors": column(equal, "_minorsafter")},
         ),
         judged_measure(
             "majors work more where minors are few (Wilson's removal of minors)",

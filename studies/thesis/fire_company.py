@@ -88,7 +88,7 @@ def second_robot(laboratory: Laboratory) -> Result:
         *(
             judged_difference(
                 f"the {which} robot stays longer than one that is alone: steps", "both stay longer",
-                column(alone, "first stays"), column(joined, f"{which} stays"), names=("alone", "with the other"),
+                {"alone": column(alone, "first stays"), "with the other": column(joined, f"{which} stays")},
             )
             for which in ("first", "second")
         ),

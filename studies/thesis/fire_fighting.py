@@ -523,9 +523,8 @@ def followers(laboratory: Laboratory) -> Result:
     rows = dict(zip(teams, laboratory.grid(search_run, points, seeds), strict=True))
 
     def sooner(claim: str, team: str, group: str, other: str, against: str, *, main: bool = False) -> Check:
-        pair = column(rows[team], group), column(rows[other], against)
-        names = (f"{team}, {group}", f"{other}, {against}")
-        return judged_difference(claim, "may be faster (9.5)", *pair, names=names, main=main)
+        steps = {f"{each}, {which}": column(rows[each], which) for each, which in ((team, group), (other, against))}
+        return judged_difference(claim, "may be faster (9.5)", steps, main=main)
 
     return Result(
         checks=(

@@ -180,9 +180,7 @@ def falling(rows: list[dict]) -> Check:
     return judged_difference(
         f"collisions fall to {FALL:.0%} or less: per robot and 1,000 steps",
         "to about 0",
-        late,
-        [FALL * value for value in early],
-        names=("last 3,000 steps", f"{FALL:.0%} of the first 1,000"),
+        {"last 3,000 steps": late, f"{FALL:.0%} of the first 1,000": [FALL * value for value in early]},
     )
 
 
@@ -252,9 +250,10 @@ def judged_totals(slow: list[dict], fast: list[dict]) -> tuple[Check, ...]:
         judged_difference(
             f"the total flattens, beta {beta:g}: collisions per robot",
             "plateau",
-            column(rows, "last third"),
-            [value / 2 for value in column(rows, "first third")],
-            names=("last third of the run", "half of the first"),
+            {
+                "last third of the run": column(rows, "last third"),
+                "half of the first": [value / 2 for value in column(rows, "first third")],
+            },
         )
         for beta, rows in ((SLOW, slow), (FAST, fast))
     ]

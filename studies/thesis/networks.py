@@ -221,9 +221,7 @@ def forgetting(laboratory: Laboratory) -> Result:
         judged_difference(
             f"{way} learning: error of the old task is smaller than without rehearsal, relative to the noise",
             "prevents forgetting",
-            column(rows[way], "old task"),
-            plain,
-            names=(way, "none"),
+            {way: column(rows[way], "old task"), "none": plain},
         )
         for way in REHEARSALS[1:]
     ]
@@ -231,9 +229,7 @@ def forgetting(laboratory: Laboratory) -> Result:
         judged_difference(
             "networks forget: error of the old task grows while they learn the new one, relative to the noise",
             "forgetting",
-            column(rows["none"], "old task at first"),
-            plain,
-            names=("before", "after"),
+            {"before": column(rows["none"], "old task at first"), "after": plain},
         ),
         *rehearsed,
     )
@@ -287,9 +283,7 @@ def tables(laboratory: Laboratory) -> Result:
         judged_difference(
             f"robots learn in {name}: mean reward of the last tenth of a run is above that of the first",
             "either may be used",
-            column(rows[memory], "reward early"),
-            column(rows[memory], "reward late"),
-            names=("first", "last"),
+            {"first": column(rows[memory], "reward early"), "last": column(rows[memory], "reward late")},
         )
         for memory, name in zip(MEMORIES, ("networks", "a table"), strict=True)
     ]
