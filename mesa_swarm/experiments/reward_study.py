@@ -16,7 +16,7 @@ from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import Run, done_in_order
-from mesa_swarm.experiments.tables import WIDEST, Study, csv_text, fitting
+from mesa_swarm.experiments.tables import Study, csv_text, fitting
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.actions import checked_actions
 from mesa_swarm.learning.reward_lab import Profile, learned_profile, profile_of, reward_profile
@@ -49,8 +49,8 @@ class RewardStudy(Study):
     done: tuple[tuple[Run, Outcome], ...]
     files: RunFiles
 
-    def table(self, width: int | None = WIDEST) -> str:
-        """Return the mean measures of each scene and reward as text, and their units."""
+    def table(self, width: int | None = None) -> str:
+        """Return the mean measures of each scene and reward as text, the table at most `width` columns wide."""
         rows = [["scene", "reward", *MEASURES]]
         for scene in SCENES:
             for reward in self.profiles:
