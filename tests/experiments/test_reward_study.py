@@ -1,7 +1,6 @@
 """The reward laboratory's runs: what they measure, and that a killed study continues with what is done."""
 
 import os
-import signal
 
 import numpy as np
 import pandas as pd
@@ -13,7 +12,7 @@ from mesa_swarm.experiments import reward_study as studies
 from mesa_swarm.experiments.diagnosis import MEASURES, SCENES, oscillation, trained
 from mesa_swarm.experiments.reward_study import reward_study
 from mesa_swarm.learning.reward_lab import learned_profile
-from support.killing import Victim, lines_in
+from support.killing import kill_at_call, lines_in
 
 BRIEF = {"actions": 4, "steps": 30, "robots": 2, "seeds": 2, "rng": 3}
 
@@ -31,28 +30,13 @@ def test_a_run_is_measured_as_its_policy_is_alone_and_the_first_seed_is_drawn():
     assert learned.marks == alone.marks
 
 
-KILLED = """
-import os, signal, sys
-from mesa_swarm.experiments import reward_study as studies
-
-MEASURE, done = studies.oscillation, []
-
-def killed_in_the_middle(policy, **how):
-    done.append(how)
-    if len(done) == 6:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return MEASURE(policy, **how)
-
-studies.oscillation = killed_in_the_middle
-studies.reward_study(["a", "b"], actions=4, steps=30, robots=2, seeds=2, rng=3, out=sys.argv[1])
-"""
+STUDY = 'module.reward_study(["a", "b"], actions=4, steps=30, robots=2, seeds=2, rng=3, out=home)'
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 def test_a_study_whose_process_is_killed_continues_with_what_is_done_and_ends_in_the_same_files(tmp_path, monkeypatch):
     home = tmp_path / "killed"
-    victim = Victim(KILLED, home, errors=tmp_path / "errors")
-    assert victim.process.wait(600) == -signal.SIGKILL, victim.errors.read_text()
+    kill_at_call(studies.__name__, "oscillation", 6, STUDY, home, tmp_path / "errors")
     assert lines_in(home / "runs.jsonl") == 2
     done = []
     monkeypatch.setattr(studies, "oscillation", lambda policy, **how: done.append(how) or oscillation(policy, **how))

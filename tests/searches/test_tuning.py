@@ -2,7 +2,6 @@
 
 import math
 import os
-import signal
 
 import numpy as np
 import pandas as pd
@@ -15,7 +14,7 @@ from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.searches import tuning
 from mesa_swarm.searches.tuning import LIMITS, THESIS, LearningGoal, Tuned, _placed, goal_run, settings_at, tune
 from mesa_swarm_studies.thesis.tuning import GOAL
-from support.killing import Victim, lines_in
+from support.killing import kill_at_call, lines_in
 
 SHORT = LearningGoal(steps=15, robots=2, least_speed=0.2)
 
@@ -96,22 +95,9 @@ def test_a_candidate_costs_what_its_mean_collisions_and_its_mean_speed_cost():
     assert min(found.costs[0]) == pytest.approx(SHORT.cost(**means))
 
 
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from mesa_swarm.searches import tuning
-
-RUN, done = tuning.goal_run, []
-
-def killed_in_the_middle(rng, **settings):
-    done.append(rng)
-    if len(done) == 11:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return RUN(rng, **settings)
-
-tuning.goal_run = killed_in_the_middle
-goal = tuning.LearningGoal(steps=15, robots=2, least_speed=0.2)
-tuning.tune(goal, generations=2, population=4, seeds=[1, 2], rng=5, out=sys.argv[1])
+TUNING = """
+goal = module.LearningGoal(steps=15, robots=2, least_speed=0.2)
+module.tune(goal, generations=2, population=4, seeds=[1, 2], rng=5, out=home)
 """
 
 
@@ -119,8 +105,7 @@ tuning.tune(goal, generations=2, population=4, seeds=[1, 2], rng=5, out=sys.argv
 def test_a_search_whose_process_is_killed_continues_with_what_is_done_and_ends_in_the_same_result(
     tmp_path, monkeypatch
 ):
-    victim = Victim(KILLED, tmp_path, errors=tmp_path / "errors")
-    assert victim.process.wait(600) == -signal.SIGKILL, victim.errors.read_text()
+    kill_at_call(tuning.__name__, "goal_run", 11, TUNING, tmp_path, tmp_path / "errors")
     assert lines_in(tmp_path / "runs.jsonl") == 10
     done = []
     monkeypatch.setattr(tuning, "goal_run", lambda **settings: done.append(settings) or goal_run(**settings))
