@@ -4,13 +4,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from mesa_swarm.base.files import check_apart, check_writable, checked_file, write_all
 from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import Folder, Jobs, Quiet, resumable
+from mesa_swarm.cli.options import Folder, Jobs, Quiet, Tables, print_files, resumable
 from mesa_swarm.errors import InvalidValueError, SwarmError, check_choice
 
 if TYPE_CHECKING:
@@ -229,12 +229,11 @@ def learn_bench(
         Path | None, typer.Option(metavar="FILE", help="Also write this page, .md, and its pictures.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume/--afresh", help="Continue an interrupted call.")] = True,
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Train all learners, then measure them, and controllers from outside, on maps that were not used for training."""
-    from mesa_swarm.experiments import markdown_fitting
     from mesa_swarm_studies.benchmarks import learn_bench as benchmarks
-    from mesa_swarm_studies.benchmarks.learn_report import learning_pictures, markdown, runs_csv, summary_json
 
     if report is not None:
         check_writable(checked_file(report, ".md", "report").parent / "pictures")
@@ -246,19 +245,29 @@ def learn_bench(
         policies=tuple(policy or ()),
         **{**(benchmarks.QUICK if quick else {}), **{name: n for name, n in given.items() if n is not None}},
     )
+    how: dict[str, Any] = {"jobs": jobs, "resume": resume, "progress": not quiet, "tables": table or ()}
     with resumable(out):
-        runs = benchmarks.learn_bench(benchmark, out=out, jobs=jobs, resume=resume, progress=not quiet)
-    table = markdown(benchmark, runs)
+        runs = benchmarks.learn_bench(benchmark, out=out, **how)
+    _print_benchmark(benchmark, runs, out, table)
+    if report is not None:
+        write_all(report.parent, _page(benchmark, runs, report))
+        print(report)
+
+
+def _print_benchmark(benchmark: "Benchmark", runs: "Sequence[Training]", out: Path, table: list[str] | None) -> None:
+    """Write the tables and pictures of a benchmark, and print the tables and where they are."""
+    from mesa_swarm.experiments import markdown_fitting
+    from mesa_swarm_studies.benchmarks.learn_report import learning_pictures, markdown, runs_csv, summary_json
+
+    text = markdown(benchmark, runs)
     files: dict[str, str | bytes] = {
-        "learn_bench.md": table,
+        "learn_bench.md": text,
         "learn_bench.csv": runs_csv(runs),
         "learn_bench.json": summary_json(benchmark, runs),
         **learning_pictures(runs),
     }
-    print_lines([*markdown_fitting(table, terminal_width()), *map(str, write_all(out, files))], 0)
-    if report is not None:
-        write_all(report.parent, _page(benchmark, runs, report))
-        print(report)
+    print_lines(markdown_fitting(text, terminal_width()), 0)
+    print_files(out, files, table)
 
 
 def _page(benchmark: "Benchmark", runs: "Sequence[Training]", page: Path) -> dict[str, str | bytes]:

@@ -1,8 +1,9 @@
 """Checks of a result, from the numbers of many runs to a verdict."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -216,30 +217,33 @@ def judged_share(
 
 
 def judged_difference(
-    claim: str,
-    reported: str,
-    first: Sequence[float | None],
-    second: Sequence[float | None],
-    *,
-    names: tuple[str, str],
-    main: bool = True,
+    claim: str, reported: str, sides: Mapping[str, Sequence[float | None]], *, main: bool = True
 ) -> Check:
-    """Judge whether the second of a pair is larger in the mean: the interval of the paired difference is above 0.
+    """Judge whether the second of two sides, by their names, is larger in the mean: the paired difference is above 0.
 
     Pairs with None are left out.
     """
+    first, second = sides.values()
     difference, pairs = paired_difference(first, second)
     means = [mean_interval([value for value in side if value is not None]).estimate for side in (first, second)]
-    sides = ", ".join(f"{name} {rounded(mean, 3)}" for name, mean in zip(names, means, strict=True))
+    shown = ", ".join(f"{name} {rounded(mean, 3)}" for name, mean in zip(sides, means, strict=True))
     return Check(
         claim=claim,
         reported=reported,
-        measured=f"{sides}: {with_limits(difference, signed=True)}, {pairs} pairs",
+        measured=f"{shown}: {with_limits(difference, signed=True)}, {pairs} pairs",
         criterion="paired difference above 0",
         outcome=above_zero(difference),
         main=main,
         detectable=detectable_mean(pair_differences(first, second)),
     )
+
+
+def judged_measure(
+    claim: str, reported: str, measure: str, sides: Mapping[str, Sequence[Mapping[str, Any]]], *, main: bool = True
+) -> Check:
+    """Judge whether a measure is larger in the mean in the second of two sets of runs, see `judged_difference`."""
+    values = {name: [run[measure] for run in runs] for name, runs in sides.items()}
+    return judged_difference(claim, reported, values, main=main)
 
 
 def above_zero(difference: Interval) -> str:

@@ -24,7 +24,7 @@ MOVED = {
     "environments.scores": "environments.observation",
     "environments.task_world": "environments.roster environments.commanded",
     "experiments.diagnosis": "experiments.oscillation",
-    "experiments.figures": "experiments.comparison_figures",
+    "experiments.figures": "experiments.comparison_figures experiments.study_figures",
     "experiments.learning_figures": "experiments.fire_figures experiments.reward_figures",
     "experiments.tables": "experiments.findings",
     "fire.fires_part": "fire.model",

@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 from mesa_swarm.base.errors import SwarmError, error_line, locate_error
 from mesa_swarm.base.work_line import summarise_work
-from mesa_swarm.cli import check, compare, design, draw, info, learn, listing, page, parameter_searches, policies, run
+from mesa_swarm.cli import compare, design, draw, info, learn, listing, page, parameter_searches, policies, run
 from mesa_swarm.cli.installed import command_of, installed_commands
 from mesa_swarm.cli.lines import any_letters
 
@@ -59,7 +59,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for group in (listing, info, run, compare, parameter_searches, draw, learn, design, check, page):
+for group in (listing, info, run, compare, parameter_searches, draw, learn, design, page):
     app.add_typer(group.commands)
 app.add_typer(draw.map_commands, name="map")
 app.add_typer(policies.commands, name="policy")

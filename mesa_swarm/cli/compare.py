@@ -11,7 +11,7 @@ import typer
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.cli.lines import print_lines, terminal_width
+from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import (
     FAILED,
     Jobs,
@@ -24,6 +24,7 @@ from mesa_swarm.cli.options import (
     Until,
     known_model,
     prepare,
+    print_study,
     resumable,
 )
 from mesa_swarm.model.gallery import find_model, loaded_models, short_name
@@ -31,6 +32,8 @@ from mesa_swarm.model.gallery import find_model, loaded_models, short_name
 if TYPE_CHECKING:
     from mesa_swarm.experiments.experiment import Experiment
     from mesa_swarm.experiments.jobs import Job
+    from mesa_swarm.experiments.reality_gap import Gap
+    from mesa_swarm.experiments.run_tables import RunFiles
     from mesa_swarm.experiments.sweep import Shard, Sweep
 
 commands = typer.Typer()
@@ -60,7 +63,7 @@ def sweep_command(
     """Do all runs of a job file; continue an interrupted sweep. Exit status 1 if some runs failed."""
     prepare()
     from mesa_swarm.experiments.jobs import read_job
-    from mesa_swarm.experiments.run_tables import checked_forms
+    from mesa_swarm.experiments.run_tables import RunFiles, checked_forms
     from mesa_swarm.experiments.series import checked_series
     from mesa_swarm.experiments.sweep import WHOLE, Shard, done_before, run_experiment
     from mesa_swarm.experiments.worker_pool import checked_jobs, on_scheduler
@@ -69,19 +72,19 @@ def sweep_command(
     forms, parts = checked_forms(table or ()), checked_series(series)
     read = read_job(job, until)
     folder = out or Path("results", read.name)
+    files = RunFiles(folder, parts, forms)
     if dry_run:
-        for experiment, home, options in _parts(read, folder, record, parts):
-            _print_size(experiment, home, part, done_before(experiment, home, options, part, series=parts))
+        for experiment, home, options in _parts(read, files, record):
+            _print_size(experiment, home, part, done_before(experiment, home, options, part))
         return
     check_writable(folder)
     workers = checked_jobs(jobs)
     if scheduler is not None and jobs != -1:
         raise InvalidValueError("--jobs counts processes of this machine; leave it out with --scheduler")
     failures = 0
-    kept: dict[str, Any] = {"shard": part, "series": parts, "tables": forms}
     with nullcontext() if scheduler is None else on_scheduler(scheduler):
-        for experiment, home, options in _parts(read, folder, record, parts):
-            made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, **kept)
+        for experiment, home, options in _parts(read, files, record):
+            made = run_experiment(experiment, home, workers, not quiet, options, retry_failed, shard=part)
             _print_made(made)
             failures += made.failed
     if failures:
@@ -89,11 +92,11 @@ def sweep_command(
         raise typer.Exit(FAILED)
 
 
-def _print_size(experiment: "Experiment", home: Path, part: "Shard", done: int) -> None:
+def _print_size(experiment: "Experiment", home: "RunFiles", part: "Shard", done: int) -> None:
     """Print how many runs an experiment has, and how many of them are done."""
     points, seeds, runs = len(experiment.points), len(experiment.seeds), part.count(experiment)
     size = f"{quantity(points, 'point')} x {quantity(seeds, 'seed')}, {quantity(experiment.steps, 'step')} each"
-    print_lines([f"{home}: {quantity(runs, 'run')} ({size}), {done:,} done, {runs - done:,} to do"])
+    print_lines([f"{home.folder}: {quantity(runs, 'run')} ({size}), {done:,} done, {runs - done:,} to do"])
 
 
 def _print_made(made: "Sweep") -> None:
@@ -108,16 +111,14 @@ def _print_made(made: "Sweep") -> None:
         print(f"mesa-swarm: {made.path}: {error}", file=sys.stderr, flush=True)
 
 
-def _parts(
-    job: "Job", folder: Path, record: bool, series: Sequence[str]
-) -> "Iterator[tuple[Experiment, Path, dict | None]]":
-    """Yield the experiments of a job, the folder of each, and the options of its recordings if it is recorded."""
+def _parts(job: "Job", files: "RunFiles", record: bool) -> "Iterator[tuple[Experiment, RunFiles, dict | None]]":
+    """Yield the experiments of a job, the files of each, and the options of its recordings if it is recorded."""
     from mesa_swarm.experiments.sweep import check_columns_of
 
     for experiment in job.experiments:
-        check_columns_of(experiment, recorded=record, series=series)
+        check_columns_of(experiment, recorded=record, series=files.parts)
     for experiment, records in zip(job.experiments, job.records, strict=True):
-        home = folder if len(job.experiments) == 1 else folder / experiment.name
+        home = files if len(job.experiments) == 1 else files.within(experiment.name)
         yield experiment, home, dict(records.options if records else {}) if record else None
 
 
@@ -144,17 +145,15 @@ def compare_command(
 ) -> None:
     """Compare values of a parameter over the same seeds; continue an interrupted comparison."""
     prepare()
-    from mesa_swarm.experiments.compare import LEDGER, run_plan
+    from mesa_swarm.experiments.compare import run_plan
+    from mesa_swarm.experiments.ledger import RUNS
     from mesa_swarm.experiments.plan import checked_plan
-    from mesa_swarm.experiments.run_tables import FILES, checked_forms
-    from mesa_swarm.experiments.series import checked_series
-    from mesa_swarm.experiments.tables import WIDEST
+    from mesa_swarm.experiments.run_tables import RunFiles
     from mesa_swarm.experiments.worker_pool import checked_jobs
     from mesa_swarm.model.parameters import parse_settings
 
-    model_class, forms, parts = find_model(model), checked_forms(table or ()), checked_series(series)
-    folder = check_writable(out or Path("results", f"compare_{short_name(model)}"))
-    workers = checked_jobs(jobs)
+    model_class, folder = find_model(model), out or Path("results", f"compare_{short_name(model)}")
+    files, workers = RunFiles.checked(folder, series=series, tables=table or ()), checked_jobs(jobs)
     plan = checked_plan(
         model_class,
         parameter=parameter,
@@ -165,15 +164,12 @@ def compare_command(
         measures=measure or (),
         until=until,
     )
-    with resumable(folder / LEDGER):
-        comparison = run_plan(plan, workers, not quiet, folder=folder, series=parts, tables=forms)
-    written = dict.fromkeys([*comparison.save(folder), *(folder / FILES[form] for form in forms)])
-    paths = [*written, *(comparison.plan.series.folders if comparison.plan.series else ())]
+    with resumable(folder / RUNS):
+        comparison = run_plan(plan, workers, not quiet, files=files)
     if comparison.done_before:
-        done = f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / LEDGER}"
+        done = f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / RUNS}"
         print_lines([done])
-    summary = comparison.table(terminal_width() or WIDEST)
-    print_lines([summary, "", *map(str, paths), "", comparison.finding()], 0)
+    print_study(comparison, folder, files.written, finding=True)
 
 
 def parsed_values(model_class: type, parameter: str | None, values: str) -> list:
@@ -213,33 +209,35 @@ def reality_gap_command(
 ) -> None:
     """Turn a dial from ideal to imperfect robots and draw the model's score; continue an interrupted call."""
     prepare()
-    from mesa_swarm.experiments import reality_gap as gaps
-    from mesa_swarm.model.parameters import parse_settings
-    from mesa_swarm.viewing.pictures import png
-
     of_one = {"--set": setting, "--measure": measure, "--until": until}
     option = next((name for name, value in of_one.items() if value), None)
     if model is None and option is not None:
         raise InvalidValueError(f"{option} is given without a model; name the model that it is for")
     folder = check_writable(out or Path("results", f"reality_gap_{short_name(model)}" if model else "reality_gap"))
-    found = []
-    for name in (model,) if model else loaded_models()[0]:
-        home = folder if model else folder / name
-        gap = gaps.reality_gap(
-            name,
-            preset=preset,
-            measure=measure,
-            seeds=seeds,
-            steps=steps,
-            settings=parse_settings(find_model(name), setting or ()),
-            jobs=jobs,
-            progress=not quiet,
-            out=home,
-            until=until,
-            series=series or False,
-            tables=table or (),
-        )
-        found.append(gap)
-        print_lines([gap.table(terminal_width()), "", *map(str, (*gap.save(home), *gap.stored))], 0)
-    if model is None:
-        print(write_whole(folder / "reality_gap.png", png(gaps.gaps_figure(found))))
+    options: dict[str, Any] = {
+        "preset": preset,
+        "measure": measure,
+        "seeds": seeds,
+        "steps": steps,
+        "jobs": jobs,
+        "until": until,
+    }
+    options |= {"series": series or False, "tables": table or (), "progress": not quiet}
+    if model is not None:
+        _print_gap(model, setting, folder, options)
+        return
+    from mesa_swarm.experiments.reality_gap import gaps_figure
+    from mesa_swarm.viewing.pictures import png
+
+    gaps = [_print_gap(name, setting, folder / name, options) for name in loaded_models()[0]]
+    print(write_whole(folder / "reality_gap.png", png(gaps_figure(gaps))))
+
+
+def _print_gap(model: str, setting: Sequence[str] | None, folder: Path, options: dict[str, Any]) -> "Gap":
+    """Measure the reality gap of a model, write its files, and print its table and their paths."""
+    from mesa_swarm.experiments.reality_gap import reality_gap
+    from mesa_swarm.model.parameters import parse_settings
+
+    gap = reality_gap(model, settings=parse_settings(find_model(model), setting or ()), out=folder, **options)
+    print_study(gap, folder, gap.stored)
+    return gap

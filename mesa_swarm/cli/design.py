@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from mesa_swarm.base.files import check_writable, write_all
-from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, resumable
+from mesa_swarm.base.files import check_writable
+from mesa_swarm.cli.options import MOST_STORED, Folder, Jobs, Quiet, Tables, print_files, print_study, resumable
 
 commands = typer.Typer()
 
@@ -32,6 +31,7 @@ def design_command(
     rng: FirstSeed = 1,
     jobs: Jobs = 1,
     out: Folder = Path("results", "design"),
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Search for a state machine that does a mission; continue there after an interruption."""
@@ -40,8 +40,7 @@ def design_command(
     from mesa_swarm.viewing.machine_drawing import machine_figure
     from mesa_swarm.viewing.pictures import png
 
-    folder = check_writable(out)
-    with resumable(folder):
+    with resumable(check_writable(out)):
         found = design_machine(
             Mission(name=mission, robots=robots, steps=steps),
             space=MachineSpace(states=states, transitions=transitions),
@@ -50,15 +49,16 @@ def design_command(
             population=population,
             rng=rng,
             jobs=jobs,
-            file=folder / "search.json",
+            file=out / "search.json",
             progress=not quiet,
+            tables=table or (),
         )
     print(f"{found.machine}\nmean score {found.worth:.4g} in the final trials")
     files: dict[str, str | bytes] = {
         "machine.txt": found.machine.text(),
         "machine.png": png(machine_figure(found.machine)),
     }
-    print("\n".join(map(str, write_all(folder, files))))
+    print_files(out, files, table)
 
 
 @commands.command("design-gap")
@@ -75,15 +75,15 @@ def design_gap_command(
     rng: FirstSeed = 101,
     jobs: Jobs = 1,
     out: Folder = Path("results", "design_gap"),
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Design state machines and networks for ideal robots, and compare what they lose on imperfect ones."""
+    from mesa_swarm.experiments.run_tables import RunFiles, checked_forms
     from mesa_swarm.searches import design_gap as gaps
     from mesa_swarm.searches.automatic_design import Mission
-    from mesa_swarm.viewing.pictures import png
 
-    folder = check_writable(out)
-    with resumable(folder):
+    with resumable(check_writable(out)):
         gap = gaps.design_gap(
             Mission(name=mission, robots=robots, steps=steps),
             budget=gaps.Budget(generations=generations, population=population),
@@ -92,16 +92,11 @@ def design_gap_command(
             preset=preset,
             rng=rng,
             jobs=jobs,
-            out=folder,
+            out=out,
             progress=not quiet,
+            tables=table or (),
         )
-    print_lines([gap.table(terminal_width())], 0)
-    files: dict[str, str | bytes] = {
-        "design_gap.csv": gap.csv(),
-        "design_gap.png": png(gaps.design_gap_figure(gap)),
-        "machines.txt": "\n".join(gap.texts),
-    }
-    print("\n".join(map(str, write_all(folder, files))))
+    print_study(gap, out, RunFiles(out, forms=checked_forms(table or ())).tables)
 
 
 @commands.command("diversity")
@@ -117,6 +112,7 @@ def diversity_command(
     rng: FirstSeed = 1,
     jobs: Jobs = 1,
     out: Folder = Path("results", "diversity"),
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Search for reflexes that behave differently (pyribs), and draw the best of each cell; continue there."""
@@ -125,8 +121,7 @@ def diversity_command(
     from mesa_swarm.searches.evolved_controllers import Trial
     from mesa_swarm.viewing.pictures import png
 
-    folder = check_writable(out)
-    with resumable(folder):
+    with resumable(check_writable(out)):
         found = diversify(
             Trial(robots=robots, steps=steps, units=0, encoding="typed"),
             measures=[name.strip() for name in measures.split(",")],
@@ -136,9 +131,10 @@ def diversity_command(
             rng=rng,
             jobs=jobs,
             progress=not quiet,
-            out=folder,
+            out=out,
+            tables=table or (),
         )
     print(f"{found.filled:.1%} of the cells filled by {found.tried:,} controllers")
     files: dict[str, str | bytes] = {"diversity.csv": found.csv(), "diversity.png": png(behaviour_figure(found))}
-    print("\n".join(map(str, write_all(folder, files))))
-    found.save(folder / "diversity.json")
+    print_files(out, files, table)
+    found.save(out / "diversity.json")

@@ -1,7 +1,7 @@
 """What several commands share: their options, and how they build a model and print its numbers."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mesa_swarm.base.files import write_all
 from mesa_swarm.base.lazy import without_collection
 from mesa_swarm.base.wording import in_brief
-from mesa_swarm.cli.lines import print_lines
+from mesa_swarm.cli.lines import print_lines, terminal_width
 from mesa_swarm.model.gallery import BASE, check_model_name, find_model
 
 if TYPE_CHECKING:
+    from mesa_swarm.experiments.tables import Study
     from mesa_swarm.swarm_model import SwarmModel
 
-__all__ = ["Folder", "Jobs", "Quiet", "resumable"]
+__all__ = ["Folder", "Jobs", "Quiet", "Tables", "print_files", "resumable"]
 
 # Typer checks limits before anything slow is imported.
 MOST_STEPS = 100_000_000
@@ -112,6 +114,21 @@ def resumable(place: Path) -> Iterator[None]:
     except KeyboardInterrupt:
         print(f"the runs so far are stored in {place}; the same command continues from there")
         raise
+
+
+def print_study(study: "Study", folder: Path, others: Iterable[Path] = (), *, finding: bool = False) -> None:
+    """Write the files of a study; print its table, their paths and those of other files, and on request the finding."""
+    width = terminal_width()
+    table, paths = study.table() if width is None else study.table(width), [*study.save(folder), *others]
+    print_lines([table, "", *map(str, dict.fromkeys(paths)), *(["", study.finding()] if finding else [])], 0)
+
+
+def print_files(folder: Path, contents: Mapping[str, str | bytes], table: Sequence[str] | None = None) -> None:
+    """Write files, by name, all of them or none, and print their paths and those of the tables of runs."""
+    from mesa_swarm.experiments.run_tables import RunFiles, checked_forms
+
+    tables = RunFiles(folder, forms=checked_forms(table or ())).tables
+    print_lines(map(str, [*write_all(folder, contents), *tables]), 0)
 
 
 def print_pairs(pairs: dict) -> None:

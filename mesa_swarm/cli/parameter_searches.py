@@ -8,8 +8,19 @@ import typer
 
 from mesa_swarm.base.errors import InvalidValueError, shortened
 from mesa_swarm.base.files import check_writable
-from mesa_swarm.cli.lines import print_lines, terminal_width
-from mesa_swarm.cli.options import Jobs, Model, Quiet, Settings, StepsOfRuns, Until, prepare, resumable
+from mesa_swarm.cli.options import (
+    Jobs,
+    Model,
+    Quiet,
+    Series,
+    Settings,
+    StepsOfRuns,
+    Tables,
+    Until,
+    prepare,
+    print_study,
+    resumable,
+)
 from mesa_swarm.model.gallery import find_model, short_name
 
 if TYPE_CHECKING:
@@ -65,6 +76,8 @@ def sensitivity_command(
     out: Results = None,
     retry_failed: Retry = False,
     until: Until = None,
+    series: Series = None,
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Measure how much a measure depends on each parameter (SALib); continue an interrupted call."""
@@ -75,11 +88,12 @@ def sensitivity_command(
     model_class = find_model(model)
     folder = check_writable(out or Path("results", f"sensitivity_{short_name(model)}_{method}"))
     own: dict[str, Any] = {"method": method, "points": points, "seeds": seeds, "missing": missing}
+    own |= {"series": series or False, "tables": table or ()}
     if difference is not None:
         own["difference"] = _parsed_difference(model_class, difference)
     options = {"steps": steps, "rng": rng, "jobs": jobs, "retry_failed": retry_failed, "until": until, **own}
     study = _study(studies.sensitivity, model_class, ranges, measure, folder, setting, quiet, options)
-    _print(study, study.sweep.path, folder)
+    print_study(study, folder, [study.sweep.path, *study.sweep.written], finding=True)
 
 
 @commands.command("calibrate")
@@ -100,10 +114,12 @@ def calibrate_command(
     out: Results = None,
     retry_failed: Retry = False,
     until: Until = None,
+    table: Tables = None,
     quiet: Quiet = False,
 ) -> None:
     """Search parameters at which measures are near their targets (Optuna); continue an interrupted call."""
     prepare()
+    from mesa_swarm.experiments.run_tables import RunFiles, checked_forms
     from mesa_swarm.experiments.sweep import TABLE
     from mesa_swarm.searches import calibration as studies
 
@@ -114,11 +130,11 @@ def calibrate_command(
         raise InvalidValueError("no target is given; give at least one, such as --target 'fires out=7'")
     targets = {name: numbers[0] if len(numbers) == 1 else numbers for name, numbers in _numbers("target", target, 2)}
     absent = {name: number for name, (number,) in _numbers("missing", missing or [], 1)}
-    own = {"points": points, "batch": batch, "seeds": seeds, "fresh": fresh, "missing": absent}
+    own = {"points": points, "batch": batch, "seeds": seeds, "fresh": fresh, "missing": absent, "tables": table or ()}
     options = {"steps": steps, "rng": rng, "jobs": jobs, "retry_failed": retry_failed, "until": until, **own}
-    _print(
-        _study(studies.calibrate, model_class, ranges, targets, folder, setting, quiet, options), folder / TABLE, folder
-    )
+    study = _study(studies.calibrate, model_class, ranges, targets, folder, setting, quiet, options)
+    tables = RunFiles(folder, forms=checked_forms(table or ())).tables
+    print_study(study, folder, [folder / TABLE, *tables], finding=True)
 
 
 def _study(
@@ -193,11 +209,3 @@ def _numbers(option: str, texts: Sequence[str], most: int) -> list[tuple[str, li
             raise InvalidValueError(f"{option} of {shortened(name)} is given twice; leave one out")
         found.append((name, numbers))
     return found
-
-
-def _print(found: Any, runs: Path, folder: Path) -> None:
-    """Write the files of a study, and print its table, their paths and the finding."""
-    from mesa_swarm.experiments.tables import WIDEST
-
-    paths = found.save(folder)
-    print_lines([found.table(terminal_width() or WIDEST), "", *map(str, [runs, *paths]), "", found.finding()], 0)

@@ -1,7 +1,7 @@
-"""One run, or the runs of a job one after the other: run, verify; and what they wait for once: warm-up."""
+"""One run, or the runs of a job one after the other: run, verify, diagnose; what they wait for once: warm-up."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -15,10 +15,13 @@ from mesa_swarm.cli.lines import print_lines
 from mesa_swarm.cli.options import (
     FAILED,
     MOST_STEPS,
+    MOST_STORED,
     Force,
     Jobs,
+    Model,
     Quiet,
     RecordingFile,
+    Seed,
     SeedOrNone,
     Settings,
     Until,
@@ -31,10 +34,12 @@ from mesa_swarm.cli.options import (
 from mesa_swarm.model.gallery import check_model_name, find_model, short_name
 
 if TYPE_CHECKING:
+    from mesa_swarm.analysis.pathology import Pathologies
     from mesa_swarm.experiments.series import Watch
     from mesa_swarm.swarm_model import SwarmModel
 
 JOB = ".toml"
+MOST_EPISODES = 20
 
 commands = typer.Typer()
 
@@ -188,3 +193,34 @@ def run_job(path: str, record: Path | None, force: bool, until: str | None = Non
         ended = {} if outcome.ended_by is None else {"ended by": outcome.ended_by}
         print_pairs({"steps": outcome.steps, **ended, **measured, "state hash": outcome.state_hash, **written})
     return not failed
+
+
+@commands.command("diagnose")
+def diagnose_command(
+    model: Model,
+    *,
+    setting: Settings = None,
+    steps: Annotated[int, typer.Option(min=1, max=MOST_STORED, help="How many at most.")] = 2000,
+    rng: Seed = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Run a model; print where robots made no progress: oscillated, blocked each other, were stuck."""
+    prepare()
+    from mesa_swarm.experiments.diagnosis import NEEDED, check_wheels, pathologies_of
+
+    built = built_model(model, setting, rng)
+    check_wheels(built)
+    built.watch(last=None, columns=NEEDED)
+    found = pathologies_of(built.run(steps, progress=not quiet))
+    layers = built.control.names if built.control else ()
+    names = ", ".join(f"{index} {name}" for index, name in enumerate(layers))
+    print_pairs({"steps": built.steps, "robots": len(built.swarm), "layers": names, **found.counts()})
+    print_lines(["", *described_episodes(found, [robot.unique_id for robot in built.robots])])
+
+
+def described_episodes(found: "Pathologies", ids: Sequence[int]) -> list[str]:
+    """Return the 20 longest episodes as sentences, the longest first."""
+    longest = sorted(found, key=lambda episode: -episode.steps)
+    sentences = [episode.describe(ids) for episode in longest[:MOST_EPISODES]] or ["No pathology was found."]
+    more = len(longest) - MOST_EPISODES
+    return [*sentences, f"... and {more} more, none of them longer."] if more > 0 else sentences

@@ -14,7 +14,8 @@ if TYPE_CHECKING:  # a type checker does not call __getattr__
     from mesa_swarm.experiments.figures import fires_figure
     from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
     from mesa_swarm.experiments.ledger import Ledger, Outcome
-    from mesa_swarm.experiments.runs import Run, completed
+    from mesa_swarm.experiments.run_tables import RunFiles, TableHead
+    from mesa_swarm.experiments.runs import Run, completed, done_in_order
     from mesa_swarm.experiments.statistics import (
         Interval,
         bootstrap_mean,
@@ -34,7 +35,8 @@ _MODULES = {
     "experiments.fingerprints": "engine_hash fingerprint",
     "experiments.ledger": "Ledger Outcome",
     "experiments.worker_pool": "checked_jobs",
-    "experiments.runs": "Run completed",
+    "experiments.run_tables": "RunFiles TableHead",
+    "experiments.runs": "Run completed done_in_order",
     "experiments.statistics": "Interval bootstrap_mean mean_interval pair_differences paired_difference share_interval",
     "experiments.tables": "csv_text fitting markdown_fitting with_limits",
     "base.wording": "quantity",
@@ -46,11 +48,14 @@ __all__ = [
     "Ledger",
     "Outcome",
     "Run",
+    "RunFiles",
+    "TableHead",
     "bootstrap_mean",
     "checked_jobs",
     "completed",
     "content_of",
     "csv_text",
+    "done_in_order",
     "engine_hash",
     "fingerprint",
     "fires_figure",

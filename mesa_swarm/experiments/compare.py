@@ -2,27 +2,21 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, cast
 
-from mesa_swarm.base.files import check_writable
-from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.base.files import write_whole
+from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
-from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
+from mesa_swarm.experiments.run_tables import NOTHING_STORED, RunFiles
 from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
-from mesa_swarm.experiments.series import checked_series
-from mesa_swarm.experiments.tables import WIDEST, finding, runs_csv, summary_csv, summary_rows, text_table
+from mesa_swarm.experiments.tables import WIDEST, Study, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.experiments.worker_pool import checked_jobs
-
-# A comparison stores its runs here, in the folder of its tables.
-LEDGER = "runs.jsonl"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Comparison(PairedRuns):
+class Comparison(Study, PairedRuns):
     """The runs of a comparison, with its table, its finding and its files.
 
     Examples
@@ -32,9 +26,6 @@ class Comparison(PairedRuns):
     [0, 0]
     """
 
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.finding()}"
-
     def table(self, width: int = WIDEST) -> str:
         """Return the summary as text, at most `width` columns wide."""
         return text_table(self, width)
@@ -43,24 +34,14 @@ class Comparison(PairedRuns):
         """Return the finding in one sentence."""
         return finding(self)
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write the tables and pictures, all of them or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        summary = summary_csv(summary_rows(self))
+        return {"runs.csv": runs_csv(self), "summary.csv": summary, "finding.txt": f"{self.finding()}\n"}
 
-        If a picture cannot be drawn, the tables are written without any, before that error is raised.
+    def _pictures(self) -> dict[str, bytes]:
+        from mesa_swarm.experiments.figures import comparison_pictures  # noqa: PLC0415 - slow to load
 
-        Raises
-        ------
-        InvalidValueError
-            If the folder cannot be written to.
-        """
-        tables = {
-            "runs.csv": runs_csv(self),
-            "summary.csv": summary_csv(summary_rows(self)),
-            "finding.txt": f"{self.finding()}\n",
-        }
-        from mesa_swarm.experiments.figures import comparison_pictures, write_with_pictures  # noqa: PLC0415 - slow to load
-
-        return write_with_pictures(check_writable(folder), tables, partial(comparison_pictures, self))
+        return comparison_pictures(self)
 
 
 def compare(
@@ -136,10 +117,9 @@ def compare(
     >>> compare("agglomeration", "n_robots", [4, 6], seeds=[7], steps=5, jobs=1).runs[0].rng
     7
     """
-    workers, forms, parts = checked_jobs(jobs), checked_forms(tables), checked_series(series)
+    workers, files = checked_jobs(jobs), RunFiles.checked(out, series=series, tables=tables)
     plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures, until=until)
-    folder = checked_folder(out, series=parts, forms=forms)
-    return run_plan(plan, workers, progress, folder=folder, series=parts, tables=forms)
+    return run_plan(plan, workers, progress, files=files)
 
 
 def run_plan(
@@ -147,11 +127,9 @@ def run_plan(
     workers: int = 1,
     progress: bool = False,
     heard: Callable[[PairedOutcome], object] = lambda outcome: None,
-    folder: Path | None = None,
-    series: Sequence[str] = (),
-    tables: Sequence[str] = (),
+    files: RunFiles = NOTHING_STORED,
 ) -> Comparison:
-    """Do all runs of a plan that are not stored in a folder, and return all of them.
+    """Do all runs of a plan that are not stored, and return all of them.
 
     Parameters
     ----------
@@ -161,18 +139,16 @@ def run_plan(
     progress : bool
     heard : callable, optional
         Called with each outcome as soon as its run is done.
-    folder : Path, optional
-        Where each run is stored as soon as it is done.
-    series, tables : sequence of str
-        Data sets and forms of tables that are written to the folder: see `checked_series`, `checked_forms`.
+    files : RunFiles
+        Where each run is stored as soon as it is done, and what is written of all.
 
     Examples
     --------
     >>> len(run_plan(checked_plan("fire_fighting", seeds=1, steps=2)).runs)
     2
     """
-    plan = with_series(plan, folder, series)
-    with nullcontext() if folder is None else Ledger(folder / LEDGER, fits=has_numbers) as ledger:
+    plan = files.of(plan)
+    with files.ledger(fits=has_numbers) as ledger:
         runs = list(plan.runs(keyed=ledger is not None))
         stored = stored_in(ledger, runs)
         do = partial(completed, runs, plan.simulate, ledger=ledger, each=heard, workers=workers, progress=progress)
@@ -189,8 +165,12 @@ def run_plan(
     # Of two values that are the same map, each has its own name in the tables.
     ordered = (replace(found[run.key], value=run.settings[plan.parameter]) for run in runs)
     comparison = Comparison(plan, tuple(ordered), done_before)
-    if folder is not None:
-        write_stored(plan, list(zip(runs, comparison.runs, strict=True)), folder, tables, runs_csv(comparison))
+    files.write(
+        plan,
+        lambda: zip(runs, comparison.runs, strict=True),
+        lambda path: write_whole(path, runs_csv(comparison)),
+        keeps_csv=True,
+    )
     return comparison
 
 

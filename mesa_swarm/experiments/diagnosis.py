@@ -9,7 +9,6 @@ import numpy as np
 from mesa_swarm.analysis.pathology import Pathologies, find_pathologies, flips_of
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number
 from mesa_swarm.control import Subsumption
-from mesa_swarm.experiments.worker_pool import checked_jobs, in_order
 from mesa_swarm.learning import PolicyLayer, QPolicy
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.robots.design import AGENT9
@@ -219,38 +218,3 @@ def flips(watched: Snapshots | Mapping[str, np.ndarray], sight: float) -> dict[s
 def _episodes(model: SwarmModel, steps: int) -> dict[str, float]:
     found = pathologies_of(model)
     return {kind: sum(episode.steps for episode in found.of_kind(kind)) / steps for kind in (CORRIDOR, THRESHOLD)}
-
-
-def oscillations(
-    cases: list[tuple[str, int]], seeds: list[int], *, steps: int = 20_000, jobs: int = -1
-) -> list[dict[str, object]]:
-    """Train robots with each reward and number of actions on each seed, and measure how they oscillate in both scenes.
-
-    Parameters
-    ----------
-    cases : list of (reward, actions)
-    seeds : list of int
-    steps : int
-        Of training.
-    jobs : int
-        Processes at a time, -1 for one on each core.
-
-    Returns
-    -------
-    list of dict
-        A row for each case, seed and scene, with the measures of `oscillation`.
-
-    Examples
-    --------
-    >>> rows = oscillations([("b", 4)], [1], steps=20, jobs=1)
-    >>> [row["scene"] for row in rows]
-    ['beside a wall', 'towards a wall']
-    """
-    work = [(reward, actions, seed, steps) for reward, actions in cases for seed in seeds]
-    return [row for rows in in_order(checked_jobs(jobs), _rows, work) for row in rows]
-
-
-def _rows(reward: str, actions: int, seed: int, steps: int) -> list[dict[str, object]]:
-    policy = trained(reward, actions, seed, steps=steps)
-    case = {"reward": reward, "actions": actions, "seed": seed}
-    return [{**case, "scene": scene, **oscillation(policy, scene=scene, rng=seed)} for scene in SCENES]

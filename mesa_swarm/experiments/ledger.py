@@ -19,6 +19,8 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.base.files import lock, show_path, unlock
 
+# The name of the file in most folders of runs; that of a sweep, and its parts, is another.
+RUNS = "runs.jsonl"
 KEY_BYTES = 16
 KEY = re.compile(f"[0-9a-f]{{{2 * KEY_BYTES}}}")
 # Checksum and the text up to the key: how each line of a ledger begins, and of no other file.

@@ -1,8 +1,7 @@
 """The reality gap: scores of a model while a dial goes from ideal robots to measured ones."""
 
 import os
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -15,17 +14,15 @@ from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_number, shortened
 from mesa_swarm.base.wording import quantity
-from mesa_swarm.experiments.compare import LEDGER
 from mesa_swarm.experiments.experiment import checked_settings
-from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond, write_with_pictures
-from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.figures import COLOURS, drawable, with_lanes_beyond
+from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, checked_plan
 from mesa_swarm.experiments.reports import counted, notes_on_rows, split_measure, sum_of_left_out
-from mesa_swarm.experiments.run_tables import checked_folder, checked_forms, with_series, write_stored
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import Run, completed, has_numbers, simulate
-from mesa_swarm.experiments.series import checked_series
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, pair_differences
-from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
+from mesa_swarm.experiments.tables import Study, csv_text, fitting, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.gallery import find_model, short_name
 from mesa_swarm.robots.imperfections import PRESETS, Imperfections, combine_imperfections
@@ -40,7 +37,7 @@ IMPERFECTIONS = "imperfections"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Gap:
+class Gap(Study):
     """The scores of a model over the dial: by place one score a seed, None where it did not happen."""
 
     model: str
@@ -84,14 +81,11 @@ class Gap:
         runs = ([p, seed, s] for p in self.dial for seed, s in zip(self.seeds, self.scores[p], strict=True))
         return csv_text([["dial", "rng", self.measure], *runs])
 
-    def save(self, folder: Path) -> list[Path]:
-        """Write the table and the picture, both or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        return {"reality_gap.csv": self.csv()}
 
-        If the picture cannot be drawn, the table is written without it, before that error is raised.
-        """
-        return write_with_pictures(
-            folder, {"reality_gap.csv": self.csv()}, lambda: {"reality_gap.png": png(gap_figure(self))}
-        )
+    def _pictures(self) -> dict[str, bytes]:
+        return {"reality_gap.png": png(gap_figure(self))}
 
 
 def reality_gap(
@@ -143,37 +137,17 @@ def reality_gap(
     >>> gap.measure, sorted(gap.scores)
     ('groups', [0.0, 1.0])
     """
-    workers, forms, parts = checked_jobs(jobs), checked_forms(tables), checked_series(series)
-    folder = checked_folder(out, series=parts, forms=forms)
-    whole = PRESETS[check_choice("preset", preset, PRESETS)]
-    places = checked_dial(dial)
+    workers, files = checked_jobs(jobs), RunFiles.checked(out, series=series, tables=tables)
+    whole, places = PRESETS[check_choice("preset", preset, PRESETS)], checked_dial(dial)
     model_class = find_model(model)
     if IMPERFECTIONS in (settings or {}):
         raise InvalidValueError("imperfections is given as a setting; leave it out, the dial sets it")
     reports = () if measure is None or split_measure(measure) is None else (measure,)
     free = _freed(model_class, settings)
-    plan = checked_plan(model_class, seeds=seeds, steps=steps, settings=free, measures=reports, until=until)
-    plan = with_series(plan, folder, parts)
-    built = plan.built(plan.seeds[0], plan.values[0])
-    names = list(dict.fromkeys([*(built.results() if hasattr(built, "results") else ()), *counted(reports)]))
-
-    def fits(outcome: Outcome) -> bool:
-        return has_numbers(outcome) and list(outcome.numbers) == names
-
-    def check(outcome: Outcome) -> None:
-        if measure is not None:
-            check_choice("measure", measure, outcome.numbers)  # now, not when all is done
-
+    plan = files.of(checked_plan(model_class, seeds=seeds, steps=steps, settings=free, measures=reports, until=until))
     runs = {place: _runs(plan, settings or {}, whole, place) for place in places}
-    every = [run for place in places for run in runs[place]]
-    with nullcontext() if folder is None else Ledger(folder / LEDGER, fits=fits) as ledger:
-        found = completed(every, simulate, ledger=ledger, each=check, workers=workers, progress=progress)
-    written: list[Path] = []
-    if folder is not None:
-        written = write_stored(plan, [(run, found[run.key]) for run in every], folder, forms)
-    rows = {place: [found[run.key].numbers for run in runs[place]] for place in places}
+    rows = _results(plan, runs, measure, files, workers, progress)
     wanted = chosen_measure(rows, measure, getattr(model_class, "headline", ())[:1])
-    scores = {place: [row[wanted] for row in row_of] for place, row_of in rows.items()}
     return Gap(
         model=short_name(model),
         measure=wanted,
@@ -181,10 +155,33 @@ def reality_gap(
         dial=places,
         seeds=plan.seeds,
         steps=plan.steps,
-        scores=scores,
+        scores={place: [row[wanted] for row in row_of] for place, row_of in rows.items()},
         left_out=sum_of_left_out(row for row_of in rows.values() for row in row_of) if reports else {},
-        stored=(*written, *(() if plan.series is None else plan.series.folders)),
+        stored=tuple(files.written),
     )
+
+
+def _results(
+    plan: ComparisonPlan,
+    runs: Mapping[float, Sequence[Run]],
+    measure: str | None,
+    files: RunFiles,
+    workers: int,
+    progress: bool,
+) -> dict[float, list[dict[str, Any]]]:
+    """Do the runs at all places of the dial that are not stored, and return the numbers of all, by place."""
+    built = plan.built(plan.seeds[0], plan.values[0])
+    names = list(dict.fromkeys([*(built.results() if hasattr(built, "results") else ()), *counted(plan.reports)]))
+
+    def check(outcome: Outcome) -> None:
+        if measure is not None:
+            check_choice("measure", measure, outcome.numbers)  # now, not when all is done
+
+    every = [run for at_place in runs.values() for run in at_place]
+    with files.ledger(fits=partial(has_numbers, names=names)) as ledger:
+        done = completed(every, simulate, ledger=ledger, each=check, workers=workers, progress=progress)
+    files.write(plan, lambda: ((run, done[run.key]) for run in every))
+    return {place: [done[run.key].numbers for run in at_place] for place, at_place in runs.items()}
 
 
 def _freed(model_class: type, settings: dict[str, Any] | None) -> dict[str, Any]:

@@ -3,8 +3,10 @@
 import csv
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,11 +14,11 @@ from typing import Any, TypeVar
 from pyarrow import parquet
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, shortened
-from mesa_swarm.base.files import check_writable, draft_of, show_path, write_whole
+from mesa_swarm.base.files import check_writable, draft_of, show_path
 from mesa_swarm.base.progress import notice
 from mesa_swarm.experiments.experiment import Experiment, first_built
 from mesa_swarm.experiments.fingerprints import shown_value
-from mesa_swarm.experiments.ledger import ENDED_BY, Outcome
+from mesa_swarm.experiments.ledger import ENDED_BY, RUNS, Ledger, Outcome
 from mesa_swarm.experiments.runs import Run
 from mesa_swarm.experiments.series import (
     CHOICES,
@@ -27,6 +29,7 @@ from mesa_swarm.experiments.series import (
     STEP,
     RunSeries,
     check_reporters,
+    checked_series,
     column_of,
 )
 from mesa_swarm.model.gallery import model_address
@@ -57,55 +60,129 @@ def checked_forms(tables: object) -> tuple[str, ...]:
     return tuple(dict.fromkeys(check_choice("form of a table", form, FILES) for form in listed))
 
 
-def checked_folder(
-    out: str | os.PathLike[str] | None, *, series: Sequence[str] = (), forms: Sequence[str] = ()
-) -> Path | None:
-    """Return the folder of results, or None; refuse series and tables without one."""
-    if out is None and (series or forms):
-        raise InvalidValueError(f"{'series' if series else 'tables'} are wanted and no folder is named; add out=...")
-    return None if out is None else check_writable(out)
+@dataclass(frozen=True, slots=True)
+class TableHead:
+    """What the first lines of a table of BehaviorSpace state: program, name of the experiment, bounds of the world."""
+
+    program: str
+    name: str
+    bounds: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, experiment: "Experiment | TableHead") -> "TableHead":
+        """Return that of an experiment."""
+        if isinstance(experiment, TableHead):
+            return experiment
+        return cls(model_address(experiment.model_class), experiment.name, first_built(experiment).map.bounds)
 
 
-def with_series(experiment: SomeExperiment, folder: Path | None, parts: Sequence[str]) -> SomeExperiment:
-    """Return an experiment of whose series these data sets are stored in a folder; an experiment as it is for none.
+@dataclass(frozen=True, slots=True)
+class RunFiles:
+    """Where runs are stored as soon as they are done, and what is written of them: series and tables.
 
-    A reporter that is named as a column that all series have is refused.
+    Parameters
+    ----------
+    folder : Path or None
+        Without one nothing is stored.
+    parts : tuple of str
+        Data sets of series, from `checked_series`.
+    forms : tuple of str
+        Forms of tables, from `checked_forms`.
+    file : str
+        The name of the ledger.
+    names_old : bool
+        Whether a line is printed about tables and series that earlier calls have left there.
     """
-    if folder is None or not parts:
-        return experiment
-    check_reporters(first_built(experiment))
-    return replace(experiment, series=RunSeries(folder / FOLDER, tuple(parts)))
+
+    folder: Path | None = None
+    parts: tuple[str, ...] = ()
+    forms: tuple[str, ...] = ()
+    file: str = RUNS
+    names_old: bool = True
+
+    @classmethod
+    def checked(
+        cls, out: str | os.PathLike[str] | None, *, series: object = False, tables: object = (), option: str = "out"
+    ) -> "RunFiles":
+        """Return the files of a folder that can be written to, or of none; refuse series and tables without one.
+
+        `option` is the argument that names the folder.
+        """
+        parts, forms = checked_series(series), checked_forms(tables)
+        if out is None and (parts or forms):
+            what = "series" if parts else "tables"
+            raise InvalidValueError(f"{what} are wanted and no folder is named; add {option}=...")
+        return cls(None if out is None else check_writable(out), parts, forms)
+
+    def within(self, name: str) -> "RunFiles":
+        """Return the same files in a folder of this name in the folder."""
+        return self if self.folder is None else replace(self, folder=self.folder / name)
+
+    def ledger(self, fits: Callable[[Outcome], bool] | None = None) -> AbstractContextManager[Ledger | None]:
+        """Return the ledger of the runs as a context, None in it without a folder."""
+        return nullcontext() if self.folder is None else Ledger(self.folder / self.file, fits=fits)
+
+    @property
+    def series(self) -> RunSeries | None:
+        """Where series are stored, None if they are not."""
+        return RunSeries(self.folder / FOLDER, self.parts) if self.folder is not None and self.parts else None
+
+    @property
+    def tables(self) -> list[Path]:
+        """The tables that are written."""
+        return [] if self.folder is None else [self.folder / FILES[form] for form in self.forms]
+
+    @property
+    def written(self) -> list[Path]:
+        """The tables, and the folders of series."""
+        return [*self.tables, *(() if self.series is None else self.series.folders)]
+
+    @property
+    def stored(self) -> list[Path]:
+        """The ledger, and all that is written."""
+        return [] if self.folder is None else [self.folder / self.file, *self.written]
+
+    def of(self, experiment: SomeExperiment) -> SomeExperiment:
+        """Return an experiment whose series are stored here; refuse a reporter named as a column of all series."""
+        if self.series is None:
+            return experiment
+        check_reporters(first_built(experiment))
+        return replace(experiment, series=self.series)
+
+    def write(
+        self,
+        experiment: Experiment | TableHead,
+        pairs: Pairs,
+        write_rows: Callable[[Path], object] | None = None,
+        *,
+        keeps_csv: bool = False,
+    ) -> None:
+        """Let the series of runs that are all done agree, and write their tables.
+
+        `write_rows` writes the CSV, by default a row a run with all that is known of it. A line is printed about what
+        earlier calls have left: with `keeps_csv` the CSV is not that, as a comparison saves it in any case.
+        """
+        if self.folder is None:
+            return
+        if self.names_old:
+            self._name_old(self.folder, (*self.forms, CSV) if keeps_csv else self.forms)
+        if self.series is not None:
+            self.series.agree({run.key for run, _ in pairs()})
+        for form, path in zip(self.forms, self.tables, strict=True):
+            if form == BEHAVIORSPACE:
+                write_behaviorspace(path, experiment, pairs)
+            else:
+                (write_rows or partial(write_all_rows, pairs=pairs))(path)
+
+    def _name_old(self, folder: Path, forms: Sequence[str]) -> None:
+        """Print a line about tables and series of an earlier call that this one leaves as they are."""
+        names = [name for form, name in FILES.items() if form not in forms]
+        names += [f"{FOLDER}/{part}" for part in CHOICES["both"] if part not in self.parts]
+        if old := [name for name in names if (folder / name).exists()]:
+            notice(f"{', '.join(old)} in {show_path(folder)} are of an earlier call, and were not written anew")
 
 
-def write_stored(
-    experiment: Experiment, done: list[tuple[Run, Outcome]], folder: Path, forms: Sequence[str], rows: str | None = None
-) -> list[Path]:
-    """Let the series of runs that are all done agree, write their tables in these forms, and return the paths.
-
-    `rows` is the content of the CSV, by default a row a run with all that is known of it.
-    """
-    # The CSV of a comparison is one of the files that it saves.
-    name_old_results(experiment, folder, forms if rows is None else (*forms, CSV))
-    if experiment.series is not None:
-        experiment.series.agree({run.key for run, _ in done})
-    if BEHAVIORSPACE in forms:
-        write_behaviorspace(folder / FILES[BEHAVIORSPACE], experiment, lambda: done)
-    if CSV in forms and rows is not None:
-        write_whole(folder / FILES[CSV], rows)
-    elif CSV in forms:
-        listed = [row_of(*pair) for pair in done]
-        names = dict.fromkeys(name for row in listed for name in row)
-        write_csv(folder / FILES[CSV], sorted(names, key=LAST.__contains__), listed)
-    return [folder / FILES[form] for form in forms]
-
-
-def name_old_results(experiment: Experiment, folder: Path, forms: Sequence[str]) -> None:
-    """Print a line about tables and series of an earlier call that this one leaves as they are."""
-    names = [name for form, name in FILES.items() if form not in forms and (folder / name).exists()]
-    parts = experiment.series.parts if experiment.series is not None else ()
-    names += [f"{FOLDER}/{part}" for part in CHOICES["both"] if part not in parts and (folder / FOLDER / part).exists()]
-    if names:
-        notice(f"{', '.join(names)} in {show_path(folder)} are of an earlier call, and were not written anew")
+NOTHING_STORED = RunFiles()
 
 
 def row_of(run: Run, outcome: Outcome) -> dict[str, Any]:
@@ -118,13 +195,19 @@ def row_of(run: Run, outcome: Outcome) -> dict[str, Any]:
     return {**settings, **fixed, **outcome.numbers, **ended, **series}
 
 
+def write_all_rows(path: Path, pairs: Pairs) -> Path:
+    """Write a row a run as CSV, with all that is known of any run."""
+    names = dict.fromkeys(name for pair in pairs() for name in row_of(*pair))
+    return write_csv(path, sorted(names, key=LAST.__contains__), (row_of(*pair) for pair in pairs()))
+
+
 def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> Path:
     """Write rows as CSV under a line of names, whole or not at all; what is missing is an empty field."""
     lines = ([row.get(name) for name in names] for row in rows)
     return _write(path, [names], lines, quoting=csv.QUOTE_MINIMAL)
 
 
-def write_behaviorspace(path: Path, experiment: Experiment, pairs: Pairs) -> Path:
+def write_behaviorspace(path: Path, experiment: Experiment | TableHead, pairs: Pairs) -> Path:
     """Write the table of NetLogo's BehaviorSpace, as NetLogo 6.4 does: six lines about the experiment, then the rows.
 
     Where series are stored there is a row for each row that was collected, with the reporters; else one for each run,
@@ -133,28 +216,30 @@ def write_behaviorspace(path: Path, experiment: Experiment, pairs: Pairs) -> Pat
     Parameters
     ----------
     path : Path
-    experiment : Experiment
+    experiment : Experiment or TableHead
+        A `TableHead` of runs that are not those of one model.
     pairs : callable
         Returns runs with their outcomes, in the order in which they are numbered, from 1.
     """
-    low_x, low_y, high_x, high_y = first_built(experiment).map.bounds
+    head = TableHead.of(experiment)
+    low_x, low_y, high_x, high_y = head.bounds
     about: list[list[Any]] = [
         [f"BehaviorSpace results (mesa-swarm {version('mesa-swarm')})", "Table version 2.0"],
-        [model_address(experiment.model_class)],
-        [experiment.name],
+        [head.program],
+        [head.name],
         [datetime.now().astimezone().strftime("%m/%d/%Y %H:%M:%S:000 %z")],
         ["min-pxcor", "max-pxcor", "min-pycor", "max-pycor"],
         [low_x, high_x, low_y, high_y],
     ]
     settings = list(dict.fromkeys(name for run, _ in pairs() for name in run.settings))
     reporters = list(dict.fromkeys(name for pair in pairs() for name in _reporters(*pair)))
-    head = ["[run number]", *(column_of(name, reporters) for name in settings), RNG, "[step]", *reporters]
+    columns = ["[run number]", *(column_of(name, reporters) for name in settings), RNG, "[step]", *reporters]
     rows = (
         [number, *(shown_value(run.settings.get(name)) for name in settings), run.rng, step, *map(row.get, reporters)]
         for number, (run, outcome) in enumerate(pairs(), start=1)
         for step, row in _steps(run, outcome)
     )
-    return _write(path, [*about, head], rows, quoting=csv.QUOTE_ALL, shown=in_netlogo)
+    return _write(path, [*about, columns], rows, quoting=csv.QUOTE_ALL, shown=in_netlogo)
 
 
 def _file_of_steps(run: Run) -> Path | None:

@@ -168,6 +168,12 @@ def completed(
     return found
 
 
+def done_in_order(runs: Sequence[Run], **how: Any) -> list[tuple[Run, Outcome]]:
+    """Return runs with their outcomes, in their order, after doing those that are not known; see `completed`."""
+    outcomes = completed(runs, **how)
+    return [(run, outcomes[run.key]) for run in runs]
+
+
 def stored_in(ledger: Store | None, runs: Iterable[Run]) -> dict[str, Outcome]:
     """Return the outcomes that a ledger has of runs whose series are stored, if they are to be, by key."""
     outcomes = {} if ledger is None else {run.key: ledger.outcome(run.key) for run in runs if run.is_kept}
@@ -254,12 +260,14 @@ def is_plain(number: object) -> bool:
     return number is None or (isinstance(number, int) and abs(number) <= LARGEST_WHOLE)
 
 
-def has_numbers(outcome: Outcome) -> bool:
+def has_numbers(outcome: Outcome, names: Sequence[str] = ()) -> bool:
     """Return whether an outcome is that of a run which `simulate` did: results, each of which is a number or None.
 
-    Only a report may be infinite.
+    Only a report may be infinite. With `names` the results have these names, in this order.
     """
     numbers = outcome.numbers.items()
+    if names and list(outcome.numbers) != list(names):
+        return False
     return bool(numbers) and all(is_plain(number) or _is_infinite_report(name, number) for name, number in numbers)
 
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pandas as pd
 import pyarrow as pa
 from pyarrow import parquet
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, shortened
-from mesa_swarm.base.files import check_writable, draft_of, show_path
+from mesa_swarm.base.files import draft_of, show_path
 from mesa_swarm.experiments.experiment import (
     POINT,
     Experiment,
@@ -25,19 +25,10 @@ from mesa_swarm.experiments.experiment import (
 from mesa_swarm.experiments.ledger import ENDED_BY, Ledger, Outcome
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, sum_of_left_out
 from mesa_swarm.experiments.run_records import Archive, check_options, chosen_options
-from mesa_swarm.experiments.run_tables import (
-    CSV,
-    FILES,
-    checked_forms,
-    name_old_results,
-    row_of,
-    with_series,
-    write_behaviorspace,
-    write_csv,
-)
+from mesa_swarm.experiments.run_tables import RunFiles, row_of, write_csv
 from mesa_swarm.experiments.runs import Run, attempt, do_runs, error_in_words
 from mesa_swarm.experiments.sampling import Sample
-from mesa_swarm.experiments.series import RUN, RunSeries, check_reporters, checked_series
+from mesa_swarm.experiments.series import RUN, RunSeries, check_reporters
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.parameters import parameters_of
 
@@ -244,19 +235,16 @@ def sweep(
     ...     made.runs, made.failed, made.frame()["n_robots"].tolist()
     (4, 0, [2, 2, 3, 3])
     """
-    workers = checked_jobs(jobs)
-    forms, options, parts = checked_forms(tables), chosen_options(record), checked_series(series)
+    workers, options = checked_jobs(jobs), chosen_options(record)
+    files = RunFiles.checked(out, series=series, tables=tables)
     experiment = checked_experiment(
         model, varied, seeds=seeds, steps=steps, settings=settings, measure=measure, until=until
     )
     if options is not None:
         check_options(options, experiment)
-    check_columns_of(experiment, recorded=options is not None, series=parts)
+    check_columns_of(experiment, recorded=options is not None, series=files.parts)
     chosen = WHOLE if shard is None else checked_shard(shard)
-    folder = check_writable(out)
-    return run_experiment(
-        experiment, folder, workers, progress, options, retry_failed, shard=chosen, series=parts, tables=forms
-    )
+    return run_experiment(experiment, files, workers, progress, options, retry_failed, shard=chosen)
 
 
 def checked_shard(shard: object) -> Shard:
@@ -268,7 +256,7 @@ def checked_shard(shard: object) -> Shard:
 
 def run_experiment(
     experiment: Experiment,
-    folder: Path,
+    files: RunFiles,
     workers: int = 1,
     progress: bool = False,
     record: Mapping[str, Any] | None = None,
@@ -276,16 +264,14 @@ def run_experiment(
     heard: Callable[[Run, Outcome], object] = lambda run, outcome: None,
     shard: Shard = WHOLE,
     words: Callable[[BaseException], str] = error_in_words,
-    series: Sequence[str] = (),
-    tables: Sequence[str] = (),
 ) -> Sweep:
     """Do the outstanding runs of an experiment, and write its table.
 
     Parameters
     ----------
     experiment : Experiment
-    folder : Path
-        Of the ledger and the table.
+    files : RunFiles
+        Of the ledger and the tables, in a folder.
     workers : int
         Processes, from `checked_jobs`.
     progress, record, retry_failed
@@ -296,13 +282,12 @@ def run_experiment(
         The runs to do; there are tables only of all.
     words : function
         Returns one line about the error of a run; called in the process of the run.
-    series, tables : sequence of str
-        Data sets and forms of tables, from `checked_series` and `checked_forms`.
     """
-    if tables and shard.shards > 1:
+    if files.forms and shard.shards > 1:
         raise InvalidValueError("tables are of all shards; leave them out here (--table), and collect all with them")
+    folder = cast(Path, files.folder)
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    experiment = with_series(experiment, folder, series)
+    experiment = files.of(experiment)
     taken = _taken(experiment, archive)
     runs = partial(experiment.part, shard.number, shard.shards)
     with Ledger(_ledger_of(shard, folder), retry_failed=retry_failed, fits=_fitting(experiment, taken)) as ledger:
@@ -323,7 +308,7 @@ def run_experiment(
             heard(run, outcome)
         paths = [ledger.path]
         if shard.shards == 1:
-            paths = write_tables(experiment, ledger, folder, archive, tables)
+            paths = write_tables(experiment, ledger, files, archive)
         failed, errors = _failures(runs(), ledger)
         left_out = _left_out(experiment, runs(), ledger)
     path, *others = paths
@@ -366,24 +351,21 @@ def _left_out(experiment: Experiment, runs: Iterable[Run], ledger: Ledger) -> di
 
 
 def done_before(
-    experiment: Experiment,
-    folder: Path,
-    record: Mapping[str, Any] | None = None,
-    shard: Shard = WHOLE,
-    *,
-    series: Sequence[str] = (),
+    experiment: Experiment, files: RunFiles, record: Mapping[str, Any] | None = None, shard: Shard = WHOLE
 ) -> int:
     """Return how many runs of an experiment, or a shard, are done in a folder, without changing anything there.
 
-    If options of recordings are given, runs that were not recorded do not count, and with `series` those without.
+    If options of recordings are given, runs that were not recorded do not count, and where series are wanted those
+    without.
 
     Examples
     --------
-    >>> done_before(checked_experiment("fire_fighting", seeds=2, steps=5), Path("nowhere"))
+    >>> done_before(checked_experiment("fire_fighting", seeds=2, steps=5), RunFiles(Path("nowhere")))
     0
     """
+    folder = cast(Path, files.folder)
     archive = None if record is None else Archive(folder / RECORDINGS, record)
-    experiment = with_series(experiment, folder, series)
+    experiment = files.of(experiment)
     runs = partial(experiment.part, shard.number, shard.shards)
     done: set[str] = set()
     for path in _ledgers(folder):
@@ -459,9 +441,7 @@ def _done(taken: set[str], archive: Archive | None, words: Callable[[BaseExcepti
     return outcome
 
 
-def write_tables(
-    experiment: Experiment, ledger: Ledger, folder: Path, archive: Archive | None, forms: Sequence[str]
-) -> list[Path]:
+def write_tables(experiment: Experiment, ledger: Ledger, files: RunFiles, archive: Archive | None) -> list[Path]:
     """Write one row a run, in the experiment's order, as Parquet and in other forms; return the paths.
 
     Each is written whole or not at all; never more than 10,000 rows are in memory.
@@ -471,11 +451,10 @@ def write_tables(
     experiment : Experiment
         All of whose runs are done.
     ledger : Ledger
-    folder : Path
+    files : RunFiles
+        The folder, and what is written to it.
     archive : Archive or None
         If there is one, `recording` names each run's file in it.
-    forms : sequence of str
-        See `run_tables.FILES`.
 
     Raises
     ------
@@ -483,9 +462,6 @@ def write_tables(
         If one cannot be written. The runs are in the ledger, and are not done again.
     """
     schema = _schema(experiment, ledger, archive)
-    name_old_results(experiment, folder, forms)
-    if experiment.series is not None:
-        experiment.series.agree({run.key for run in experiment.runs()})
 
     def pairs() -> Iterator[tuple[Run, Outcome]]:
         return _stored(experiment.runs(), ledger)
@@ -493,15 +469,12 @@ def write_tables(
     def rows() -> Iterator[dict[str, Any]]:
         return (_row(run, outcome, archive) for run, outcome in pairs())
 
-    with draft_of(folder / TABLE) as draft, parquet.ParquetWriter(draft, schema) as writer:
+    path = cast(Path, files.folder) / TABLE
+    with draft_of(path) as draft, parquet.ParquetWriter(draft, schema) as writer:
         for some in _batches(rows()):
             writer.write_table(pa.Table.from_pylist(some, schema=schema))
-    paths = [folder / TABLE]
-    for form in forms:
-        path = folder / FILES[form]
-        is_csv = form == CSV
-        paths.append(write_csv(path, schema.names, rows()) if is_csv else write_behaviorspace(path, experiment, pairs))
-    return paths
+    files.write(experiment, pairs, lambda place: write_csv(place, schema.names, rows()))
+    return [path, *files.tables]
 
 
 def _schema(experiment: Experiment, ledger: Ledger, archive: Archive | None) -> pa.Schema:

@@ -3,12 +3,15 @@
 import csv
 import io
 import math
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby, zip_longest
+from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
+from mesa_swarm.base.files import check_writable, write_all
 from mesa_swarm.base.wording import quantity
 from mesa_swarm.experiments.plan import PairedRuns
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows
@@ -30,6 +33,50 @@ GAP = "  "
 SHORT, LEAST = 12, 3
 # Numbers from here on, and smaller ones, are written with a power of ten.
 LARGEST, SMALLEST = 1e15, 1e-5
+
+
+class Study:
+    """What many runs show: a table, a finding, and the files that are written of them."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return "\n\n".join(filter(None, [self.table(), self.finding()]))
+
+    def table(self, width: int = WIDEST) -> str:
+        """Return the numbers as text, at most `width` columns wide."""
+        raise NotImplementedError
+
+    def finding(self) -> str:
+        """Return the finding in one sentence, empty where there is none."""
+        return ""
+
+    def _texts(self) -> dict[str, str]:
+        """Return tables and texts by the names of their files."""
+        raise NotImplementedError
+
+    def _pictures(self) -> dict[str, bytes]:
+        """Return pictures by the names of their files."""
+        raise NotImplementedError
+
+    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write tables and pictures, all of them or none, and return their paths.
+
+        If a picture cannot be drawn, the tables are written without any, all of them or none, before that error is
+        raised: the runs may have taken hours.
+
+        Raises
+        ------
+        InvalidValueError
+            If the folder cannot be written to.
+        """
+        place, texts = check_writable(folder), self._texts()
+        try:
+            pictures = self._pictures()
+        except Exception:
+            write_all(place, texts)
+            raise
+        return write_all(place, {**texts, **pictures})
 
 
 @dataclass(frozen=True, slots=True)

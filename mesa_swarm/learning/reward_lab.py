@@ -189,7 +189,11 @@ def learned_profile(
     tables = np.array([policy.of_robot(k).values(readings, kinds) for k in chosen])
     heat = policy.temperature if temperature is None else check_number("temperature", temperature, above=0)
     shares = np.array([[boltzmann(row, heat) for row in table] for table in tables]).mean(axis=0)
-    values = tables.mean(axis=0)
+    return profile_of(distance, tables.mean(axis=0), shares)
+
+
+def profile_of(distance: np.ndarray, values: np.ndarray, shares: np.ndarray) -> Profile:
+    """Return the profile of learned values (p, a) and probabilities (p, a) over distances (p,), with its marks."""
     return Profile(distance, values, shares, tuple(_decisions(distance, values, shares)))
 
 

@@ -21,6 +21,7 @@ from mesa_swarm.experiments.experiment import (
     checked_settings,
     checked_steps,
 )
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sweep import TABLE, run_experiment
 from mesa_swarm.experiments.until import checked_condition
 from mesa_swarm.experiments.worker_pool import checked_jobs
@@ -37,7 +38,7 @@ class AdaptiveDesign:
     ----------
     model : type or str
         A SwarmModel with a method ``results``, or its name or address.
-    seeds, steps, settings, measure, out, jobs, progress, retry_failed, until
+    seeds, steps, settings, measure, out, jobs, progress, retry_failed, until, tables
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
 
     Raises
@@ -72,6 +73,7 @@ class AdaptiveDesign:
         progress: bool = False,
         retry_failed: bool = False,
         until: Callable[[Any], object] | str | None = None,
+        tables: Sequence[str] = (),
     ) -> None:
         self._model = checked_class(model)
         self._fixed: dict[str, Any] = {
@@ -83,6 +85,7 @@ class AdaptiveDesign:
         }
         self._workers = checked_jobs(jobs)
         self._folder = check_writable(out)
+        self._files = RunFiles.checked(self._folder, tables=tables)
         self._progress, self._retry_failed = progress, retry_failed
         self._experiment: Experiment | None = None
         self._points: list[dict[str, Any]] = []
@@ -134,8 +137,8 @@ class AdaptiveDesign:
     def results(self) -> pd.DataFrame:
         """Run the points proposed since the last call, and return their rows: one a run, in order.
 
-        The table of all points so far is written beside the ledger, as by `sweep`. A run that ends in an error is a row
-        with it.
+        The tables of all points so far are written beside the ledger, as by `sweep`. A run that ends in an error is a
+        row with it.
 
         Raises
         ------
@@ -147,8 +150,10 @@ class AdaptiveDesign:
             raise InvalidValueError("no points were proposed since the last results; call propose(points) first")
         if self._retry_failed:  # only here: the runs of earlier points would be repeated with every batch
             new = replace(experiment, points=experiment.points[self._done :])
-            run_experiment(new, self._folder, self._workers, self._progress, retry_failed=True)
-        run_experiment(experiment, self._folder, self._workers, self._progress)
+            only_runs = RunFiles(self._folder, names_old=False)
+            run_experiment(new, only_runs, self._workers, self._progress, retry_failed=True)
+        run_experiment(experiment, self._files, self._workers, self._progress)
+        self._files = replace(self._files, names_old=False)  # once is enough
         rows = self.table()
         first, self._done = self._done, len(self._points)
         return rows[rows[POINT] >= first].reset_index(drop=True)

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from mesa_swarm.control import (
 )
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.fingerprints import shown_value
+from mesa_swarm.experiments.run_tables import RunFiles, TableHead
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.evolution import Candidate, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness
@@ -46,6 +48,7 @@ from mesa_swarm.searches.evolved_controllers import (
     breed,
     checked_maps,
     evolve,
+    trials_of,
 )
 
 # Distance between the centres of robots of one group: two robot diameters and a margin.
@@ -259,6 +262,7 @@ def design_machine(
     jobs: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool = False,
+    tables: Sequence[str] = (),
 ) -> Designed:
     """Search for the state machine with the highest score in a mission, as AutoMoDe does [1]_, by CatCMA.
 
@@ -285,6 +289,8 @@ def design_machine(
     file : path, optional
         A .json file that is written after each generation, from which an interrupted design continues.
     progress : bool
+    tables : sequence of str
+        Forms of tables with a row for each candidate of each generation, see `sweep`, which are written beside `file`.
 
     Returns
     -------
@@ -318,11 +324,14 @@ def design_machine(
     seed = int(streams["search"].integers(2**31))
     search = MixedEvolution(within.numbers, within.categories, sigma=sigma, population=population, seed=seed)
     settings = {"rng": rng, "sigma": sigma, "population": population, "space": asdict(within)}
+    files = RunFiles.checked(None if file is None else Path(file).parent, tables=tables, option="file")
     diary = Diary(file, {**settings, **settings_of_mission(task, worlds)})
     diary.replay(search, count)
     seeds = streams["worlds"].integers(2**63, size=count).tolist()
     work = partial(_score_of, task, within)
     breed(search, work, worlds, seeds, workers=workers, diary=diary, progress=progress)
+    rows = trials_of(search, work, worlds, seeds, task.steps)
+    files.write(TableHead(__name__, task.name, worlds[0].bounds), lambda: rows)
     seeds = streams["final"].integers(2**63, size=trials).tolist()
     last = search.best[-best:]
     won, worth = best_in_worlds(last, work, worlds, seeds, workers)

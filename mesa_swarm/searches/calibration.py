@@ -5,14 +5,12 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.base.extras import require_extra
-from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import (
     LARGEST_SEED,
@@ -24,10 +22,11 @@ from mesa_swarm.experiments.experiment import (
     checked_measures,
 )
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, notes_on_rows, sum_of_left_out
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sampling import Range, checked_ranges, range_text
 from mesa_swarm.experiments.statistics import FEWEST, Summary, known, mean_interval, summarised
 from mesa_swarm.experiments.sweep import run_experiment
-from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, with_limits
+from mesa_swarm.experiments.tables import WIDEST, Study, csv_text, fitting, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.searches.adaptive import AdaptiveDesign
 
@@ -57,7 +56,7 @@ class Target:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, repr=False, eq=False)
-class Calibration:
+class Calibration(Study):
     """The outcome of a calibration, its table, picture and files; made by `calibrate`.
 
     Parameters
@@ -97,9 +96,6 @@ class Calibration:
     failed: int
     loss: float
     left_out: Mapping[str, int] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.finding()}"
 
     @property
     def searched(self) -> dict[str, Any]:
@@ -180,7 +176,7 @@ class Calibration:
 
     def figure(self) -> Any:
         """Return the picture, a Matplotlib figure: the loss of all points in order, and over each parameter."""
-        from mesa_swarm.experiments.study_figures import calibration_figure  # noqa: PLC0415 - slow to load
+        from mesa_swarm.experiments.figures import calibration_figure  # noqa: PLC0415 - slow to load
 
         title = f"{self.experiment.model_class.__name__}: {quantity(len(self.history), 'point')} of a search"
         return calibration_figure(
@@ -190,23 +186,14 @@ class Calibration:
             self.point,
         )
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write tables, finding and picture, all of them or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        history = self.history.to_csv(index=False, lineterminator="\n")
+        return {"best.csv": self.csv(), "history.csv": history, "calibration.txt": f"{self!r}\n"}
 
-        Raises
-        ------
-        InvalidValueError
-            If the folder cannot be written to.
-        """
-        from mesa_swarm.experiments.figures import write_with_pictures  # noqa: PLC0415 - slow to load
-        from mesa_swarm.viewing.pictures import png  # noqa: PLC0415
+    def _pictures(self) -> dict[str, bytes]:
+        from mesa_swarm.viewing.figures import png  # noqa: PLC0415 - slow to load
 
-        tables = {
-            "best.csv": self.csv(),
-            "history.csv": self.history.to_csv(index=False, lineterminator="\n"),
-            "calibration.txt": f"{self!r}\n",
-        }
-        return write_with_pictures(check_writable(folder), tables, lambda: {"calibration.png": png(self.figure())})
+        return {"calibration.png": png(self.figure())}
 
 
 def calibrate(
@@ -229,6 +216,7 @@ def calibrate(
     progress: bool = False,
     retry_failed: bool = False,
     until: Callable[[Any], object] | str | None = None,
+    tables: Sequence[str] = (),
 ) -> Calibration:
     """Search the parameters at which measures of a model are nearest to their targets, on all cores.
 
@@ -268,7 +256,7 @@ def calibrate(
         The number that counts where a measure did not happen (None), such as `steps` for a time.
     sampler : optuna.samplers.BaseSampler, optional
         A new one, with a seed; by default Optuna's TPE ([1]_) with the seed `rng`.
-    steps, settings, jobs, progress, retry_failed, until
+    steps, settings, jobs, progress, retry_failed, until, tables
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
         Seed of the search.
@@ -312,10 +300,12 @@ def calibrate(
         progress=progress,
         retry_failed=retry_failed,
         until=until,
+        tables=tables,
     )
+    files = RunFiles.checked(out, tables=tables).within(FRESH)
     history = _searched(design, checked, losses, _checked_sampler(sampler, rng), points, batch)
     how: dict[str, Any] = {"workers": workers, "progress": progress, "retry_failed": retry_failed}
-    return _judged(design, history, checked, losses, fresh, check_writable(out) / FRESH, how)
+    return _judged(design, history, checked, losses, fresh, files, how)
 
 
 def _judged(
@@ -324,13 +314,13 @@ def _judged(
     ranges: Mapping[str, Range],
     losses: "_Losses",
     fresh: int,
-    folder: Path,
+    files: RunFiles,
     how: dict[str, Any],
 ) -> Calibration:
     """Run the best point of a search again with fresh seeds, and return what is known of it then."""
     point, experiment = int(history[LOSS].argmin()), design.experiment
     again = replace(experiment, points=[experiment.points[point]], seeds=_fresh_seeds(experiment.seeds, fresh))
-    made = run_experiment(again, folder, **how)
+    made = run_experiment(again, files, **how)
     frame = made.frame()
     rows = losses.numbers(frame, again)
     return Calibration(

@@ -2,9 +2,9 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mesa_swarm.base.errors import LearningError, check_choice, check_count
-from mesa_swarm.base.files import check_writable, show_path, write_whole
+from mesa_swarm.base.files import show_path, write_whole
 from mesa_swarm.control import Subsumption
 from mesa_swarm.control.arbiter import Arbiter
 from mesa_swarm.experiments.figures import COLOURS
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.reality_gap import DIAL, checked_dial
-from mesa_swarm.experiments.runs import Run, completed
+from mesa_swarm.experiments.run_tables import RunFiles, TableHead
+from mesa_swarm.experiments.runs import Run, done_in_order
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean
-from mesa_swarm.experiments.tables import csv_text, fitting, with_limits
+from mesa_swarm.experiments.tables import Study, csv_text, fitting, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.policy import PolicyLayer
 from mesa_swarm.maps.map import Map
@@ -36,7 +37,7 @@ from mesa_swarm.searches.automatic_design import (
     evolve_network,
     settings_of_mission,
 )
-from mesa_swarm.viewing.figures import plain_figure
+from mesa_swarm.viewing.figures import plain_figure, png
 from mesa_swarm.viewing.palette import LIGHT
 
 MACHINE, NETWORK = "state machine", "evolved network"
@@ -80,7 +81,7 @@ class Budget:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class DesignGap:
+class DesignGap(Study):
     """Scores of designed controllers over the dial: by kind one row a design, a column a place of the dial.
 
     Each score is the mean over the evaluation seeds; `texts` are the machines that were designed, and `settings` all
@@ -158,6 +159,12 @@ class DesignGap:
         ]
         return csv_text([["controller", "design", "dial", "score"], *rows])
 
+    def _texts(self) -> dict[str, str]:
+        return {"design_gap.csv": self.csv(), "machines.txt": "\n".join(self.texts)}
+
+    def _pictures(self) -> dict[str, bytes]:
+        return {"design_gap.png": png(design_gap_figure(self))}
+
 
 def design_gap(
     mission: Mission | None = None,
@@ -172,6 +179,7 @@ def design_gap(
     jobs: int = 1,
     out: str | os.PathLike[str] | None = None,
     progress: bool = False,
+    tables: Sequence[str] = (),
 ) -> DesignGap:
     """Design machines and networks for ideal robots by the same budget, and evaluate both over the reality dial.
 
@@ -198,6 +206,8 @@ def design_gap(
         Folder in which each controller and its scores are stored when they are done; a call with the same settings
         continues from there; one with other settings is refused.
     progress : bool
+    tables : sequence of str
+        Forms of tables with a row for each controller and place of the dial, see `sweep`; they need `out`.
 
     Raises
     ------
@@ -221,21 +231,22 @@ def design_gap(
     )
     first = check_count("rng", rng)
     count = check_count("designs", designs, minimum=2, maximum=10_000)
-    folder = None if out is None else check_writable(Path(out))
+    files = RunFiles.checked(out, tables=tables)
     settings = json.loads(json.dumps(work.settings))
     runs = [
         Run(work.result, {"kind": kind}, seed, key=f"{kind.replace(' ', '_')}_{seed}")
         for seed in range(first, first + count)
         for kind in KINDS
     ]
-    done = completed(
+    done = done_in_order(
         runs,
-        ledger=None if folder is None else ControllerFiles(folder, settings),
+        ledger=None if files.folder is None else ControllerFiles(files.folder, settings),
         workers=checked_jobs(jobs),
         progress=progress,
         unit="designs",
     )
-    results = {kind: [done[run.key].numbers for run in runs if run.settings["kind"] == kind] for kind in KINDS}
+    files.write(TableHead(__name__, task.name, (0.0, 0.0, *SIZE)), lambda: work.rows(done))
+    results = {kind: [outcome.numbers for run, outcome in done if run.settings["kind"] == kind] for kind in KINDS}
     scores = {kind: [result["scores"] for result in of_kind] for kind, of_kind in results.items()}
     texts = [result["controller"] for result in results[MACHINE]]
     return DesignGap(
@@ -272,6 +283,13 @@ class _Work:
             policy = evolve_network(self.mission, maps=maps, rng=rng, **search).policy
             control, described = Subsumption(PolicyLayer(policy=policy)), policy.wheel.tolist()
         return {"controller": described, "scores": [self._score(control, place) for place in self.dial]}
+
+    def rows(self, done: Iterable[tuple[Run, Outcome]]) -> Iterator[tuple[Run, Outcome]]:
+        """Yield a row of a table for each design and place of the dial."""
+        for run, outcome in done:
+            for place, score in zip(self.dial, outcome.numbers["scores"], strict=True):
+                settings = {"controller": run.settings["kind"], "dial": place}
+                yield replace(run, settings=settings), Outcome(self.mission.steps, results={"score": score})
 
     def _score(self, control: Arbiter, place: float) -> float:
         imperfections = PRESETS[self.preset].at(place)

@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
@@ -17,13 +16,14 @@ from matplotlib.figure import Figure
 from mesa_swarm.analysis.clusters import clusters
 from mesa_swarm.base.errors import InvalidValueError, LearningError, check_choice, check_count, check_number
 from mesa_swarm.base.extras import require_extra
-from mesa_swarm.base.files import check_writable, write_whole
+from mesa_swarm.base.files import write_whole
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control import Subsumption
 from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint
-from mesa_swarm.experiments.ledger import Ledger
-from mesa_swarm.experiments.runs import Run, completed
+from mesa_swarm.experiments.ledger import Outcome
+from mesa_swarm.experiments.run_tables import RunFiles, TableHead
+from mesa_swarm.experiments.runs import Run, done_in_order
 from mesa_swarm.experiments.tables import csv_text
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.policy import PolicyLayer
@@ -40,7 +40,6 @@ MEASURES = {"coverage": (0.0, 1.0), "speed": (0.0, 1.0), "largest group": (0.0, 
 # Every how many steps groups are counted.
 COUNTED_EVERY = 25
 FORMAT = "mesa_swarm archive 1"
-LEDGER = "runs.jsonl"
 # Trials depend on these files and on the engine; after a change they are repeated.
 SOURCES = tuple(f"searches/{name}.py" for name in ("diversity", "drive_measures", "evolved_controllers"))
 
@@ -129,6 +128,7 @@ def diversify(
     jobs: int = 1,
     progress: bool = False,
     out: str | os.PathLike[str] | None = None,
+    tables: Sequence[str] = (),
 ) -> BehaviourMap:
     """Search for reflexes that behave differently, by CMA-ME of pyribs [1]_: the best of each cell of two measures.
 
@@ -154,6 +154,8 @@ def diversify(
     out : path, optional
         Folder in which each trial is stored as soon as it is done: a search that was interrupted, or killed,
         continues when it is called again with the same arguments.
+    tables : sequence of str
+        Forms of tables with a row for each trial, see `sweep`; they need `out`.
 
     Returns
     -------
@@ -171,10 +173,6 @@ def diversify(
        optimization, GECCO 2023.
     """
     need_ribs()
-    from ribs.archives import GridArchive  # noqa: PLC0415 - optional
-    from ribs.emitters import EvolutionStrategyEmitter  # noqa: PLC0415
-    from ribs.schedulers import Scheduler  # noqa: PLC0415
-
     task = checked_trial("trial", Trial(robots=10, steps=400, units=0, encoding="typed") if trial is None else trial)
     names = check_two_measures(measures)
     check_count("cells", cells, minimum=2, maximum=200)
@@ -183,34 +181,46 @@ def diversify(
     place, workers = checked_maps("world", world)[0], checked_jobs(jobs)
     streams = Streams(np.random.SeedSequence(check_count("rng", rng, maximum=2**63 - 1)))
     seeds = streams["search"].integers(2**31, size=check_count("emitters", emitters, minimum=1, maximum=1000) + 1)
+    size = check_count("batch", batch, minimum=4, maximum=10_000)
+    files = RunFiles.checked(out, tables=tables)
+    archive, search = _begun(task.genes, names, cells, float(sigma), size, seeds.tolist())
+    seed = int(streams["world"].integers(2**63))
+    work = partial(_numbers_of, task, names, place)
+    decisive = engine_hash(*SOURCES), version("mesa-swarm"), settings_of(task, [place]), names
+    done: list[tuple[Run, Outcome]] = []
+    with progress_bar(count, "generations", progress) as bar, files.ledger() as ledger:
+        for _ in range(count):
+            settings = [{"genome": genome.tolist()} for genome in search.ask()]
+            runs = [Run(work, each, seed, task.steps, fingerprint(*decisive, each, seed)) for each in settings]
+            done += done_in_order(runs, ledger=ledger, workers=workers)
+            worth = np.array([list(outcome.numbers.values()) for _, outcome in done[-len(runs) :]])
+            search.tell(worth[:, 0], worth[:, 1:])
+            bar.update()
+    files.write(TableHead(__name__, "diversity", place.bounds), lambda: done)
+    fitness, genomes = best_of_cells(archive.data(), cells, task.genes)
+    return BehaviourMap(measures=names, fitness=fitness, genomes=genomes, trial=task, tried=count * size * emitters)
+
+
+def _begun(
+    genes: int, measures: tuple[str, str], cells: int, sigma: float, batch: int, seeds: list[int]
+) -> tuple[Any, Any]:
+    """Return the archive and the scheduler of a search by CMA-ME; the first seed is the archive's, others emitters'."""
+    from ribs.archives import GridArchive  # noqa: PLC0415 - optional
+    from ribs.emitters import EvolutionStrategyEmitter  # noqa: PLC0415
+    from ribs.schedulers import Scheduler  # noqa: PLC0415
+
     archive = GridArchive(
-        solution_dim=task.genes,
+        solution_dim=genes,
         dims=(cells, cells),
-        ranges=[MEASURES[name] for name in names],
-        seed=int(seeds[0]),
+        ranges=[MEASURES[name] for name in measures],
+        seed=seeds[0],
         learning_rate=1.0,
         threshold_min=-np.inf,
     )
-    size = check_count("batch", batch, minimum=4, maximum=10_000)
-    of_emitter: dict[str, Any] = {"x0": np.zeros(task.genes), "sigma0": float(sigma), "batch_size": size}
-    search = Scheduler(archive, [EvolutionStrategyEmitter(archive, **of_emitter, seed=int(seed)) for seed in seeds[1:]])
-    seed = int(streams["world"].integers(2**63))
-    work, source = partial(_numbers_of, task, names, place), engine_hash(*SOURCES)
-    decisive = source, version("mesa-swarm"), settings_of(task, [place]), names
-    folder = None if out is None else check_writable(out)
-    with (
-        progress_bar(count, "generations", progress) as bar,
-        nullcontext() if folder is None else Ledger(folder / LEDGER) as ledger,
-    ):
-        for _ in range(count):
-            settings = [{"genome": genome.tolist()} for genome in search.ask()]
-            runs = [Run(work, one, seed, key=fingerprint(*decisive, one, seed)) for one in settings]
-            outcomes = completed(runs, ledger=ledger, workers=workers)
-            found = np.array([list(outcomes[run.key].numbers.values()) for run in runs])
-            search.tell(found[:, 0], found[:, 1:])
-            bar.update()
-    fitness, genomes = best_of_cells(archive.data(), cells, task.genes)
-    return BehaviourMap(measures=names, fitness=fitness, genomes=genomes, trial=task, tried=count * size * emitters)
+    of_emitter: dict[str, Any] = {"x0": np.zeros(genes), "sigma0": sigma, "batch_size": batch}
+    return archive, Scheduler(
+        archive, [EvolutionStrategyEmitter(archive, **of_emitter, seed=seed) for seed in seeds[1:]]
+    )
 
 
 def best_of_cells(stored: Any, cells: int, genes: int) -> tuple[np.ndarray, np.ndarray]:

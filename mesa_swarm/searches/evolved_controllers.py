@@ -15,6 +15,8 @@ from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.base.streams import Streams
 from mesa_swarm.control import Subsumption
 from mesa_swarm.experiments.fingerprints import shown_value, without_addresses
+from mesa_swarm.experiments.ledger import Outcome
+from mesa_swarm.experiments.runs import Run
 from mesa_swarm.experiments.worker_pool import checked_jobs, in_order
 from mesa_swarm.learning.evolution import Evolution, MixedEvolution
 from mesa_swarm.learning.fitness import Fitness
@@ -281,6 +283,24 @@ def breed(
             search.tell(in_order(workers, worth, tried))
             diary.write(search)
             bar.update()
+
+
+def trials_of(
+    search: Evolution | MixedEvolution,
+    worth: Callable[..., float],
+    worlds: Sequence[Map],
+    seeds: Sequence[int],
+    steps: int,
+) -> list[tuple[Run, Outcome]]:
+    """Return the trials of a search that `breed` has driven as rows of a table: each candidate of each generation."""
+    return [
+        (
+            Run(worth, {"generation": g, "candidate": k, "map": worlds[g % len(worlds)]}, seeds[g], steps),
+            Outcome(steps, results={"fitness": fitness}),
+        )
+        for g, generation in enumerate(search.history)
+        for k, fitness in enumerate(np.asarray(generation).tolist())
+    ]
 
 
 def best_in_worlds(

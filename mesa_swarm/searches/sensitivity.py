@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,14 @@ import pandas as pd
 
 from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count, check_number, shortened
 from mesa_swarm.base.extras import require_extra
-from mesa_swarm.base.files import check_writable
 from mesa_swarm.base.wording import in_brief, quantity
 from mesa_swarm.experiments.experiment import Experiment, checked_class, checked_experiment
 from mesa_swarm.experiments.reports import notes_on_rows
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sampling import Range, checked_ranges, points_at, range_text
 from mesa_swarm.experiments.statistics import Interval
 from mesa_swarm.experiments.sweep import Sweep, run_experiment
-from mesa_swarm.experiments.tables import WIDEST, csv_text, fitting, known, with_limits
+from mesa_swarm.experiments.tables import WIDEST, Study, csv_text, fitting, known, with_limits
 from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.model.parameters import parameters_of
 
@@ -102,7 +101,7 @@ class SensitivityPlan:
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
-class Sensitivity:
+class Sensitivity(Study):
     """Indices of sensitivity with 95 % intervals, their table, picture and files; made by `sensitivity`.
 
     Parameters
@@ -128,9 +127,6 @@ class Sensitivity:
     numbers: np.ndarray
     indices: Mapping[str, Mapping[str, Interval]]
     chance: float
-
-    def __repr__(self) -> str:
-        return f"{self.table()}\n\n{self.finding()}"
 
     def ranked(self) -> list[str]:
         """Return the parameters, the one with the largest ST or mu* first."""
@@ -225,7 +221,7 @@ class Sensitivity:
 
     def figure(self) -> Any:
         """Return the picture, a Matplotlib figure: the indices, and the measure over each parameter."""
-        from mesa_swarm.experiments.study_figures import sensitivity_figure  # noqa: PLC0415 - slow to load
+        from mesa_swarm.experiments.figures import sensitivity_figure  # noqa: PLC0415 - slow to load
 
         title = f"{self.experiment.model_class.__name__}: {self.plan.title}, {quantity(len(self.shares), 'point')}"
         of = dict(zip(self.plan.ranges, self.shares.T, strict=True))
@@ -238,19 +234,13 @@ class Sensitivity:
             floor=self.floor,
         )
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write table, finding and picture, all of them or none, and return their paths.
+    def _texts(self) -> dict[str, str]:
+        return {"sensitivity.csv": self.csv(), "sensitivity.txt": f"{self!r}\n"}
 
-        Raises
-        ------
-        InvalidValueError
-            If the folder cannot be written to.
-        """
-        from mesa_swarm.experiments.figures import write_with_pictures  # noqa: PLC0415 - slow to load
-        from mesa_swarm.viewing.pictures import png  # noqa: PLC0415
+    def _pictures(self) -> dict[str, bytes]:
+        from mesa_swarm.viewing.figures import png  # noqa: PLC0415 - slow to load
 
-        tables = {"sensitivity.csv": self.csv(), "sensitivity.txt": f"{self!r}\n"}
-        return write_with_pictures(check_writable(folder), tables, lambda: {"sensitivity.png": png(self.figure())})
+        return {"sensitivity.png": png(self.figure())}
 
 
 def sensitivity(
@@ -271,6 +261,8 @@ def sensitivity(
     progress: bool = False,
     retry_failed: bool = False,
     until: Callable[[Any], object] | str | None = None,
+    series: bool | str = False,
+    tables: Sequence[str] = (),
 ) -> Sensitivity:
     """Measure how much a measure of a model depends on each of its parameters, on all cores.
 
@@ -308,7 +300,7 @@ def sensitivity(
     missing : float, optional
         The number that counts where the measure did not happen (None), such as `steps` for a time. Without it a
         missing measure is an error, and so is an infinite one.
-    steps, settings, jobs, progress, retry_failed, until
+    steps, settings, jobs, progress, retry_failed, until, series, tables
         See `sweep`; inside `joblib.parallel_config(backend="dask")` the workers of the cluster do the work.
     rng : int
         Seed of the design.
@@ -344,10 +336,10 @@ def sensitivity(
     need_salib()
     model_class, workers = checked_class(model), checked_jobs(jobs)
     plan = _checked_plan(model_class, ranges, measure, method, points, difference, missing, rng)
-    shares = plan.shares()
+    files, shares = RunFiles.checked(out, series=series, tables=tables), plan.shares()
     how: dict[str, Any] = {"seeds": seeds, "steps": steps, "settings": settings, "until": until}
     experiment = checked_experiment(model_class, _varied(plan, shares), measure=[measure], **how)
-    made = run_experiment(experiment, check_writable(out), workers, progress, retry_failed=retry_failed)
+    made = run_experiment(experiment, files, workers, progress, retry_failed=retry_failed)
     numbers = _numbers(plan, experiment, made)
     estimated = partial(_sobol if plan.method == "sobol" else _morris, shares)
     indices = _indices(estimated, numbers, list(plan.ranges), _groups(plan.method, len(plan.ranges)))

@@ -1,8 +1,11 @@
 """Temperature and discount of the Q-learner, tuned off-line to a goal by CMA-ES (thesis 8.4, 10.3)."""
 
 import math
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -10,11 +13,16 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError, check_count, check_number, shortened
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.control import Subsumption
+from mesa_swarm.experiments.fingerprints import engine_hash, fingerprint, shown_value
+from mesa_swarm.experiments.ledger import Outcome
+from mesa_swarm.experiments.run_tables import RunFiles, TableHead
+from mesa_swarm.experiments.runs import Run, done_in_order, has_numbers
 from mesa_swarm.experiments.sampling import check_different
 from mesa_swarm.experiments.statistics import Interval, mean_interval
-from mesa_swarm.experiments.worker_pool import checked_jobs, in_order
+from mesa_swarm.experiments.worker_pool import checked_jobs
 from mesa_swarm.learning.evolution import Evolution
 from mesa_swarm.learning.q_learning import QLearning
+from mesa_swarm.maps.map import Map
 from mesa_swarm.model.gallery import find_model
 
 # What is tuned, within which limits, and the thesis's values (8.3), around which the search begins. All but gamma are
@@ -34,6 +42,10 @@ LEAST_SPEED = 0.28
 FIRST_SEED = 10_000
 # Standard deviation of the first candidates, as a share of each interval.
 SIGMA = 0.2
+MEASURES = ("collisions", "speed")
+# Runs depend on this file, on the engine and on the model; after a change they are repeated.
+SOURCE = "searches/tuning.py"
+IS_MEASURED = partial(has_numbers, names=MEASURES)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -83,6 +95,22 @@ class LearningGoal:
         collisions, speed = check_number("collisions", collisions), check_number("speed", speed)
         return round(collisions + SHORTFALL * max(0.0, self.least_speed - speed), 12)
 
+    def head(self) -> TableHead:
+        """Return what the first lines of a table of runs state."""
+        return TableHead(__name__, "tuning", Map.load(self.map).bounds)
+
+    def runs(self, candidates: Iterable[dict[str, float]], seeds: Sequence[int]) -> list[Run]:
+        """Return a run of each candidate, settings of `QLearning`, with each seed."""
+        world: dict[str, Any] = {"steps": self.steps, "robots": self.robots, "map": self.map}
+        source = engine_hash(SOURCE, models=True), version("mesa-swarm")
+        decisive = *source, {**world, "map": shown_value(Map.load(self.map))}
+        make = partial(goal_run, **world)
+        return [
+            Run(make, settings, seed, self.steps, fingerprint(*decisive, settings, seed))
+            for settings in candidates
+            for seed in seeds
+        ]
+
 
 def goal_run(rng: int, *, steps: int, robots: int, map: str, **settings: Any) -> dict[str, float]:
     """Let robots learn from the first step on with these settings of `QLearning`; return collisions and speed.
@@ -98,10 +126,10 @@ def goal_run(rng: int, *, steps: int, robots: int, map: str, **settings: Any) ->
     model = find_model("q_learning")(n_robots=robots, map=map, rng=rng)
     model.control = Subsumption(QLearning(**settings))
     model.run(steps)
-    return {
-        "collisions": 1000.0 * model.total_collisions / (robots * steps),
-        "speed": float(np.mean(model.datacollector.model_vars["forward_speed"])),
-    }
+    collisions = 1000.0 * model.total_collisions / (robots * steps)
+    return dict(
+        zip(MEASURES, (collisions, float(np.mean(model.datacollector.model_vars["forward_speed"]))), strict=True)
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -131,6 +159,8 @@ def tune(
     rng: int = 1,
     jobs: int = 1,
     progress: bool = False,
+    out: str | os.PathLike[str] | None = None,
+    tables: Sequence[str] = (),
 ) -> Tuned:
     """Tune T_0, T_c, beta and gamma of `QLearning` to a goal, off-line: by CMA-ES around the thesis's values.
 
@@ -152,6 +182,11 @@ def tune(
         Processes, -1 for one on each core.
     progress : bool
         Whether to show a bar.
+    out : path, optional
+        Folder in which each run is stored as soon as it is done: a search that was interrupted, or killed, continues
+        when it is called again with the same arguments.
+    tables : sequence of str
+        Forms of tables with a row for each run of each candidate, see `sweep`; they need `out`.
 
     Returns
     -------
@@ -170,20 +205,26 @@ def tune(
     goal = LearningGoal() if goal is None else goal
     if not isinstance(goal, LearningGoal):
         raise InvalidValueError(f"goal is {shortened(goal)}; expected LearningGoal(...)")
-    listed, workers = _checked_seeds(seeds), checked_jobs(jobs)
+    listed, workers, files = _checked_seeds(seeds), checked_jobs(jobs), RunFiles.checked(out, tables=tables)
     count = check_count("generations", generations, minimum=1, maximum=1_000_000)
     search = Evolution(_placed(THESIS), sigma=SIGMA, population=population, seed=check_count("rng", rng))
-    tried: list[dict[str, float]] = []
-    with progress_bar(count, "generations", progress) as bar:
+    done: list[tuple[Run, Outcome]] = []
+    with progress_bar(count, "generations", progress) as bar, files.ledger(fits=IS_MEASURED) as ledger:
         for _ in range(count):
-            candidates = [settings_at(place) for place in search.ask()]
-            tasks = [(goal, settings, seed) for settings in candidates for seed in listed]
-            measured = np.reshape(in_order(workers, _measured, tasks), (search.population, len(listed), 2)).mean(axis=1)
-            search.tell([-goal.cost(collisions=collisions, speed=speed) for collisions, speed in measured.tolist()])
-            tried += candidates
+            runs = goal.runs(map(settings_at, search.ask()), listed)
+            done += done_in_order(runs, ledger=ledger, workers=workers)
+            means = _measures(done[-len(runs) :]).reshape(search.population, len(listed), 2).mean(axis=1)
+            search.tell([-goal.cost(collisions=collisions, speed=speed) for collisions, speed in means.tolist()])
             bar.update()
+    files.write(goal.head(), lambda: done)
     costs_of_all = tuple(tuple(-fitness for fitness in generation) for generation in search.history)
-    return Tuned(settings=tried[int(np.argmin(costs_of_all))], goal=goal, costs=costs_of_all)
+    best = int(np.argmin(costs_of_all)) * len(listed)
+    return Tuned(settings=dict(done[best][0].settings), goal=goal, costs=costs_of_all)
+
+
+def _measures(done: Sequence[tuple[Run, Outcome]]) -> np.ndarray:
+    """Return collisions and speed of each run (runs, 2)."""
+    return np.array([[outcome.numbers[name] for name in MEASURES] for _, outcome in done])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -202,10 +243,17 @@ class TuningComparison:
     remarks: tuple[str, ...]
 
 
-def comparison(tuned: Tuned, *, seeds: Iterable[int], jobs: int = 1) -> TuningComparison:
+def comparison(
+    tuned: Tuned,
+    *,
+    seeds: Iterable[int],
+    jobs: int = 1,
+    out: str | os.PathLike[str] | None = None,
+    tables: Sequence[str] = (),
+) -> TuningComparison:
     """Compare collisions and speed with the thesis's values and the tuned ones, with at least two seeds.
 
-    Differences are paired by seed; intervals are 95 %, Student's t.
+    Differences are paired by seed; intervals are 95 %, Student's t. `out` and `tables` are as for `tune`.
 
     Examples
     --------
@@ -215,8 +263,11 @@ def comparison(tuned: Tuned, *, seeds: Iterable[int], jobs: int = 1) -> TuningCo
     """
     goal, listed, workers = tuned.goal, _checked_seeds(seeds), checked_jobs(jobs)
     check_count("number of seeds", len(listed), minimum=2)
-    tasks = [(goal, settings, seed) for settings in (THESIS, tuned.settings) for seed in listed]
-    numbers = np.reshape(in_order(workers, _measured, tasks), (2, len(listed), 2))
+    files, runs = RunFiles.checked(out, tables=tables), goal.runs((THESIS, tuned.settings), listed)
+    with files.ledger(fits=IS_MEASURED) as ledger:
+        done = done_in_order(runs, ledger=ledger, workers=workers)
+    files.write(goal.head(), lambda: done)
+    numbers = _measures(done).reshape(2, len(listed), 2)
     rows = zip(("thesis", "tuned", "difference"), (*numbers, numbers[1] - numbers[0]), strict=True)
     cells = [[name, *(_shown(mean_interval(values)) for values in measured.T)] for name, measured in rows]
     return TuningComparison(
@@ -239,12 +290,6 @@ def _remarks(goal: LearningGoal, numbers: np.ndarray) -> tuple[str, ...]:
 
 def _shown(interval: Interval) -> str:
     return f"{interval.estimate:.3g} [{interval.low:.3g}, {interval.high:.3g}]"
-
-
-def _measured(goal: LearningGoal, settings: dict[str, float], seed: int) -> tuple[float, float]:
-    """Return collisions and speed of one run."""
-    run = goal_run(seed, steps=goal.steps, robots=goal.robots, map=goal.map, **settings)
-    return run["collisions"], run["speed"]
 
 
 def _checked_seeds(seeds: Iterable[int]) -> list[int]:

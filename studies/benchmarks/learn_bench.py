@@ -5,21 +5,21 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from mesa_swarm import __version__
-from mesa_swarm.base.files import check_writable
+from mesa_swarm import Map, __version__
 from mesa_swarm.errors import InvalidValueError, check_choice, check_count, shortened
 from mesa_swarm.experiments import (
     Controller,
-    Ledger,
     Outcome,
     Run,
+    RunFiles,
+    TableHead,
     checked_jobs,
-    completed,
     content_of,
+    done_in_order,
     engine_hash,
     fingerprint,
     load_controller,
@@ -166,21 +166,23 @@ def learn_bench(
     jobs: int = 1,
     resume: bool = True,
     progress: bool = False,
+    tables: Sequence[str] = (),
 ) -> list[Training]:
     """Train and measure all contestants.
 
     Each finished training is on the disk, with its measurements, before the next is waited for. A benchmark that
     was interrupted continues when it is called again with the same folder, unless `resume` is False: then all is done
-    again. Results do not depend on the number of jobs.
+    again. Results do not depend on the number of jobs. `tables` are forms of tables with a row for each training, see
+    `sweep`.
     """
-    workers = checked_jobs(jobs)
-    file = check_writable(out) / LEDGER
-    runs = list(benchmark.runs())
-    with Ledger(file, retry_failed=True, fits=is_training) as ledger:
-        if not resume:
+    workers, files = checked_jobs(jobs), replace(RunFiles.checked(out, tables=tables), file=LEDGER)
+    with files.ledger(fits=is_training) as ledger:
+        if not resume and ledger is not None:
             ledger.clear()
-        found = completed(runs, ledger=ledger, workers=workers, progress=progress, unit="trainings")
-    return [Training(**found[run.key].stored(), **run.settings, seed=run.rng) for run in runs]
+        runs = list(benchmark.runs())
+        done = done_in_order(runs, ledger=ledger, workers=workers, progress=progress, unit="trainings")
+    files.write(TableHead(__name__, "learn-bench", Map.load(HOME).bounds), lambda: done)
+    return [Training(**outcome.stored(), **run.settings, seed=run.rng) for run, outcome in done]
 
 
 def is_training(outcome: Outcome) -> bool:

@@ -10,7 +10,7 @@ from mesa_swarm.experiments import share_interval
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, draw_means, plain_axes
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_share
+from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_measure, judged_share
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -76,9 +76,7 @@ def herding_checks(home: dict[tuple[int, int], list[float]]) -> list[Check]:
         judged_difference(
             "success falls between flocks of 16 and 24: neighbours are 2/3 and 2/5 of the others",
             "limit at about half the flock",
-            of_ten[24],
-            of_ten[16],
-            names=("24 sheep", "16 sheep"),
+            {"24 sheep": of_ten[24], "16 sheep": of_ten[16]},
             main=False,
         ),
         judged_share(
@@ -160,33 +158,29 @@ def foraging_checks(working: list[list[dict]], resting: list[dict]) -> list[Chec
     two, six, many = working
     per_robot = "items per robot and 1,000 steps"
     return [
-        judged_difference(
+        judged_measure(
             f"a robot brings less in a team of 6 than in one of 2: {per_robot}",
             "efficiency falls with the size of the group",
-            column(six, "per robot"),
-            column(two, "per robot"),
-            names=("6 robots", "2 robots"),
+            "per robot",
+            {"6 robots": six, "2 robots": two},
         ),
-        judged_difference(
+        judged_measure(
             f"a robot brings less in a team of 18 than in one of 6: {per_robot}",
             "efficiency falls with the size of the group",
-            column(many, "per robot"),
-            column(six, "per robot"),
-            names=("18 robots", "6 robots"),
+            "per robot",
+            {"18 robots": many, "6 robots": six},
         ),
-        judged_difference(
+        judged_measure(
             "with thresholds, 18 robots use less energy for an item",
             "thresholds allot robots efficiently",
-            column(resting, "cost"),
-            column(many, "cost"),
-            names=("with", "without"),
+            "cost",
+            {"with": resting, "without": many},
         ),
-        judged_difference(
+        judged_measure(
             "all robots together bring more: items of teams of 18 and of 6",
             "larger groups bring more in all",
-            column(six, "items"),
-            column(many, "items"),
-            names=("6 robots", "18 robots"),
+            "items",
+            {"6 robots": six, "18 robots": many},
             main=False,
         ),
         judged_share(

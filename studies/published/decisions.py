@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, count_steps, draw_means, plain_axes
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_share
+from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_measure, judged_share
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -115,16 +115,13 @@ def caste_checks(by_share: list[list[dict]]) -> list[Check]:
         judged_difference(
             "minors work more than majors where there are as many of each",
             "specialists",
-            column(equal, "_majorsafter"),
-            column(equal, "_minorsafter"),
-            names=("majors", "minors"),
+            {"majors": column(equal, "_majorsafter"), "minors": column(equal, "_minorsafter")},
         ),
-        judged_difference(
+        judged_measure(
             "majors work more where minors are few (Wilson's removal of minors)",
             "majors take over",
-            column(few, "_majorsafter"),
-            column(many, "_majorsafter"),
-            names=("10 % majors", "90 % majors"),
+            "_majorsafter",
+            {"10 % majors": few, "90 % majors": many},
         ),
         *(
             judged_mean(
@@ -207,12 +204,11 @@ def speed_checks(made: dict[tuple, list[dict]]) -> list[Check]:
         )
         for (rule, share), rows in made.items()
     ]
-    faster = judged_difference(
+    faster = judged_measure(
         "the majority rule is faster: steps until all agree, 50% right at first",
         "considerable speed-up",
-        column(made["majority", EVEN], "steps"),
-        column(made["voter", EVEN], "steps"),
-        names=("majority", "voter"),
+        "steps",
+        {"majority": made["majority", EVEN], "voter": made["voter", EVEN]},
     )
     return [*agreed, faster]
 
@@ -229,12 +225,11 @@ def accuracy_checks(made: dict[tuple, list[dict]]) -> list[Check]:
         for rule in ("voter", "majority")
     ]
     accurate = [
-        judged_difference(
+        judged_measure(
             f"the voter model is more accurate: share of right decisions, {share:.0%} right at first",
             "lower accuracy of the majority rule",
-            column(made["majority", share], "right"),
-            column(made["voter", share], "right"),
-            names=("majority", "voter"),
+            "right",
+            {"majority": made["majority", share], "voter": made["voter", share]},
             main=share == FEW_RIGHT,
         )
         for share in (FEW_RIGHT, EVEN)

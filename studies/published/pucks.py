@@ -104,9 +104,8 @@ def slower(
     main: bool = True,
 ) -> Check:
     """Judge whether a team needs more time, or effort, than the one that is to be better."""
-    first, second = ([value / 1000 for value in column(by_team[n], measure)] for n in (best, other))
-    names = quantity(best, "robot"), quantity(other, "robot")
-    return judged_difference(claim, reported, first, second, names=names, main=main)
+    sides = {quantity(n, "robot"): [value / 1000 for value in column(by_team[n], measure)] for n in (best, other)}
+    return judged_difference(claim, reported, sides, main=main)
 
 
 def gathering_picture(by_team: dict[int, list[dict]]) -> Figure:

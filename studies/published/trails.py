@@ -60,9 +60,7 @@ def trail_checks(equal: list[float | None], unequal: list[float | None]) -> list
         judged_difference(
             "the short branch is chosen because it is short: the upper branch's share of the traffic",
             "depends on the ratio",
-            equal,
-            unequal,
-            names=("ratio 1", "ratio 2"),
+            {"ratio 1": equal, "ratio 2": unequal},
         ),
         judged_share(
             f"equal branches: one of them carries more than {CHOSEN:.0%} of the traffic in most runs",

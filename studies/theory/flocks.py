@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from mesa_swarm.analysis import polarization
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, draw_means, name_places, plain_axes
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_theory
+from mesa_swarm_studies.judging import Check, Result, judged_mean, judged_measure, judged_theory
 from mesa_swarm_studies.laboratory import Laboratory, Numbers
 from mesa_swarm_studies.registry import items_of_theory
 from mesa_swarm_studies.theory.courses import Course, torus
@@ -187,12 +187,11 @@ def transition(laboratory: Laboratory) -> Result:
 def noise_checks(by_noise: dict[float, list[dict]]) -> list[Check]:
     """Return the checks of how order falls with noise."""
     return [
-        judged_difference(
+        judged_measure(
             f"order falls with noise, {LARGE} robots: {less:g} to {more:g}",
             "falls",
-            column(by_noise[more], "order"),
-            column(by_noise[less], "order"),
-            names=(f"noise {more:g}", f"noise {less:g}"),
+            "order",
+            {f"noise {more:g}": by_noise[more], f"noise {less:g}": by_noise[less]},
         )
         for less, more in pairwise(NOISES)
     ]
@@ -201,12 +200,11 @@ def noise_checks(by_noise: dict[float, list[dict]]) -> list[Check]:
 def density_checks(by_density: dict[float, list[dict]]) -> list[Check]:
     """Return the checks of how order rises with density."""
     return [
-        judged_difference(
+        judged_measure(
             f"order rises with density, {LARGE} robots: {less:g} to {more:g}",
             "rises",
-            column(by_density[less], "order"),
-            column(by_density[more], "order"),
-            names=(f"density {less:g}", f"density {more:g}"),
+            "order",
+            {f"density {less:g}": by_density[less], f"density {more:g}": by_density[more]},
         )
         for less, more in pairwise(DENSITIES)
     ]
@@ -233,19 +231,17 @@ def size_checks(
             column(over_size[WITH_ORDER][1], "order"),
             low=0.5,
         ),
-        judged_difference(
+        judged_measure(
             f"in a larger swarm order ends at less noise: order at noise {middle:g}",
             "less in the larger",
-            column(over_noise[LARGE][middle], "order"),
-            column(over_noise[SMALL][middle], "order"),
-            names=(f"{LARGE} robots", f"{SMALL} robots"),
+            "order",
+            {f"{LARGE} robots": over_noise[LARGE][middle], f"{SMALL} robots": over_noise[SMALL][middle]},
         ),
-        judged_difference(
+        judged_measure(
             f"in a larger swarm order fluctuates more: N var(order) at noise {middle:g}",
             "more in the larger",
-            column(over_noise[SMALL][middle], "fluctuation"),
-            column(over_noise[LARGE][middle], "fluctuation"),
-            names=(f"{SMALL} robots", f"{LARGE} robots"),
+            "fluctuation",
+            {f"{SMALL} robots": over_noise[SMALL][middle], f"{LARGE} robots": over_noise[LARGE][middle]},
         ),
     ]
 

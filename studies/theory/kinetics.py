@@ -282,9 +282,10 @@ def contact_checks(made: dict[float, list[dict]]) -> list[Check]:
         judged_difference(
             f"robots in a dense swarm are longer in contact than pairs would be: density {DENSE:g}",
             "not described",
-            [in_contact(here) for here in column(jammed, "density")],
-            column(jammed, "contacts"),
-            names=("theory of pairs", "measured"),
+            {
+                "theory of pairs": [in_contact(here) for here in column(jammed, "density")],
+                "measured": column(jammed, "contacts"),
+            },
             main=False,
         )
     )

@@ -9,8 +9,7 @@ from mesa_swarm import AGENT3, Map, RobotDesign, SwarmModel, rectangle
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT, plain_figure
-from mesa_swarm_studies.drawing import column
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_share
+from mesa_swarm_studies.judging import Check, Result, judged_mean, judged_measure, judged_share
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -119,12 +118,11 @@ def wall_checks(fixed: list[dict], random: list[dict]) -> tuple[Check, ...]:
             shares,
             high=0.5,
         ),
-        judged_difference(
+        judged_measure(
             "with it a robot runs into the wall: collisions",
             "fails",
-            column(fixed, "collisions"),
-            column(random, "collisions"),
-            names=("one side", "random side"),
+            "collisions",
+            {"one side": fixed, "random side": random},
         ),
     )
 
@@ -147,20 +145,18 @@ def corridor_checks(translational: list[dict], stationary: list[dict], ignoring:
             [row["out"] == 1 for row in ignoring],
             low=0.8,
         ),
-        judged_difference(
+        judged_measure(
             "and goes in a zig-zag: swing across the corridor, standard deviation",
             "zig-zag",
-            column(translational, "swing"),
-            column(ignoring, "swing"),
-            names=("one wheel stopped", "ignoring both"),
+            "swing",
+            {"one wheel stopped": translational, "ignoring both": ignoring},
             main=False,
         ),
-        judged_difference(
+        judged_measure(
             "but changes sides less often, times in 100 steps",
             "not reported",
-            column(ignoring, "changes per 100 steps"),
-            column(translational, "changes per 100 steps"),
-            names=("ignoring both", "one wheel stopped"),
+            "changes per 100 steps",
+            {"ignoring both": ignoring, "one wheel stopped": translational},
             main=False,
         ),
     )
@@ -169,20 +165,18 @@ def corridor_checks(translational: list[dict], stationary: list[dict], ignoring:
 def map_checks(fixed: list[dict], backing: list[dict], random: list[dict]) -> tuple[Check, ...]:
     """Return the checks of ten robots on a map."""
     return (
-        judged_difference(
+        judged_measure(
             "robots that back up and turn without looking collide more",
             "rejected: not guided by sensors",
-            column(fixed, "collisions"),
-            column(backing, "collisions"),
-            names=("turning", "backing up"),
+            "collisions",
+            {"turning": fixed, "backing up": backing},
             main=False,
         ),
-        judged_difference(
+        judged_measure(
             "robots with side sensors collide more with a random side in front",
             "fails",
-            column(fixed, "collisions"),
-            column(random, "collisions"),
-            names=("one side", "random side"),
+            "collisions",
+            {"one side": fixed, "random side": random},
             main=False,
         ),
     )

@@ -126,9 +126,7 @@ def beyond_fixed(what: str, name: str, times: np.ndarray) -> Check:
     return judged_difference(
         f"without the fixed cost {what} grows at most as n^2, map {name}: ms of further robots",
         "O(n^2)",
-        list(many - some),
-        list(4 * (some - few)),
-        names=("from 24 to 48", "four times those from 12 to 24"),
+        {"from 24 to 48": list(many - some), "four times those from 12 to 24": list(4 * (some - few))},
         main=False,
     )
 
@@ -139,7 +137,7 @@ def contact_alone(laboratory: Laboratory) -> Result:
     checks = at_most_squared("contact", times)
     dense, wide = times["original", 0][-1], times["openspace", 0][-1]
     matters = judged_difference(
-        "the map matters: ms a step of 48 robots", "yes", wide, dense, names=("open", "dense"), main=False
+        "the map matters: ms a step of 48 robots", "yes", {"open": wide, "dense": dense}, main=False
     )
     return Result(
         checks=(*checks, matters),
@@ -183,18 +181,17 @@ def contact_share(laboratory: Laboratory) -> Result:
         judged_difference(
             f"the share of contact falls with robots, map {name}",
             "falls",
-            shares[name, 3][-1],
-            shares[name, 3][0],
-            names=("share at 48", "at 6"),
+            {"share at 48": shares[name, 3][-1], "at 6": shares[name, 3][0]},
         )
         for name in MAPS
     )
     slower = judged_difference(
         "from 6 to 48 robots the whole step grows by a larger factor than contact, map original",
         "both normalised in one figure",
-        contact["original", 0][-1] / contact["original", 0][0],
-        whole["original", 3][-1] / whole["original", 3][0],
-        names=("contact", "whole step"),
+        {
+            "contact": contact["original", 0][-1] / contact["original", 0][0],
+            "whole step": whole["original", 3][-1] / whole["original", 3][0],
+        },
         main=False,
     )
     return Result(
@@ -217,18 +214,17 @@ def by_sensors(laboratory: Laboratory) -> Result:
         judged_difference(
             f"{b} sensors take longer than {a}: ms a step of 48 robots",
             "longer",
-            times["original", a][-1],
-            times["original", b][-1],
-            names=(f"{a} sensors", f"{b} sensors"),
+            {f"{a} sensors": times["original", a][-1], f"{b} sensors": times["original", b][-1]},
         )
         for a, b in ((3, 6), (6, 9))
     ]
     steeper = judged_difference(
         "extra time of nine sensors grows with robots: ms",
         "grows",
-        times["original", 9][0] - times["original", 3][0],
-        times["original", 9][-1] - times["original", 3][-1],
-        names=("at 6", "at 48"),
+        {
+            "at 6": times["original", 9][0] - times["original", 3][0],
+            "at 48": times["original", 9][-1] - times["original", 3][-1],
+        },
     )
     return Result(
         checks=(*more, steeper), pictures={"": times_figure(times, "whole step, map original, ms")}, settings=SETTINGS

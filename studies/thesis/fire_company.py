@@ -11,7 +11,7 @@ from mesa_swarm import AGENT_FIRE, SwarmModel
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT, draw_world, frame_of, make_plain, scene_of
 from mesa_swarm_studies.drawing import column
-from mesa_swarm_studies.judging import Result, judged_difference, judged_mean
+from mesa_swarm_studies.judging import Result, judged_difference, judged_mean, judged_measure
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -82,14 +82,13 @@ def second_robot(laboratory: Laboratory) -> Result:
     alone, joined = laboratory.grid(stay_run, points, laboratory.fresh_seeds(STAYING_SEEDS))
     checks = (
         judged_mean("T falls once a second robot has come: change of T", "T falls", column(joined, "change"), high=0.0),
-        judged_difference(
-            "T falls further than with one robot", "T falls", column(joined, "change"), column(alone, "change"),
-            names=("with a second robot", "alone"),
+        judged_measure(
+            "T falls further than with one robot", "T falls", "change", {"with a second robot": joined, "alone": alone}
         ),
         *(
             judged_difference(
                 f"the {which} robot stays longer than one that is alone: steps", "both stay longer",
-                column(alone, "first stays"), column(joined, f"{which} stays"), names=("alone", "with the other"),
+                {"alone": column(alone, "first stays"), "with the other": column(joined, f"{which} stays")},
             )
             for which in ("first", "second")
         ),

@@ -16,7 +16,15 @@ from mesa_swarm.fire import FireConstants, design_constants, is_hot, next_temper
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, plain_axes, world_picture
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_share
+from mesa_swarm_studies.judging import (
+    Check,
+    Result,
+    judged_difference,
+    judged_fact,
+    judged_mean,
+    judged_measure,
+    judged_share,
+)
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 from mesa_swarm_studies.thesis.fire_company import ITEMS as OF_COMPANY
@@ -292,13 +300,8 @@ def strategy_a(laboratory: Laboratory) -> Result:
     leaving, _ = paired_runs(laboratory)
     most = column(leaving, "most at the largest")
     checks = (
-        judged_share(
-            "A leaves the large central fire burning",
-            "left burning (one run)",
-            [not out for out in column(leaving, "largest out")],
-            low=0.8,
-        ),
-        judged_mean("A puts out most others: of 6", "the others out (one run)", column(leaving, "others out"), low=5.0),
+        large_left(leaving),
+        others_out(leaving),
         judged_share(
             "never more than one robot is at the large fire",
             "never more than one",
@@ -327,19 +330,8 @@ def strategy_b(laboratory: Laboratory) -> Result:
     leaving, waiting = paired_runs(laboratory)
     cells = compared(laboratory)
     checks = (
-        judged_share(
-            "B puts out all seven fires",
-            "all out (one run)",
-            [out == FIRES for out in column(waiting, "out")],
-            low=0.9,
-        ),
-        judged_difference(
-            "B puts out more fires than A",
-            "7 against 6 (one run each)",
-            column(leaving, "out"),
-            column(waiting, "out"),
-            names=("A", "B"),
-        ),
+        all_out(waiting),
+        more_out(leaving, waiting),
         judged_share(
             "robots meet at the large fire: two or more at once",
             "implicit cooperation",
@@ -355,6 +347,31 @@ def strategy_b(laboratory: Laboratory) -> Result:
         settings=f"{FIGHTING}; {len(waiting)} paired seeds",
         remarks=(paired_in_words(leaving, waiting), *winners_in_words(cells)),
     )
+
+
+def large_left(leaving: list[dict], where: str = "", *, main: bool = True) -> Check:
+    """Return the check that A leaves the large fire burning; `where` begins the claim."""
+    burning = [not out for out in column(leaving, "largest out")]
+    claim = f"{where}A leaves the large central fire burning"
+    return judged_share(claim, "left burning (one run)", burning, low=0.8, main=main)
+
+
+def others_out(leaving: list[dict]) -> Check:
+    """Return the check that A puts out most of the other fires."""
+    others = column(leaving, "others out")
+    return judged_mean("A puts out most others: of 6", "the others out (one run)", others, low=5.0)
+
+
+def all_out(waiting: list[dict]) -> Check:
+    """Return the check that B puts out all fires."""
+    every = [out == FIRES for out in column(waiting, "out")]
+    return judged_share("B puts out all seven fires", "all out (one run)", every, low=0.9)
+
+
+def more_out(leaving: list[dict], waiting: list[dict], where: str = "", *, main: bool = True) -> Check:
+    """Return the check that B puts out more fires than A; `where` begins the claim."""
+    claim, sides = f"{where}B puts out more fires than A", {"A": leaving, "B": waiting}
+    return judged_measure(claim, "7 against 6 (one run each)", "out", sides, main=main)
 
 
 def everywhere(claim: str, cells: list[Cell], wanted: Callable[[Cell], bool]) -> Check:
@@ -393,6 +410,8 @@ def history_figure(laboratory: Laboratory, strategy: str) -> Figure:
 SHARED_SEEDS = 100
 # Of the runs under both constants; as many as are needed where no fire falls to one robot (seeds 10,000 to 10,003).
 TEAM = 30
+# Of claims about as many robots of which one alone puts out some fires.
+EASILY = f"with the default constants and {TEAM} robots "
 
 
 def shared(laboratory: Laboratory) -> Result:
@@ -405,7 +424,12 @@ def shared(laboratory: Laboratory) -> Result:
     *single, easy_a, easy_b, leaving, waiting = laboratory.grid(fire_run, [*points, *several], seeds)
     plain, held = [*single[0], *single[1]], [*single[2], *single[3]]
     return Result(
-        checks=(*alone_checks(plain, held), *strategy_checks(leaving, waiting), *default_checks(easy_a, easy_b)),
+        checks=(
+            *alone_checks(plain, held),
+            *(large_left(leaving), others_out(leaving), all_out(waiting), more_out(leaving, waiting)),
+            large_left(easy_a, EASILY, main=False),
+            more_out(easy_a, easy_b, EASILY, main=False),
+        ),
         pictures={
             "": outs_figure(
                 {
@@ -439,39 +463,6 @@ def alone_checks(plain: list[dict], held: list[dict]) -> list[Check]:
         none_out("a single robot puts out no fire, by the constants of 9.4", held, main=True),
         none_out("a single robot puts out no fire, by the default constants", plain, main=False),
     ]
-
-
-def strategy_checks(leaving: list[dict], waiting: list[dict]) -> list[Check]:
-    """Return the checks of A and B in the main."""
-    return [
-        judged_share(
-            "A leaves the large central fire burning", "left burning (one run)",
-            [not out for out in column(leaving, "largest out")], low=0.8,
-        ),
-        judged_mean("A puts out most others: of 6", "the others out (one run)", column(leaving, "others out"), low=5.0),
-        judged_share(
-            "B puts out all seven fires", "all out (one run)", [out == FIRES for out in column(waiting, "out")], low=0.9
-        ),
-        judged_difference(
-            "B puts out more fires than A", "7 against 6 (one run each)", column(leaving, "out"),
-            column(waiting, "out"), names=SIDES,
-        ),
-    ]  # fmt: skip
-
-
-def default_checks(leaving: list[dict], waiting: list[dict]) -> list[Check]:
-    """Return the checks of as many robots with the default constants, of which one robot puts out some fires."""
-    constants = f"with the default constants and {TEAM} robots"
-    return [
-        judged_share(
-            f"{constants} A leaves the large central fire burning", "left burning (one run)",
-            [not out for out in column(leaving, "largest out")], low=0.8, main=False,
-        ),
-        judged_difference(
-            f"{constants} B puts out more fires than A", "7 against 6 (one run each)", column(leaving, "out"),
-            column(waiting, "out"), names=SIDES, main=False,
-        ),
-    ]  # fmt: skip
 
 
 def outs_figure(runs: Mapping[str, list[dict]]) -> Figure:
@@ -532,9 +523,8 @@ def followers(laboratory: Laboratory) -> Result:
     rows = dict(zip(teams, laboratory.grid(search_run, points, seeds), strict=True))
 
     def sooner(claim: str, team: str, group: str, other: str, against: str, *, main: bool = False) -> Check:
-        pair = column(rows[team], group), column(rows[other], against)
-        names = (f"{team}, {group}", f"{other}, {against}")
-        return judged_difference(claim, "may be faster (9.5)", *pair, names=names, main=main)
+        steps = {f"{each}, {which}": column(rows[each], which) for each, which in ((team, group), (other, against))}
+        return judged_difference(claim, "may be faster (9.5)", steps, main=main)
 
     return Result(
         checks=(

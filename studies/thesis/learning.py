@@ -13,7 +13,15 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import approach_values, reward, temperature_at
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, count_steps, draw_bundle, plain_axes
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_fact, judged_mean, judged_number
+from mesa_swarm_studies.judging import (
+    Check,
+    Result,
+    judged_difference,
+    judged_fact,
+    judged_mean,
+    judged_measure,
+    judged_number,
+)
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -172,9 +180,7 @@ def falling(rows: list[dict]) -> Check:
     return judged_difference(
         f"collisions fall to {FALL:.0%} or less: per robot and 1,000 steps",
         "to about 0",
-        late,
-        [FALL * value for value in early],
-        names=("last 3,000 steps", f"{FALL:.0%} of the first 1,000"),
+        {"last 3,000 steps": late, f"{FALL:.0%} of the first 1,000": [FALL * value for value in early]},
     )
 
 
@@ -201,19 +207,17 @@ def judged_frequency(rows: list[dict]) -> tuple[Check, ...]:
 def judged_controls(rows: list[dict], hot: list[dict], cool: list[dict]) -> tuple[Check, ...]:
     """Judge what T has to do with it: robots learn meanwhile, so that collisions may fall whatever T does."""
     return (
-        judged_difference(
+        judged_measure(
             "T matters: fewer collisions in the last 3,000 steps than with T constant at 1",
             "fewer as T falls",
-            column(rows, "late"),
-            column(hot, "late"),
-            names=("T falls", "constant"),
+            "late",
+            {"T falls": rows, "constant": hot},
         ),
-        judged_difference(
+        judged_measure(
             "T, not time: the correlation is higher than with the same curve where T is constant at 0.2",
             "correlate with T",
-            column(cool, "with temperature"),
-            column(rows, "with temperature"),
-            names=("T constant", "falls"),
+            "with temperature",
+            {"T constant": cool, "falls": rows},
             main=False,
         ),
     )
@@ -246,27 +250,26 @@ def judged_totals(slow: list[dict], fast: list[dict]) -> tuple[Check, ...]:
         judged_difference(
             f"the total flattens, beta {beta:g}: collisions per robot",
             "plateau",
-            column(rows, "last third"),
-            [value / 2 for value in column(rows, "first third")],
-            names=("last third of the run", "half of the first"),
+            {
+                "last third of the run": column(rows, "last third"),
+                "half of the first": [value / 2 for value in column(rows, "first third")],
+            },
         )
         for beta, rows in ((SLOW, slow), (FAST, fast))
     ]
     return (
         *flat,
-        judged_difference(
+        judged_measure(
             "fast cooling: more collisions early, per robot and 1,000 steps",
             "more early",
-            column(slow, "early"),
-            column(fast, "early"),
-            names=("beta 1e-4", "5e-3"),
+            "early",
+            {"beta 1e-4": slow, "5e-3": fast},
         ),
-        judged_difference(
+        judged_measure(
             "fast cooling: fewer collisions in all, per robot",
             "fewer in all",
-            column(fast, "total"),
-            column(slow, "total"),
-            names=("beta 5e-3", "1e-4"),
+            "total",
+            {"beta 5e-3": fast, "1e-4": slow},
         ),
     )
 

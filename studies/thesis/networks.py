@@ -10,7 +10,14 @@ from mesa_swarm.gallery import find_model
 from mesa_swarm.learning import Networks, boltzmann, chosen, fit, fit_in_turn
 from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column, draw_means, plain_axes
-from mesa_swarm_studies.judging import Result, judged_difference, judged_fact, judged_mean, judged_number
+from mesa_swarm_studies.judging import (
+    Result,
+    judged_difference,
+    judged_fact,
+    judged_mean,
+    judged_measure,
+    judged_number,
+)
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -214,9 +221,7 @@ def forgetting(laboratory: Laboratory) -> Result:
         judged_difference(
             f"{way} learning: error of the old task is smaller than without rehearsal, relative to the noise",
             "prevents forgetting",
-            column(rows[way], "old task"),
-            plain,
-            names=(way, "none"),
+            {way: column(rows[way], "old task"), "none": plain},
         )
         for way in REHEARSALS[1:]
     ]
@@ -224,9 +229,7 @@ def forgetting(laboratory: Laboratory) -> Result:
         judged_difference(
             "networks forget: error of the old task grows while they learn the new one, relative to the noise",
             "forgetting",
-            column(rows["none"], "old task at first"),
-            plain,
-            names=("before", "after"),
+            {"before": column(rows["none"], "old task at first"), "after": plain},
         ),
         *rehearsed,
     )
@@ -280,19 +283,16 @@ def tables(laboratory: Laboratory) -> Result:
         judged_difference(
             f"robots learn in {name}: mean reward of the last tenth of a run is above that of the first",
             "either may be used",
-            column(rows[memory], "reward early"),
-            column(rows[memory], "reward late"),
-            names=("first", "last"),
+            {"first": column(rows[memory], "reward early"), "last": column(rows[memory], "reward late")},
         )
         for memory, name in zip(MEMORIES, ("networks", "a table"), strict=True)
     ]
     late = [
-        judged_difference(
+        judged_measure(
             f"in the last tenth: {claim}",
             "networks generalise",
-            column(rows[less], f"{measure} late"),
-            column(rows[more], f"{measure} late"),
-            names=(less, more),
+            f"{measure} late",
+            {less: rows[less], more: rows[more]},
             main=False,
         )
         for claim, measure, less, more in (

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mesa_swarm.experiments import mean_interval, quantity, with_limits
 from mesa_swarm.viewing import LIGHT, plain_figure
 from mesa_swarm_studies.drawing import column
-from mesa_swarm_studies.judging import PASSED, Check, Result, judged_difference
+from mesa_swarm_studies.judging import PASSED, Check, Result, judged_measure
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item, table_of
 from mesa_swarm_studies.thesis.learning import (
@@ -70,10 +70,9 @@ def compared(rows: Rows) -> tuple[Check, ...]:
     """Judge what changes if one of the three questions is answered differently from our default."""
     checks = []
     for reading, measure, claim, more in CLAIMS:
-        sides = column(rows[DEFAULT], measure), column(rows[reading], measure)
-        names = "default", "instead"
-        first, second = (sides, names) if more else (sides[::-1], names[::-1])
-        checks.append(judged_difference(claim, "open", *first, names=second))
+        sides = {"default": rows[DEFAULT], "instead": rows[reading]}
+        ordered = sides if more else dict(reversed(sides.items()))
+        checks.append(judged_measure(claim, "open", measure, ordered))
     return tuple(checks)
 
 

@@ -19,7 +19,7 @@ from mesa_swarm.experiments import mean_interval
 from mesa_swarm.gallery import find_model
 from mesa_swarm.viewing import trace
 from mesa_swarm_studies.drawing import column, world_picture
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_share
+from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean, judged_measure, judged_share
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -200,8 +200,7 @@ def noise_checks(noisy: list[dict], _: list[dict], plain: list[dict], turning: l
     """Return the checks of what noise and random turns do to a robot with three sensors."""
 
     def more(claim: str, reported: str, few: list[dict], many: list[dict]) -> Check:
-        pair = column(few, "coverage"), column(many, "coverage")
-        return judged_difference(claim, reported, *pair, names=("without", "with"), main=False)
+        return judged_measure(claim, reported, "coverage", {"without": few, "with": many}, main=False)
 
     return [
         more("with noise it reaches more cells than without", "artefact of noise-free runs", plain, noisy),
@@ -239,9 +238,7 @@ def gathering_late(laboratory: Laboratory) -> Result:
     merging = judged_difference(
         "groups go on merging",
         "fewer, larger groups at 3,000",
-        column(rows, f"size at {EARLY}"),
-        column(rows, f"size at {LATE}"),
-        names=("robots per group at 1,000", "at 3,000"),
+        {"robots per group at 1,000": column(rows, f"size at {EARLY}"), "at 3,000": column(rows, f"size at {LATE}")},
         main=False,
     )
     return Result(
@@ -288,12 +285,11 @@ def chains_early(laboratory: Laboratory) -> Result:
     checks = (
         judged_mean("most robots are in chains", "chains in the picture", column(rows, f"chained at {EARLY}"), low=0.5),
         *(check for link in LINKS for check in cohesion_checks(groups, rows, link)),
-        judged_difference(
+        judged_measure(
             "grouped pairs stay in one group: share that still are 200 steps later",
             "higher cohesion",
-            column(groups, f"kept together at {LATE}"),
-            column(rows, f"kept together at {LATE}"),
-            names=("clusters", "chains"),
+            f"kept together at {LATE}",
+            {"clusters": groups, "chains": rows},
             main=False,
         ),
         judged_mean("chains merge, times per run", "seen", column(rows, "merges"), low=1, main=False),
@@ -316,13 +312,11 @@ def chains_early(laboratory: Laboratory) -> Result:
 
 def cohesion_checks(groups: list[dict], rows: list[dict], link: float) -> list[Check]:
     """Return the checks of chains against clusters with links of at most this length; one length is the main one."""
-    sides = "clusters", "chains"
 
     def judged(claim: str, name: str, *, fewer: bool = False) -> Check:
-        pair = [column(side, f"{name} at {LATE}, {link:g}") for side in (groups, rows)]
-        pair, names = (pair[::-1], sides[::-1]) if fewer else (pair, sides)
-        claim = f"{claim}, links of {link:g}"
-        return judged_difference(claim, "higher cohesion", *pair, names=names, main=link == GROUP)
+        sides = {"chains": rows, "clusters": groups} if fewer else {"clusters": groups, "chains": rows}
+        measure, claim = f"{name} at {LATE}, {link:g}", f"{claim}, links of {link:g}"
+        return judged_measure(claim, "higher cohesion", measure, sides, main=link == GROUP)
 
     return [
         judged("a robot's own group is larger in chains", "own group"),
@@ -338,16 +332,16 @@ def chains_late(laboratory: Laboratory) -> Result:
     merging = judged_difference(
         "chains go on merging",
         "longer later",
-        column(rows, f"length at {EARLY}"),
-        column(rows, f"length at {LATE}"),
-        names=("robots per chain at 1,000", "at 3,000"),
+        {
+            "robots per chain at 1,000": column(rows, f"length at {EARLY}"),
+            "at 3,000": column(rows, f"length at {LATE}"),
+        },
     )
-    hurrying = judged_difference(
+    hurrying = judged_measure(
         "the gap rule makes chains longer",
         "without it chains break",
-        column(loose, f"length at {LATE}"),
-        column(rows, f"length at {LATE}"),
-        names=("without", "with"),
+        f"length at {LATE}",
+        {"without": loose, "with": rows},
         main=False,
     )
     return Result(
@@ -385,7 +379,7 @@ def head_on(laboratory: Laboratory) -> Result:
             *turning_checks("random turning speeds", without, speed),
             *turning_checks(NUMBER_RULE, without, number),
             *turning_checks(OUR_RULE, without, chain),
-            longer("chains are longer by number than by speed", speed, number, ("by speed", "by number"), main=False),
+            longer("chains are longer by number than by speed", {"by speed": speed, "by number": number}),
         ),
         pictures={"": chain_picture(2_000, head_on="number")},
         settings=(
@@ -408,22 +402,21 @@ def turning_checks(rule: str, without: list[dict], ruled: list[dict]) -> list[Ch
     ratio = [one / other for one, other in zip(column(ruled, length), column(without, length), strict=True)]
     proposed = "not proposed" if rule == OUR_RULE else "proposed (10.2)"
     return [
-        judged_difference(
-            f"{rule}: fewer meetings disperse", proposed, column(ruled, "share dispersed"),
-            column(without, "share dispersed"), names=("with", "without"), main=rule != OUR_RULE,
+        judged_measure(
+            f"{rule}: fewer meetings disperse", proposed, "share dispersed", {"with": ruled, "without": without},
+            main=rule != OUR_RULE,
         ),
         judged_mean(
             f"{rule}: chains are at most a tenth shorter, length relative to none", "implied", ratio, low=1.0 - TENTH,
             main=rule == NUMBER_RULE,
         ),
-        longer(f"{rule}: chains are longer", without, ruled, ("without", "with"), main=False),
+        longer(f"{rule}: chains are longer", {"without": without, "with": ruled}),
     ]  # fmt: skip
 
 
-def longer(claim: str, first: list[dict], second: list[dict], names: tuple[str, str], *, main: bool) -> Check:
+def longer(claim: str, sides: dict[str, list[dict]]) -> Check:
     """Judge whether chains are longer in the second of two sets of runs."""
-    lengths = (column(side, f"length at {LATE}") for side in (first, second))
-    return judged_difference(claim, "hoped for", *lengths, names=names, main=main)
+    return judged_measure(claim, "hoped for", f"length at {LATE}", sides, main=False)
 
 
 # The ways in which groups move.
@@ -462,13 +455,12 @@ def moving_groups(laboratory: Laboratory) -> Result:
 
 def moving_checks(how: str, still: list[dict], moved: list[dict]) -> list[Check]:
     """Return the checks of one way in which groups move, against groups that stay; a leader's are the main ones."""
-    sides = "groups that stay", how
+    reported, stay = "not proposed" if how == "together by chain" else "proposed", "groups that stay"
 
     def judged(claim: str, name: str, *, fewer: bool = False) -> Check:
-        pair = [column(side, f"{name} at {LATE}, {GROUP:g}") for side in (still, moved)]
-        pair, names = (pair[::-1], sides[::-1]) if fewer else (pair, sides)
-        reported = "not proposed" if how == "together by chain" else "proposed"
-        return judged_difference(f"{MOVING[how]}: {claim}", reported, *pair, names=names, main=how == "lead")
+        sides = {how: moved, stay: still} if fewer else {stay: still, how: moved}
+        measure = f"{name} at {LATE}, {GROUP:g}"
+        return judged_measure(f"{MOVING[how]}: {claim}", reported, measure, sides, main=how == "lead")
 
     return [
         judged("a robot's own group is larger", "own group"),

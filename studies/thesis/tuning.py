@@ -8,7 +8,7 @@ from mesa_swarm.experiments import mean_interval
 from mesa_swarm.searches import LearningGoal, goal_run
 from mesa_swarm.viewing import LIGHT
 from mesa_swarm_studies.drawing import column, plain_axes
-from mesa_swarm_studies.judging import Check, Result, judged_difference, judged_mean
+from mesa_swarm_studies.judging import Check, Result, judged_mean, judged_measure
 from mesa_swarm_studies.laboratory import Laboratory
 from mesa_swarm_studies.registry import Item
 
@@ -45,12 +45,11 @@ def contestant_run(rng: int, *, contestant: str, steps: int) -> dict[str, float]
 def tuned_checks(name: str, rows: dict[str, list[dict]], *, main: bool) -> tuple[Check, ...]:
     """Judge whether a contestant reaches the goal, and reaches it better than the thesis's values."""
     fewer = (
-        judged_difference(
+        judged_measure(
             f"{name}: fewer collisions a robot in the first 1,000 steps than with the {thesis}",
             "proposed, no number",
-            column(rows[name], "collisions"),
-            column(rows[thesis], "collisions"),
-            names=(name, thesis),
+            "collisions",
+            {name: rows[name], thesis: rows[thesis]},
             main=main and thesis == SLOW,
         )
         for thesis in (SLOW, FAST)

@@ -17,6 +17,7 @@ from mesa_swarm.base.files import check_writable, write_whole
 from mesa_swarm.experiments.compare import compare, run_plan
 from mesa_swarm.experiments.figures import comparison_figure
 from mesa_swarm.experiments.plan import checked_plan
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import Run, attempt, numbers_of, simulate
 from mesa_swarm.experiments.tables import WIDEST, finding, fitting, runs_csv, summary_csv, summary_rows
 from mesa_swarm.model.gallery import class_name, description, find_model, model_names
@@ -54,9 +55,11 @@ def test_each_run_is_what_the_model_does_alone(comparison):
 def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the_same_files(comparison, tmp_path):
     outcomes = []
     with pytest.raises(KeyboardInterrupt):
-        run_plan(comparison.plan, heard=lambda run: outcomes.append(run) or stop_after(4, outcomes), folder=tmp_path)
+        run_plan(
+            comparison.plan, heard=lambda run: outcomes.append(run) or stop_after(4, outcomes), files=RunFiles(tmp_path)
+        )
     went_on = []
-    again = run_plan(comparison.plan, heard=went_on.append, folder=tmp_path)
+    again = run_plan(comparison.plan, heard=went_on.append, files=RunFiles(tmp_path))
     assert (again.done_before, again.runs) == (4, comparison.runs)
     # The runs with the first seed are done again, for the pictures.
     assert [(run.rng, run.value) for run in went_on] == [(1, "A"), (1, "B"), (3, "A"), (3, "B")]

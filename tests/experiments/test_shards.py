@@ -10,6 +10,7 @@ from mesa_swarm.base.errors import InvalidValueError, SwarmError
 from mesa_swarm.cli import main
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sweep import Shard, run_experiment, sweep
 from mesa_swarm.experiments.worker_tasks import SchedulerLostError
 
@@ -152,7 +153,7 @@ def test_a_ledger_takes_only_the_runs_that_are_wanted_and_yields_its_keys_once(t
 def test_a_file_that_is_no_ledger_but_named_as_one_is_refused_and_not_changed(tmp_path):
     (tmp_path / "ledger-1-of-2.jsonl").write_text("my notes\n")
     with pytest.raises(SwarmError, match="is not a ledger of runs"):
-        run_experiment(EXPERIMENT, tmp_path)
+        run_experiment(EXPERIMENT, RunFiles(tmp_path))
     assert (tmp_path / "ledger-1-of-2.jsonl").read_text() == "my notes\n"
 
 
@@ -163,4 +164,4 @@ def test_a_lost_scheduler_is_reported_with_where_finished_runs_are(tmp_path, mon
 
     monkeypatch.setattr("mesa_swarm.experiments.runs.on_all", lost)
     with pytest.raises(SchedulerLostError, match=r"ledger\.jsonl: start the scheduler .* call it again for the rest$"):
-        run_experiment(EXPERIMENT, tmp_path, workers=2)
+        run_experiment(EXPERIMENT, RunFiles(tmp_path), workers=2)

@@ -15,6 +15,7 @@ import psutil
 from mesa_swarm.experiments import sweep
 from support.failing_models import Counting
 from mesa_swarm.experiments.experiment import checked_experiment
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sweep import run_experiment
 
 if __name__ == "__main__":
@@ -22,7 +23,7 @@ if __name__ == "__main__":
     sweep.ROWS_AT_ONCE = 100  # what is held at a time, which fewer runs than usual fill
     for seeds in (1500, 3500):  # from 1,025 runs on the ledger holds its keys sorted
         experiment = checked_experiment(Counting, seeds=seeds, steps=1, settings={"diary": str(out / "diary")})
-        run_experiment(experiment, out, jobs)
+        run_experiment(experiment, RunFiles(out), jobs)
         gc.collect()
         print(psutil.Process().memory_info().rss)
 """

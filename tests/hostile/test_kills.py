@@ -154,6 +154,34 @@ def test_the_benchmark_of_learners_goes_on(tally, amount, tmp_path):
     )
 
 
+def test_tuning_goes_on(tally, amount, tmp_path):
+    line = f"tune --steps 400 --robots 4 --population 4 --seeds {amount(4, 30)} --judged 4 --generations 3 --quiet"
+    attack_work(
+        tally,
+        "kills: tune",
+        tmp_path,
+        amount(2, 30),
+        COMMAND,
+        lambda home, jobs: [*line.split(), "--table", "csv", "--jobs", jobs, "--out", home],
+        lambda home: lines_in(home / "runs.jsonl") + lines_in(home / "fresh" / "runs.jsonl"),
+        lambda home: [(home / name).read_bytes() for name in ("runs.csv", "fresh/runs.csv")],
+    )
+
+
+def test_a_reward_laboratory_goes_on(tally, amount, tmp_path):
+    line = f"reward-lab --steps 200 --quiet --table csv --seeds {amount(4, 40)} --jobs"
+    attack_work(
+        tally,
+        "kills: reward-lab",
+        tmp_path,
+        amount(0, 30),  # what tune does
+        COMMAND,
+        lambda home, jobs: [*line.split(), jobs, "--out", home],
+        lambda home: lines_in(home / "runs.jsonl"),
+        lambda home: contents(home, "*.csv", "*.png"),
+    )
+
+
 EVOLUTION = """
 import sys
 from pathlib import Path
@@ -299,9 +327,9 @@ print(list(on_all(3, np.sum, [(np.ones(1_000_000),), (np.ones(1_000_000),)])))
 time.sleep(1000)
 """,
     "of oscillations": """
-from mesa_swarm.experiments.diagnosis import oscillations
+from mesa_swarm.experiments.reward_study import reward_study
 if __name__ == "__main__":
-    oscillations([("b", 4)], [1, 2, 3], steps=1_000_000, jobs=2)
+    reward_study(["b"], actions=4, seeds=3, steps=1_000_000, jobs=2)
 """,
     "of the page's comparison": """
 import time

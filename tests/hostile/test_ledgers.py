@@ -11,6 +11,7 @@ import pytest
 from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.experiments.experiment import checked_experiment
 from mesa_swarm.experiments.ledger import Ledger, Outcome
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.sweep import done_before, run_experiment
 from mesa_swarm.model.gallery import find_model
 from support.hostile import attack
@@ -34,7 +35,7 @@ def experiment():
 def whole(tmp_path_factory):
     """Return a ledger of two runs of this experiment, and the table that belongs to it."""
     folder = tmp_path_factory.mktemp("whole")
-    table = run_experiment(experiment(), folder).path.read_bytes()
+    table = run_experiment(experiment(), RunFiles(folder)).path.read_bytes()
     return (folder / "ledger.jsonl").read_bytes(), table
 
 
@@ -85,9 +86,9 @@ def tried(tmp_path, whole):
         path = folder / "ledger.jsonl"
         path.write_bytes(content)
         try:
-            done_before(experiment(), folder)
+            done_before(experiment(), RunFiles(folder))
             assert path.read_bytes() == content
-            made = run_experiment(experiment(), folder)
+            made = run_experiment(experiment(), RunFiles(folder))
         except SwarmError:
             assert path.read_bytes() == content  # what is refused stays as it is
             raise

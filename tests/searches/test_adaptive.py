@@ -29,6 +29,21 @@ def searched(home, **how):
     return calibrate(Bowl, SPACE, {"y": (0.0, 1.0)}, settings={"noise": 0.1, **given.pop("settings", {})}, **given)
 
 
+def test_tables_have_all_points_and_those_that_an_earlier_call_has_left_are_named_once(tmp_path, capsys):
+    tried = design(tmp_path, tables=["csv"], retry_failed=True)
+    for x in (0.0, 0.5):
+        tried.propose([{"x1": x}])
+        rows = tried.results()
+    assert pd.read_csv(tmp_path / "runs.csv")["y"].tolist()[-2:] == rows["y"].tolist()
+    assert len(pd.read_csv(tmp_path / "runs.csv")) == 4
+    assert "earlier call" not in capsys.readouterr().err
+    tried = design(tmp_path)
+    for x in (0.0, 0.5):
+        tried.propose([{"x1": x}])
+        tried.results()
+    assert capsys.readouterr().err.count("earlier call") == 1
+
+
 def test_batches_make_the_table_of_one_sweep_of_all_points(tmp_path):
     points = [{"x1": x} for x in (0.0, 0.5, 1.0)]
     tried = design(tmp_path / "a")

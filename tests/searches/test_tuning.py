@@ -1,8 +1,10 @@
 """Tuning: the goal cannot be reached by standing still, the search stays within its limits, and is reproducible."""
 
 import math
+import os
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from mesa_swarm.models.q_learning import QLearning
 from mesa_swarm.searches import tuning
 from mesa_swarm.searches.tuning import LIMITS, THESIS, LearningGoal, Tuned, _placed, goal_run, settings_at, tune
 from mesa_swarm_studies.thesis.tuning import GOAL
+from support.killing import kill_at_call, lines_in
 
 SHORT = LearningGoal(steps=15, robots=2, least_speed=0.2)
 
@@ -30,8 +33,9 @@ def test_robots_that_stand_still_miss_the_goal_s_speed_by_default_too():
 def judged(monkeypatch, thesis, tuned):
     """Return the table and the remarks on runs that are given as collisions and speeds, a pair a run."""
     runs = iter([*thesis, *tuned])
-    monkeypatch.setattr(tuning, "in_order", lambda workers, function, tasks: [next(runs) for _ in tasks])
-    return tuning.comparison(Tuned(settings=THESIS, goal=LearningGoal(), costs=()), seeds=range(len(thesis)))
+    monkeypatch.setattr(tuning, "goal_run", lambda **settings: dict(zip(tuning.MEASURES, next(runs), strict=True)))
+    other = {**THESIS, "gamma": 0.5}
+    return tuning.comparison(Tuned(settings=other, goal=LearningGoal(), costs=()), seeds=range(len(thesis)))
 
 
 SLOWER, FASTER = [(40.0 + i, 0.28) for i in range(6)], [(20.0 + i % 2, 0.3) for i in range(6)]
@@ -91,10 +95,42 @@ def test_a_candidate_costs_what_its_mean_collisions_and_its_mean_speed_cost():
     assert min(found.costs[0]) == pytest.approx(SHORT.cost(**means))
 
 
+TUNING = """
+goal = module.LearningGoal(steps=15, robots=2, least_speed=0.2)
+module.tune(goal, generations=2, population=4, seeds=[1, 2], rng=5, out=home)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
+def test_a_search_whose_process_is_killed_continues_with_what_is_done_and_ends_in_the_same_result(
+    tmp_path, monkeypatch
+):
+    kill_at_call(tuning.__name__, "goal_run", 11, TUNING, tmp_path, tmp_path / "errors")
+    assert lines_in(tmp_path / "runs.jsonl") == 10
+    done = []
+    monkeypatch.setattr(tuning, "goal_run", lambda **settings: done.append(settings) or goal_run(**settings))
+    arguments = {"generations": 2, "population": 4, "seeds": [1, 2], "rng": 5}
+    again = tune(SHORT, out=tmp_path, tables=["csv"], **arguments)
+    assert len(done) == 6
+    assert again == tune(SHORT, **arguments)
+    rows = pd.read_csv(tmp_path / "runs.csv")
+    assert rows["rng"].tolist() == [1, 2] * 8
+    assert [*rows] == [*LIMITS, "rng", "steps", "state_hash", "collisions", "speed", "error"]
+
+
+def test_runs_of_another_goal_speed_are_found_and_those_of_other_worlds_are_not(tmp_path):
+    tune(SHORT, generations=1, population=4, seeds=[1], out=tmp_path)
+    faster, longer = LearningGoal(steps=15, robots=2, least_speed=0.3), LearningGoal(steps=16, robots=2)
+    for goal, runs in ((faster, 4), (longer, 8)):
+        tune(goal, generations=1, population=4, seeds=[1], out=tmp_path)
+        assert lines_in(tmp_path / "runs.jsonl") == runs
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
         {"goal": "fast"},
+        {"tables": ["csv"]},
         {"generations": 0},
         {"population": 3},
         {"seeds": []},

@@ -83,10 +83,10 @@ class TestChecks:
     def test_a_difference_is_that_of_pairs(self, by, outcome):
         first = [1.0, 50.0, 100.0, 3.0]
         second = [value + by + wobble for value, wobble in zip(first, (0.1, -0.1, 0.1, -0.1), strict=True)]
-        assert judging.judged_difference("c", "r", first, second, names=("a", "b")).outcome == outcome
+        assert judging.judged_difference("c", "r", {"a": first, "b": second}).outcome == outcome
 
     def test_what_was_not_measured_is_left_out_with_its_pair(self):
-        check = judging.judged_difference("c", "r", [1, None, 1, 1], [2, 5, None, 2.1], names=("a", "b"))
+        check = judging.judged_difference("c", "r", {"a": [1, None, 1, 1], "b": [2, 5, None, 2.1]})
         assert check.measured.endswith("2 pairs")
         assert judging.judged_mean("c", "r", [1.0, None, 1.0], low=0).measured == "1 [1, 1], 2 runs"
 

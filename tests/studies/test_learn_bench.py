@@ -54,7 +54,7 @@ NOT_HASHED = {
     *("errors", "gallery", "model.gallery", "viewing.palette", "viewing.figures"),
     *(f"base.{name}" for name in ("errors", "extras", "files", "progress", "wording")),
     *(f"experiments.{name}" for name in ("compare", "experiment", "figures", "fingerprints", "ledger", "worker_pool")),
-    *(f"experiments.{name}" for name in ("reality_gap", "runs", "statistics", "sweep", "tables")),
+    *(f"experiments.{name}" for name in ("reality_gap", "run_tables", "runs", "statistics", "sweep", "tables")),
 }
 ROOMS = ("experiments", "searches")
 

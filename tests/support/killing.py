@@ -24,6 +24,30 @@ def environment(**more: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path]), **more}
 
 
+KILLED_AT_A_CALL = """
+import os, signal, sys
+from importlib import import_module
+
+module, name = import_module(sys.argv[1]), sys.argv[2]
+inner, calls = getattr(module, name), []
+
+def killed_at_a_call(*values, **named):
+    calls.append(name)
+    if len(calls) == int(sys.argv[3]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return inner(*values, **named)
+
+setattr(module, name, killed_at_a_call)
+home = sys.argv[4]
+"""
+
+
+def kill_at_call(module: str, name: str, number: int, script: str, home: Path, errors: Path) -> None:
+    """Run a script until this call of a function of a module, at which its process is killed; `home` is its folder."""
+    victim = Victim(KILLED_AT_A_CALL + script, module, name, number, home, errors=errors)
+    assert victim.process.wait(600) == -signal.SIGKILL, victim.errors.read_text()
+
+
 class Victim:
     """A process that is to be killed, and everything that it starts.
 

@@ -21,6 +21,7 @@ from mesa_swarm.experiments.experiment import POINT, Experiment
 from mesa_swarm.experiments.jobs import job_text
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.reports import LEFT_OUT, OF, counted, split_measure, sum_of_left_out
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import Run, error_in_words
 from mesa_swarm.experiments.statistics import Interval, bootstrap_mean, share_interval
 from mesa_swarm.experiments.sweep import run_experiment, stored_runs
@@ -72,7 +73,7 @@ class GridRuns:
             "heard": send_run,
             "words": partial(describe_failed_run, self.folder),
         }
-        report = run_experiment(self.experiment, self.folder, workers, **how)
+        report = run_experiment(self.experiment, RunFiles(self.folder), workers, **how)
         send("report", report)
 
 

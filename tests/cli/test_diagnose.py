@@ -3,7 +3,7 @@
 import pytest
 
 from mesa_swarm.analysis.pathology import KINDS, Episode, Pathologies
-from mesa_swarm.cli.check import MOST_EPISODES, described_episodes
+from mesa_swarm.cli.run import MOST_EPISODES, described_episodes
 from mesa_swarm.maps.map import Map
 from mesa_swarm.model.gallery import find_model
 
