@@ -12,8 +12,16 @@ from mesa_swarm.base.errors import UnknownNameError, unknown_name
 from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import looks_of
-from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
-from mesa_swarm.recording.shown_parts import discs_of, pictures_of, robot_columns
+from mesa_swarm.recording.layout import (
+    PIXELS,
+    READINGS,
+    TABLES,
+    discs_of,
+    field_type,
+    is_table,
+    pictures_of,
+    robot_columns,
+)
 from mesa_swarm.world.fields import levels_of, values_of_levels
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD
 
@@ -25,7 +33,7 @@ BURST_GAP = 10
 MERGE_EVERY = 10
 MERGE_LINK = 30.0
 MERGE_ROBOTS = 3
-# Robots that the text of an event names.
+# Robots that the text of an event or a verdict names.
 MOST_NAMED = 3
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
@@ -339,10 +347,14 @@ def _list_noted(frames: Iterable) -> Iterator[Event]:
 
 def _describe_noted(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
     times = f" {len(values)} times" if len(values) > 1 else ""
-    more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
-    robots = f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""
     value = f"value {sum(values):g}" if set(values) != {1.0} else ""
-    return ": ".join(part for part in (name + times, ", ".join(part for part in (robots, value) if part)) if part)
+    return ": ".join(filter(None, (name + times, ", ".join(filter(None, (name_robots(ids), value))))))
+
+
+def name_robots(ids: Sequence[int]) -> str:
+    """Return a few robots by their unique_ids as text, an empty text for none."""
+    more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
+    return f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""
 
 
 def _fires_out(frames: Iterable) -> Iterator[Event]:

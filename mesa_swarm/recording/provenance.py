@@ -17,10 +17,10 @@ from mesa_swarm.model.common import whole_signature
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import looks_of
 from mesa_swarm.model.state_hash import written_state_hash
-from mesa_swarm.recording.devices import part_from_json, part_to_json
+from mesa_swarm.recording.layout import with_discs
 from mesa_swarm.recording.made_objects import is_class
 from mesa_swarm.recording.schema import checked_provenance, read_json
-from mesa_swarm.recording.shown_parts import with_discs
+from mesa_swarm.recording.stored_values import part_from_json, part_to_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale

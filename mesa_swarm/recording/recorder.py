@@ -23,17 +23,21 @@ from mesa_swarm.fire.fires_part import BURNING
 from mesa_swarm.model.bodies_part import POSES
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.observers import Observer
-from mesa_swarm.recording.added_objects import check_addable
-from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
+from mesa_swarm.recording.changes import (
+    MOST_POSES,
+    ChangeDetector,
+    HandMove,
+    intervention_to_json,
+    move_of,
+    moves_to_bytes,
+)
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected_data import Path as SeriesPath
 from mesa_swarm.recording.collected_data import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
-from mesa_swarm.recording.devices import control_to_json, own_code
-from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
-from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
+from mesa_swarm.recording.layout import Chunk, Layout, default_columns
 from mesa_swarm.recording.made_objects import check_agent_class
-from mesa_swarm.recording.objects import summary
+from mesa_swarm.recording.objects import check_addable, summary
 from mesa_swarm.recording.provenance import (
     as_metadata,
     drawn_heat,
@@ -52,6 +56,7 @@ from mesa_swarm.recording.schema import (
     longest_gap,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Sealed, SealedWriter
+from mesa_swarm.recording.stored_values import control_to_json, own_code
 from mesa_swarm.world.arena import ArenaAgent
 
 HASH_EVERY = 100
@@ -198,7 +203,7 @@ class RowBuffer:
 
 def _signs_of_scenery(model: EngineModel) -> tuple:
     """Return what changes whenever the scenery may change."""
-    return population_of(model), model.fire_constants, drawn_parts(model), drawn_heat(model)
+    return model.swarm.version, summary(model), model.fire_constants, drawn_parts(model), drawn_heat(model)
 
 
 def _is_readable(batch: pa.RecordBatch) -> bool:

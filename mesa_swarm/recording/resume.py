@@ -14,10 +14,10 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import FORMS, is_address, model_address, shipped_class
+from mesa_swarm.recording.continuing import take_over
 from mesa_swarm.recording.made_objects import family
 from mesa_swarm.recording.provenance import is_of, rebuild_model
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.transfer import take_over
 from mesa_swarm.recording.verify import (
     Rerun,
     Watch,
