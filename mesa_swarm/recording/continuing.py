@@ -30,7 +30,8 @@ from mesa_swarm.model.control_part import ControlPart
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import add_reporters
 from mesa_swarm.model.robots_part import role_of
-from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of, quick_fingerprint
+from mesa_swarm.model.state import ATOMS, Checkpointed, add_to, attributes_of, is_float, quick_fingerprint
+from mesa_swarm.model.state import KINDS as ARRAY_KINDS
 from mesa_swarm.recording.collected_data import reporters_of, set_clock
 from mesa_swarm.recording.objects import (
     make_removed,
@@ -71,7 +72,7 @@ OURS = "mesa_swarm."
 BY_HAND = ("radius", "resistance", "temperature")
 PERFECT = Imperfections()
 # Values that are compared as they are; of agents the unique_id counts, of streams the state.
-UNDIVIDED = (np.ndarray, np.generic, Agent, np.random.Generator)
+UNDIVIDED = (np.ndarray, np.generic, bytes, complex, Agent, np.random.Generator)
 
 
 def continued(model: Continued, /, **changes: object) -> Continued:
@@ -632,16 +633,16 @@ def _deep_digest(value: Any) -> bytes:
 
 def _divide(value: Any, entered: set[int]) -> Iterator[Any]:
     """Iterate over the plain values in a value, and of each object in it, once, over its class and its attributes."""
-    kind = type(value)
-    if kind in ATOMS or isinstance(value, UNDIVIDED):
+    kind, of_objects = type(value), isinstance(value, np.ndarray) and value.dtype.kind not in ARRAY_KINDS
+    if kind in ATOMS or is_float(value) or (isinstance(value, UNDIVIDED) and not of_objects):
         yield value
         return
     yield kind.__qualname__
     if id(value) in entered or isinstance(value, (Model, Swarm, type)):
         return
     entered.add(id(value))
-    if isinstance(value, (list, tuple, deque)):
-        parts: list[Any] = list(value)
+    if of_objects or isinstance(value, (list, tuple, deque)):
+        parts: list[Any] = [value.shape, *value.ravel().tolist()] if of_objects else list(value)
     elif isinstance(value, (set, frozenset)):
         parts = sorted(value, key=repr)
     else:
