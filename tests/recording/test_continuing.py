@@ -60,7 +60,7 @@ class Measure(float):
     """A number that carries more."""
 
 
-class Tape(SwarmModel):
+class Altered(SwarmModel):
     """A model with an attribute that a run changes."""
 
     def __init__(self, *, value=None, gain=1.0, **common):
@@ -74,8 +74,8 @@ class Tape(SwarmModel):
     ids=str,
 )
 def test_bytes_complex_numbers_measures_and_objects_in_arrays_that_a_run_has_changed_stay(value, later):
-    model = Tape(value=1.0, rng=1)
-    fresh, new = Tape(value=1.0, rng=1), Tape(value=1.0, gain=2.0, rng=1)
+    model = Altered(value=1.0, rng=1)
+    fresh, new = Altered(value=1.0, rng=1), Altered(value=1.0, gain=2.0, rng=1)
     model.value, fresh.value, new.value = later, value, value
     continue_with(new, model, fresh, ("gain",))
     assert np.array_equal(new.value, later)
