@@ -200,16 +200,10 @@ class ChangeDetector:
 
     def _of_others(self, model: EngineModel) -> list[str]:
         """Return what has changed in agents other than robots and bodies."""
-        agents = other_agents(model)
-        if len(agents) != len(self._agents):
+        agents, records = other_agents(model), self._agents
+        if len(agents) != len(records) or any(map(is_not, agents, (record.agent for record in records))):
             return [AGENTS]
-        if all(record.is_same(agent) for record, agent in zip(self._agents, agents, strict=True)):
-            return []
-        return [
-            AGENTS
-            if any(record.agent is not agent for record, agent in zip(self._agents, agents, strict=True))
-            else OF_AGENTS
-        ]
+        return [] if all(map(_AgentRecord.is_same, records, agents)) else [OF_AGENTS]
 
     def find_moved(self, model: EngineModel) -> np.ndarray | None:
         """Return the rows of the driven bodies that were sent elsewhere, None if any has been put elsewhere already."""
@@ -256,11 +250,9 @@ class _AgentRecord(NamedTuple):
 
     def is_same(self, agent: Agent) -> bool:
         was, now = self.attributes, vars(agent)
-        if agent is not self.agent or len(was) != len(now) or _place_of(agent) != self.place:
+        if was.keys() != now.keys() or any(was[name] is not value for name, value in now.items()):
             return False
-        if not all(name in was and was[name] is value for name, value in now.items()):
-            return False
-        return _contents_of(agent) == self.contents
+        return (self.contents, self.place) == (_contents_of(agent), _place_of(agent))
 
 
 def _contents_of(agent: Agent) -> list[bytes]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 import pandas as pd
@@ -328,15 +329,16 @@ def events_of(frames: Iterable) -> list[Event]:
 
     The frames, in the order of steps, are iterated over up to four times.
     """
-    events = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_list_noted(frames)]
+    finders = {"fires": _fires_out, "contacts": _bursts, "position": _merges, "events": _list_noted}
+    events: list[Event] = []
+    for column, find_events in finders.items():
+        events += find_events(takewhile(lambda frame, column=column: column in frame.columns, frames))
     return sorted(events, key=lambda event: (event.step, event.kind, event.ids))
 
 
 def _list_noted(frames: Iterable) -> Iterator[Event]:
     """Iterate over the events of the model's own; those of one step and name are one."""
     for frame in frames:
-        if "events" not in frame.columns:
-            return
         together: dict[tuple[int, str], list[tuple[int, float]]] = {}
         for step, name, unique_id, value in frame["events"].tolist():
             together.setdefault((step, name), []).append((unique_id, value))
@@ -360,8 +362,6 @@ def name_robots(ids: Sequence[int]) -> str:
 def _fires_out(frames: Iterable) -> Iterator[Event]:
     burning: set[int] = set()
     for frame in frames:
-        if "fires" not in frame.columns:
-            return
         fires = frame["fires"]
         gone_out = burning & set(fires["fire"][fires["out"]].tolist())
         for number, fire in enumerate(fires["fire"].tolist(), start=1):
@@ -373,8 +373,6 @@ def _fires_out(frames: Iterable) -> Iterator[Event]:
 def _bursts(frames: Iterable) -> Iterator[Event]:
     burst: list[tuple[int, frozenset[int]]] = []
     for frame in frames:
-        if "contacts" not in frame.columns:
-            return
         if burst and frame.step - burst[-1][0] > BURST_GAP:
             yield _burst(burst)
             burst = []
@@ -395,8 +393,6 @@ def _merges(frames: Iterable) -> Iterator[Event]:
     before: dict[int, int] = {}
     next_step = -np.inf
     for frame in frames:
-        if "position" not in frame.columns:
-            return
         if frame.step < next_step:
             continue
         next_step = frame.step + MERGE_EVERY

@@ -142,9 +142,7 @@ def find_agent_class(module: object, name: object, present: Container[type] | No
 
     It is checked, unless `present`, the classes of which the model's constructor makes agents, is None.
     """
-    alike = [kind for kind in family(Agent) if is_class(kind, str(module), str(name))]
-    exact = [kind for kind in alike if kind.__module__ == module]
-    kind = (exact or alike)[0] if exact or len(alike) == 1 else None
+    kind = find_loaded_class(Agent, str(module), str(name))
     if kind is None or (issubclass(kind, ArenaAgent) and not handles):
         raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
     if present is not None and not issubclass(kind, ArenaAgent):
@@ -171,6 +169,13 @@ def is_class(kind: type, module: str, name: str) -> bool:
 def _last_word(module: str) -> str:
     """Return the last word of a module's address, without what `gallery` adds where a file's name is taken."""
     return re.sub(r"_[0-9a-f]{8}$", "", module.rpartition(".")[2])
+
+
+def find_loaded_class(base: type, module: str, name: str) -> type | None:
+    """Return the class that was recorded: a base or a loaded class derived from it; None without one, or if unclear."""
+    alike = [kind for kind in family(base) if is_class(kind, module, name)]
+    exact = [kind for kind in alike if kind.__module__ == module]
+    return (exact or alike)[0] if exact or len(alike) == 1 else None
 
 
 def family(base: type) -> list[type]:

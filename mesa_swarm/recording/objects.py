@@ -341,12 +341,9 @@ def _make_fire(model: EngineModel) -> None:
 
 def _check_same(model: EngineModel, things: dict, obstacles: dict) -> None:
     """Refuse objects that differ from those stored with their unique_ids, as another constructor would make them."""
-    present = {
-        "robots": model.swarm.unique_ids.tolist(),
-        "obstacles": [obstacle.unique_id for obstacle in model.obstacle_list],
-        "fires": [fire.unique_id for fire in model.fires.agents],
-    }
-    if present != {"robots": things["robots"], "obstacles": list(obstacles), "fires": things["fires"]}:
+    kinds = (model.swarm.agents, model.obstacle_list, model.fires.agents)
+    ids = [[agent.unique_id for agent in agents] for agents in kinds]
+    if ids != [things["robots"], list(obstacles), things["fires"]]:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, stored = body_to_json(obstacle), obstacles[obstacle.unique_id]

@@ -260,8 +260,8 @@ class _FaultError(ValueError):
 def _check(value: Any, form: Any, where: str) -> None:
     """Refuse a value that has not the form.
 
-    A form is a function that raises, a type, a list of alternatives, a tuple with a form for each item of a list, or a
-    dict with one for each key of an object; a key with a trailing underscore is optional.
+    A form is a function that raises, a type, a text, a list of alternatives, a tuple with a form for each item of a
+    list, or a dict with one for each key of an object; a key with a trailing underscore is optional.
     """
     if isinstance(form, FunctionType):
         form(value, where)
@@ -272,7 +272,10 @@ def _check(value: Any, form: Any, where: str) -> None:
             raise _unexpected(where, value)
         for item, item_form in zip(value, form, strict=True):
             _check(item, item_form, where)
-    elif not (any(_fits(value, choice, where) for choice in form) if isinstance(form, list) else type(value) is form):
+    elif isinstance(form, list):
+        if not any(_fits(value, choice, where) for choice in form):
+            raise _unexpected(where, value)
+    elif type(value) is not form and not (isinstance(form, str) and value == form):
         raise _unexpected(where, value)
 
 
@@ -330,12 +333,6 @@ def _whole(most: int, least: int = 0) -> Check:
 def _colour(value: Any, where: str) -> None:
     """Refuse what is not a colour: pictures and pages are drawn with it."""
     if not isinstance(value, str) or not COLOUR.fullmatch(value):
-        raise _unexpected(where, value)
-
-
-def _nothing(value: Any, where: str) -> None:
-    """Refuse what is not an empty text."""
-    if value != "":
         raise _unexpected(where, value)
 
 
@@ -399,7 +396,7 @@ SCENERY = {
     "join_": NUMBER,
     "looks_": LOOKS,
     "scale_": (_number(1e-9, 1e9), _number(1e-9, 1e9)),
-    "parts_": _form_of_each(list, (str, [_colour, _nothing]), most=WIDEST),
+    "parts_": _form_of_each(list, (str, [_colour, ""]), most=WIDEST),
 }
 POPULATION = ((ID, ID),) * 3
 CONTENTS = {
