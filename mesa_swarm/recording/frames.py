@@ -332,8 +332,13 @@ def events_of(frames: Iterable) -> list[Event]:
     finders = {"fires": _fires_out, "contacts": _bursts, "position": _merges, "events": _list_noted}
     events: list[Event] = []
     for column, find_events in finders.items():
-        events += find_events(takewhile(lambda frame, column=column: column in frame.columns, frames))
+        events += find_events(_with_column(frames, column))
     return sorted(events, key=lambda event: (event.step, event.kind, event.ids))
+
+
+def _with_column(frames: Iterable, column: str) -> Iterator[Frame]:
+    """Iterate over frames that have a column: all, or none."""
+    return takewhile(lambda frame: column in frame.columns, frames)
 
 
 def _list_noted(frames: Iterable) -> Iterator[Event]:

@@ -48,6 +48,8 @@ from mesa_swarm.world.statics import CARRIED, DRIVEN, FIXED, KINDS, MODES, MOST_
 
 MOST_OBJECTS = 10_000_000
 GONE = -1  # the row of a removed handle
+# The names of outlines that are not those of modes.
+OUTLINES = {"pushed": "load", "fixed": "shape"}
 
 
 def store_shape(shape: Shape) -> dict:
@@ -459,9 +461,8 @@ def _make_addition(model: EngineModel, kind: str, what: str, method: str) -> Any
 
 def _is_kind(kind: type, address: str) -> bool:
     """Return whether an object of this class may have been stored, see `is_class`."""
-    return is_class(kind, address.removesuffix(f".{kind.__qualname__}"), kind.__qualname__) and address.endswith(
-        f".{kind.__qualname__}"
-    )
+    module = address.removesuffix(f".{kind.__qualname__}")
+    return module != address and is_class(kind, module, kind.__qualname__)
 
 
 def _odd(model: EngineModel, kind: str, what: str) -> str:
@@ -544,8 +545,6 @@ def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
     restore_state(body, remains, model.map.bounds)
 
 
-# The names of outlines that are not those of modes.
-OUTLINES = {"pushed": "load", "fixed": "shape"}
 # Columns of a body's state besides poses, and what checks a stored value.
 STATE: dict[str, Callable[[Any], Any]] = {
     "resistance": check_resistance,

@@ -3,6 +3,7 @@
 import inspect
 import json
 import math
+import os
 import platform
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -251,7 +252,7 @@ def as_metadata(facts: dict) -> dict[str, str]:
     return {name: json.dumps(value) for name, value in facts.items()}
 
 
-def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
+def from_metadata(metadata: dict[bytes, bytes] | None, source: str | os.PathLike[str]) -> dict:
     """Return what `as_metadata` wrote, checked."""
     facts, name = {}, ""
     try:

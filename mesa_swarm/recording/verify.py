@@ -166,17 +166,16 @@ def start_again(recording: Recording, model_class: type, watch: Watch = lambda _
     Where the state at the start is what the parameters make but for something that is not in the state hash, such as an
     attribute set by hand, the model is that state, which `Rerun.begin` names.
     """
-    facts = recording.provenance
-    start = facts["start"]
-    model, is_near = rebuild_model(facts, model_class), start["step"] <= MOST_UNSEEN
+    start = recording.provenance["start"]
+    model, is_near = rebuild_model(recording.provenance, model_class), start["step"] <= MOST_UNSEEN
     if is_near:
         run_on(model, start["step"], watch)
-        if model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]:
+        if model.completed == start["step"] and _is_at_start(recording, model):
             return _unless_stored_differs(Rerun(recording, model, watch=watch), watch)
     if recording.checkpoints[:1] == (start["step"],):
         states = states_to(recording, 0)
         model = restore_last(recording, model_class, states)
-        if hash_in_format(model, facts["format"]) == start["state_hash"]:
+        if _is_at_start(recording, model):
             return Rerun(recording, model, 0, watch, states)
     if not is_near:
         raise RecordingError(
@@ -187,6 +186,12 @@ def start_again(recording: Recording, model_class: type, watch: Watch = lambda _
         f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
         "it was changed by hand, or made by other versions; build it in a constructor to run it again"
     )
+
+
+def _is_at_start(recording: Recording, model: EngineModel) -> bool:
+    """Return whether a model has the state hash with which a recording began."""
+    facts = recording.provenance
+    return hash_in_format(model, facts["format"]) == facts["start"]["state_hash"]
 
 
 def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
@@ -200,7 +205,7 @@ def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
         name = differing_part(model, rerun.model)
     except RecordingError:  # which `Rerun.check_states` reports
         return rerun
-    if name and hash_in_format(model, recording.provenance["format"]) != start["state_hash"]:
+    if name and not _is_at_start(recording, model):
         return rerun
     if not name:  # it has been compared
         rerun.unseen.popleft()
@@ -365,7 +370,7 @@ def check_row(rerun: Rerun) -> None:
     recording, step = rerun.recording, rerun.model.completed
     facts, row = recording.provenance, recording.row_after(step) - 1
     if step == facts["start"]["step"]:
-        if hash_in_format(rerun.model, facts["format"]) != facts["start"]["state_hash"]:
+        if not _is_at_start(recording, rerun.model):
             raise RecordingError(f"the stored state of step {step} is not that with which the recording began")
         return
     if facts["format"] <= LATE_READINGS:
