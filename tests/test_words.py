@@ -71,7 +71,7 @@ ALLOWED = [
     ("mesa_swarm/base/moved.py", "wish", "a former address"),
     ("mesa_swarm/base/moved.py", "Wish", "a former name"),
     ("mesa_swarm/physics/disturbances.py", "told", "the name of a stored column"),
-    ("mesa_swarm/recording/devices.py", "code of one's own", "a key of stored states"),
+    ("mesa_swarm/recording/stored_values.py", "code of one's own", "a key of stored states"),
     ("mesa_swarm/robots/swarm.py", "hush", "a former name"),
     ("mesa_swarm/robots/swarm.py", "shed", "a former name"),
     ("mesa_swarm/world/bodies.py", "lay", "a former name"),

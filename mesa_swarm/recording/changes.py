@@ -1,4 +1,4 @@
-"""Manual changes between steps: their detection, and interventions as stored."""
+"""Manual changes between steps: their detection, and as stored: interventions, and where driven bodies were sent."""
 
 import json
 from collections.abc import Sequence
@@ -15,12 +15,20 @@ from mesa_swarm.kernels.part import STORED, Itself, Part
 from mesa_swarm.model.bodies_part import POSES
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.state import quick_fingerprint
-from mesa_swarm.recording.layout import population_of
+from mesa_swarm.recording.container import Checkpoint, from_bytes, to_bytes
+from mesa_swarm.recording.objects import other_agents, summary
 from mesa_swarm.recording.schema import checked_content
 from mesa_swarm.recording.sealed_stream import INTERVENTION
-from mesa_swarm.world.arena import ArenaAgent
 
 MOST_NAMED = 5
+# Poses in one piece of a file, 1.3 MB in memory.
+MOST_POSES = 1 << 15
+AGENTS, OF_AGENTS = "set of other agents", "place or attributes of other agents"
+# What a change of the set of robots, obstacles or fires changes of other parts as well is not named.
+SET, SAME = "set of robots, obstacles or fires", "an attribute set to the value that it had"
+DECLARED = ("state of ", "events", "process ")
+# Values of attributes that may be changed in place.
+IN_PLACE = (np.ndarray, list, dict, set)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,12 +80,76 @@ def as_remark(interventions: Sequence[Intervention]) -> str:
     return f"; changed by hand: {', '.join(remarks)} (continued from the stored {states})"
 
 
-AGENTS, OF_AGENTS = "set of other agents", "place or attributes of other agents"
-# What a change of the set of robots, obstacles or fires changes of other parts as well is not named.
-SET, SAME = "set of robots, obstacles or fires", "an attribute set to the value that it had"
-DECLARED = ("state of ", "events", "process ")
-# Values of attributes that may be changed in place.
-IN_PLACE = (np.ndarray, list, dict, set)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class HandMove:
+    """Where driven bodies were sent by hand after a step, and before the next one.
+
+    Parameters
+    ----------
+    step : int
+    after : int
+        How many complete states had been stored before, so that a move is not repeated on a state that includes it.
+    bodies : int64 ndarray, shape (k,)
+        unique_ids.
+    poses : ndarray, shape (k, 3)
+        x, y, heading.
+    """
+
+    step: int
+    after: int
+    bodies: np.ndarray
+    poses: np.ndarray
+
+    def apply(self, model: EngineModel) -> None:
+        """Send the bodies of a model there, which has to have them."""
+        table = model.parts.bodies.table
+        rows = {body.unique_id: body.row for body in model.movers.agents}
+        low, high = model.space.dimensions.T
+        places, headings = self.poses[:, :2], self.poses[:, 2]
+        if not rows.keys() >= set(self.bodies.tolist()):
+            raise RecordingError(f"step {self.step + 1} cannot be run again: a body that was moved by hand is missing")
+        if not ((places >= low) & (places <= high)).all() or not (np.abs(headings) <= np.pi).all():
+            raise RecordingError(f"step {self.step + 1} cannot be run again: a body was moved off the map")
+        body_rows = [rows[body] for body in self.bodies.tolist()]
+        table.aim[body_rows], table.aim_heading[body_rows] = places, headings
+
+
+def move_of(model: EngineModel, rows: np.ndarray, after: int) -> HandMove:
+    """Return where driven bodies, by their rows, are to go in the next step."""
+    movers = model.movers
+    poses = np.column_stack([movers.aim[rows], movers.aim_heading[rows]])
+    bodies = np.array([movers.agents[row].unique_id for row in rows.tolist()], np.int64)
+    return HandMove(step=model.completed, after=after, bodies=bodies, poses=poses)
+
+
+def moves_to_bytes(moves: Sequence[HandMove]) -> bytes:
+    """Return moves as stored."""
+    heads = np.array([[move.step, move.after, len(move.bodies)] for move in moves], np.int64)
+    bodies, poses = (np.concatenate([getattr(move, name) for move in moves]) for name in ("bodies", "poses"))
+    return to_bytes(Checkpoint(step=moves[0].step, state_hash="", facts={}, arrays=[heads, bodies, poses]))
+
+
+def moves_from_bytes(content: bytes) -> list[HandMove]:
+    """Return stored moves, checked but for what only the model knows."""
+    try:
+        heads, bodies, poses = from_bytes(content).arrays
+        _check_stored(heads, bodies, poses)
+    except ValueError:
+        raise RecordingError("moves made by hand cannot be decoded") from None
+    ends = np.cumsum(heads[:, 2]).tolist()
+    return [
+        HandMove(step=step, after=after, bodies=bodies[end - count : end], poses=poses[end - count : end])
+        for (step, after, count), end in zip(heads.tolist(), ends, strict=True)
+    ]
+
+
+def _check_stored(heads: np.ndarray, bodies: np.ndarray, poses: np.ndarray) -> None:
+    kinds = [(array.dtype.str, array.ndim) for array in (heads, bodies, poses)]
+    if kinds != [("<i8", 2), ("<i8", 1), ("<f8", 2)] or heads.shape[1:] != (3,) or poses.shape != (len(bodies), 3):
+        raise ValueError
+    is_ordered = (np.diff(heads[:, :2], axis=0) >= 0).all()
+    if not is_ordered or (heads < 0).any() or (heads[:, 2] > len(bodies)).any() or heads[:, 2].sum() != len(bodies):
+        raise ValueError
 
 
 class ChangeDetector:
@@ -98,7 +170,7 @@ class ChangeDetector:
 
     def __init__(self, model: EngineModel) -> None:
         self._marks = _marks_of(model)
-        self._agents = [_AgentRecord.of(agent) for agent in _other_agents(model)]
+        self._agents = [_AgentRecord.of(agent) for agent in other_agents(model)]
         self._attributes = model.own_attributes
 
     def changes(self, model: EngineModel) -> list[str]:
@@ -128,16 +200,10 @@ class ChangeDetector:
 
     def _of_others(self, model: EngineModel) -> list[str]:
         """Return what has changed in agents other than robots and bodies."""
-        agents = _other_agents(model)
-        if len(agents) != len(self._agents):
+        agents, records = other_agents(model), self._agents
+        if len(agents) != len(records) or any(map(is_not, agents, (record.agent for record in records))):
             return [AGENTS]
-        if all(record.is_same(agent) for record, agent in zip(self._agents, agents, strict=True)):
-            return []
-        return [
-            AGENTS
-            if any(record.agent is not agent for record, agent in zip(self._agents, agents, strict=True))
-            else OF_AGENTS
-        ]
+        return [] if all(map(_AgentRecord.is_same, records, agents)) else [OF_AGENTS]
 
     def find_moved(self, model: EngineModel) -> np.ndarray | None:
         """Return the rows of the driven bodies that were sent elsewhere, None if any has been put elsewhere already."""
@@ -151,9 +217,8 @@ class ChangeDetector:
 
 def _marks_of(model: EngineModel) -> dict[str, Any]:
     """Return what each part marks, by a few words, and the settings of the model itself."""
-    robots = model.swarm.agents
     marks: dict[str, Any] = {
-        SET: (len(robots), robots[-1].unique_id if robots else 0, population_of(model)[1:]),
+        SET: summary(model),
         "running": model.running,
         "scale": model.scale,
         "collect_every": model.collect_every,
@@ -185,17 +250,9 @@ class _AgentRecord(NamedTuple):
 
     def is_same(self, agent: Agent) -> bool:
         was, now = self.attributes, vars(agent)
-        if agent is not self.agent or len(was) != len(now) or _place_of(agent) != self.place:
+        if was.keys() != now.keys() or any(was[name] is not value for name, value in now.items()):
             return False
-        if not all(name in was and was[name] is value for name, value in now.items()):
-            return False
-        return _contents_of(agent) == self.contents
-
-
-def _other_agents(model: EngineModel) -> list[Agent]:
-    """Return the agents that are neither robots nor bodies, of most models none."""
-    kinds = [kind for kind in model.agents_by_type if not issubclass(kind, ArenaAgent)]
-    return [agent for kind in kinds for agent in model.agents_by_type[kind]] if kinds else []
+        return (self.contents, self.place) == (_contents_of(agent), _place_of(agent))
 
 
 def _contents_of(agent: Agent) -> list[bytes]:

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,18 +17,6 @@ from mesa_swarm.kernels.part import STORED, Part
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.mesa_model import has_own_events
 from mesa_swarm.model.state import Checkpointed, checked_state, refuse_attributes
-from mesa_swarm.recording.added_objects import added_to_json, restore_added
-from mesa_swarm.recording.attributes import (
-    ModelPacker,
-    apart_of_agent,
-    attribute_from_json,
-    attribute_to_json,
-    generator_to_json,
-    own_attributes,
-    own_attributes_of_agent,
-    stored_from_json,
-    stored_to_json,
-)
 from mesa_swarm.recording.collected_data import (
     Path,
     collected_to_json,
@@ -38,11 +26,30 @@ from mesa_swarm.recording.collected_data import (
     set_clock,
 )
 from mesa_swarm.recording.container import PLACES, Checkpoint, Packer
-from mesa_swarm.recording.devices import part_from_json, part_to_json
 from mesa_swarm.recording.made_objects import check_made
-from mesa_swarm.recording.objects import objects_to_json, other_agents, restore_objects
+from mesa_swarm.recording.objects import (
+    added_to_json,
+    make_removed,
+    objects_to_json,
+    other_agents,
+    removed_to_json,
+    restore_added,
+    restore_objects,
+    restore_removed,
+)
 from mesa_swarm.recording.provenance import FORMAT, hash_in_format
-from mesa_swarm.recording.removed_agents import make_removed, removed_to_json, restore_removed
+from mesa_swarm.recording.stored_values import (
+    ModelPacker,
+    apart_of_agent,
+    attributes_to_json,
+    generator_to_json,
+    own_attributes_of_agent,
+    part_from_json,
+    part_to_json,
+    restore_attributes,
+    stored_from_json,
+    stored_to_json,
+)
 from mesa_swarm.robots.design import LARGEST_RADIUS
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.robots.swarm import FAILED_SENSORS, FAILED_WHEELS, WHEELS
@@ -101,25 +108,33 @@ def _stored_of_parts(facts: dict) -> dict[str, dict[str, Any]]:
         "control": {"arbiter": {"control": facts["control"]}, **_states_of_control(facts)},
         "fields": {
             "declared": {"plain": [_as_list(field) for field, _ in fields]},
-            "peaks": {"plain": [dict(map(tuple, state["dict"]))["peak"] for _, state in fields]},
+            "peaks": {"plain": [_state_of(state)["peak"] for _, state in fields]},
         },
         "fires": {"constants": {"part": facts["constants"]}, "history": {"plain": [every, fires, places]}},
-        "processes": _states_of_processes(facts),
+        "processes": _states_by_name((f"{number}", state) for number, _, state in facts.get("processes", ())),
         "state": {"values": {"plain": facts.get("state", {"dict": []})}},
     }
 
 
 def _states_of_control(facts: dict) -> dict[str, Any]:
     """Return what arbiters and layers have stored, by their place; arbiters came first in the list."""
-    states = facts["control_state"]
+    states = [state or {} for state in facts["control_state"]]
     count = len(states) - _number_of_layers(facts["control"])
+    return {
+        **{f"arbiter {k} {n}": content for k, state in enumerate(states[:count]) for n, content in state.items()},
+        **_states_by_name((f"layer {place}", state) for place, state in enumerate(states[count:])),
+    }
+
+
+def _states_by_name(states: Iterable[tuple[str, dict]]) -> dict[str, Any]:
+    """Return states of layers or processes by their keys: what `checkpoint` returned, or else each attribute."""
     content_by_name: dict[str, Any] = {}
-    for place, state in enumerate(states):
-        key = f"arbiter {place}" if place < count else f"layer {place - count}"
-        if isinstance(state, dict) and key.startswith("layer") and set(state) == {"own"} and _is_packed(state["own"]):
+    for key, state in states:
+        # An attribute of the name own is not packed itself.
+        if set(state) == {"own"} and isinstance(state["own"], dict) and "dict" in state["own"]:
             content_by_name[key] = state
         else:
-            content_by_name |= {f"{key} {name}": content for name, content in (state or {}).items()}
+            content_by_name |= {f"{key} {name}": content for name, content in state.items()}
     return content_by_name
 
 
@@ -132,27 +147,13 @@ def _number_of_layers(control: Any) -> int:
     return len(inner["layers"])
 
 
-def _is_packed(content: Any) -> bool:
-    """Return whether a content is what a layer's `checkpoint` returned, rather than an attribute of the name own."""
-    return isinstance(content, dict) and "dict" in content
-
-
-def _states_of_processes(facts: dict) -> dict[str, Any]:
-    content_by_name: dict[str, Any] = {}
-    for number, _, state in facts.get("processes", ()):
-        if set(state) == {"own"} and _is_packed(state["own"]):
-            content_by_name[f"{number}"] = state
-        else:
-            content_by_name |= {f"{number} {name}": content for name, content in state.items()}
-    return content_by_name
-
-
 def columns_in_parts(model: EngineModel, facts: dict, parts: list[tuple[Part, dict]]) -> list[tuple[Part, dict]]:
     """Return parts with their stored columns, which earlier formats have by their names in the swarm."""
     if "of_swarm" not in facts:
         return [(part, content.get("columns", {})) for part, content in parts]
     names = {id(column): name for name, column in model.swarm.columns.items()}
-    others = {**{name: column for name, column in facts["fires"].items()}, **_values_of_fields(facts)}
+    fields = {_as_list(field)[0]: _state_of(state)["values"] for field, state in facts.get("scalars", [])}
+    others = {**facts["fires"], **fields}
     swarm_names, columns = set(), []
     for part, _ in parts:
         if part.name == "bodies":  # whose state was stored with what they are, see `restore_fires`
@@ -185,22 +186,18 @@ def restore_fires(model: EngineModel, facts: dict, packer: Packer) -> None:
     table.aim[model.fires.rows] = table.position[model.fires.rows]
 
 
-def _values_of_fields(facts: dict) -> dict[str, Any]:
-    """Return the stored values of fields by name."""
-    fields = (
-        (_as_list(field)[0], dict(map(tuple, state["dict"]))["values"]) for field, state in facts.get("scalars", [])
-    )
-    return dict(fields)
-
-
 def _as_list(field: Any) -> list:
     return field["tuple"] if isinstance(field, dict) else field
 
 
+def _state_of(packed: dict) -> dict[str, Any]:
+    return dict(map(tuple, packed["dict"]))
+
+
 # Of the state of Python's generator.
 WORDS = 625
-# Parts of a stored state that follow how a run is observed.
-OBSERVING = ("reporters",)
+# Parts of a stored state that follow how a run is observed, and what of that a part stores.
+OBSERVING, HISTORY = ("reporters",), "history"
 
 
 def checkpoint_of(model: EngineModel, since: dict[Path, int] | None = None, *, steps: int | None = None) -> Checkpoint:
@@ -235,7 +232,7 @@ def checkpoint_of(model: EngineModel, since: dict[Path, int] | None = None, *, s
             name: packer.pack(reporter.checkpoint(), f"reporter {name}")
             for name, reporter in reporters_of(model).items()
         },
-        "attributes": {n: attribute_to_json(v, n, packer) for n, v in own_attributes(model).items()},
+        "attributes": attributes_to_json(model.own_attributes, "", packer),
         "of_things": _agent_attributes(model, packer),
     }
     if packer.removed_agents:
@@ -256,36 +253,33 @@ def differing_part(model: EngineModel, twin: EngineModel) -> str:
     What only observes a run, such as reporters, is not compared, and collected rows are where both models have them.
     """
     mine, others = checkpoint_of(model), checkpoint_of(twin)
-    for name, what, content, same in _paired_parts(mine.facts, others.facts):
-        if name not in OBSERVING and _with_arrays(content, mine) != _with_arrays(same, others):
-            return what
+    here, there = (_named_parts(checkpoint.facts) for checkpoint in (mine, others))
+    for path in sorted(here.keys() | there.keys()):
+        is_collected = path[0] == "collected" and not (path in here and path in there)
+        content, same = here.get(path), there.get(path)
+        if not is_collected and _with_arrays(content, mine) != _with_arrays(same, others):
+            return " ".join(path[1::2] if path[0] in ("added", "parts") else path)
     return "" if mine.state_hash == others.state_hash else "its state hash"
 
 
-def _paired_parts(mine: dict, others: dict) -> Iterator[tuple[str, str, Any, Any]]:
-    """Iterate over the parts of two states: the name, that of an inner part with it, and the two contents."""
-    for name in sorted({*mine, *others}):
-        content, same = mine.get(name), others.get(name)
+def _named_parts(facts: dict) -> dict[tuple[str, ...], Any]:
+    """Return the parts of a state, by paths that order and name them, without what only observes a run."""
+    parts: dict[tuple[str, ...], Any] = {}
+    for name, content in facts.items():
         if name == "collected":
-            series, theirs = ({tuple(path): values for path, _, values in facts[name]} for facts in (mine, others))
-            yield from ((name, f"{name} {' '.join(p)}", series[p], theirs[p]) for p in series if p in theirs)
+            parts |= {(name, *path): values for path, _, values in content}
         elif name == "added":
-            mine_made, theirs = ({part: values for part, *values in parts or ()} for parts in (content, same))
-            both = sorted({*mine_made, *theirs})
-            yield from ((name, f"{part} as it is made", mine_made.get(part), theirs.get(part)) for part in both)
+            parts |= {(name, part, "", "as it is made"): values for part, *values in content}
         elif name == "parts":
-            yield from _paired_of_parts(content or {}, same or {})
-        elif isinstance(content, dict) and isinstance(same, dict):
-            yield from ((name, f"{name} {key}", content.get(key), same.get(key)) for key in sorted({*content, *same}))
+            kinds = ((part, kind, values) for part, by_kind in content.items() for kind, values in by_kind.items())
+            parts |= {
+                (name, p, kind, key): values[key] for p, kind, values in kinds for key in values if key != HISTORY
+            }
+        elif isinstance(content, dict):
+            parts |= {(name, key): value for key, value in content.items() if name not in OBSERVING}
         else:
-            yield name, name, content, same
-
-
-def _paired_of_parts(mine: dict, others: dict) -> Iterator[tuple[str, str, Any, Any]]:
-    for part, what in ((part, what) for part in sorted({*mine, *others}) for what in ("columns", "stored")):
-        content, same = (parts.get(part, {}).get(what, {}) for parts in (mine, others))
-        for name in sorted({*content, *same} - {"history"}):
-            yield part, f"{part} {name}", content.get(name), same.get(name)
+            parts[name,] = content
+    return parts
 
 
 def _with_arrays(content: Any, checkpoint: Checkpoint) -> tuple[str, list[tuple[str, tuple, bytes]]]:
@@ -460,11 +454,9 @@ def _restore_attributes(
     model: EngineModel, facts: dict, packer: ModelPacker, remade: dict[Agent, Agent | None]
 ) -> None:
     attributes = facts["attributes"]
-    refuse_attributes(model, attributes, model.reserved)
-    for name in own_attributes(model).keys() - attributes.keys():
+    for name in model.own_attributes.keys() - attributes.keys():
         del model.__dict__[name]
-    for name, content in attributes.items():
-        model.__dict__[name] = attribute_from_json(model.__dict__.get(name), name, content, packer)
+    restore_attributes(model, attributes, packer, model.reserved)
     _restore_agents(model, dict(facts["of_things"]), packer, remade)
     restore_removed(packer, facts.get("removed", []))
 
@@ -479,12 +471,9 @@ def _restore_agents(
     agents = {agent.unique_id: agent for agent in model.agents}
     for unique_id, values in values_by_id.items():
         agent = agents[unique_id]
-        refuse_attributes(agent, values, apart_of_agent(agent))
         if agent in remade:
             check_made(agent, values, remade[agent])
-        for name, content in values.items():
-            value = attribute_from_json(getattr(agent, name, None), name, content, packer)
-            object.__setattr__(agent, name, value)
+        restore_attributes(agent, values, packer, apart_of_agent(agent))
 
 
 def _agent_attributes(model: EngineModel, packer: ModelPacker) -> list:
@@ -496,7 +485,7 @@ def _agent_attributes(model: EngineModel, packer: ModelPacker) -> list:
         attributes = own_attributes_of_agent(agent)
         if attributes:
             what = f"{type(agent).__name__} {agent.unique_id}'s "
-            extra.append([agent.unique_id, {n: attribute_to_json(v, what + n, packer) for n, v in attributes.items()}])
+            extra.append([agent.unique_id, attributes_to_json(attributes, what, packer)])
     return extra
 
 

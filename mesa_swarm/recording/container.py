@@ -296,8 +296,6 @@ def from_bytes(content: bytes) -> Checkpoint:
     """Return the checkpoint that `to_bytes` wrote; every size is checked before memory is allocated."""
     try:
         return _read(content)
-    except RecordingError:
-        raise
     except (ValueError, TypeError, LookupError, AttributeError, OverflowError, MemoryError, OSError, RecursionError):
         raise RecordingError("the checkpoint is damaged, or was written by another version") from None
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 import pandas as pd
@@ -12,8 +13,16 @@ from mesa_swarm.base.errors import UnknownNameError, unknown_name
 from mesa_swarm.control.layer import Senses, centroids
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import looks_of
-from mesa_swarm.recording.layout import PIXELS, READINGS, TABLES, field_type, is_table
-from mesa_swarm.recording.shown_parts import discs_of, pictures_of, robot_columns
+from mesa_swarm.recording.layout import (
+    PIXELS,
+    READINGS,
+    TABLES,
+    discs_of,
+    field_type,
+    is_table,
+    pictures_of,
+    robot_columns,
+)
 from mesa_swarm.world.fields import levels_of, values_of_levels
 from mesa_swarm.world.statics import FIRE, KINDS, LOAD
 
@@ -25,7 +34,7 @@ BURST_GAP = 10
 MERGE_EVERY = 10
 MERGE_LINK = 30.0
 MERGE_ROBOTS = 3
-# Robots that the text of an event names.
+# Robots that the text of an event or a verdict names.
 MOST_NAMED = 3
 AXES = {"position": ("x", "y"), "command": ("command_left", "command_right")}
 # What pictures show of a step.
@@ -320,15 +329,21 @@ def events_of(frames: Iterable) -> list[Event]:
 
     The frames, in the order of steps, are iterated over up to four times.
     """
-    events = [*_fires_out(frames), *_bursts(frames), *_merges(frames), *_list_noted(frames)]
+    finders = {"fires": _fires_out, "contacts": _bursts, "position": _merges, "events": _list_noted}
+    events: list[Event] = []
+    for column, find_events in finders.items():
+        events += find_events(_with_column(frames, column))
     return sorted(events, key=lambda event: (event.step, event.kind, event.ids))
+
+
+def _with_column(frames: Iterable, column: str) -> Iterator[Frame]:
+    """Iterate over frames that have a column: all, or none."""
+    return takewhile(lambda frame: column in frame.columns, frames)
 
 
 def _list_noted(frames: Iterable) -> Iterator[Event]:
     """Iterate over the events of the model's own; those of one step and name are one."""
     for frame in frames:
-        if "events" not in frame.columns:
-            return
         together: dict[tuple[int, str], list[tuple[int, float]]] = {}
         for step, name, unique_id, value in frame["events"].tolist():
             together.setdefault((step, name), []).append((unique_id, value))
@@ -339,17 +354,19 @@ def _list_noted(frames: Iterable) -> Iterator[Event]:
 
 def _describe_noted(name: str, ids: Sequence[int], values: Sequence[float]) -> str:
     times = f" {len(values)} times" if len(values) > 1 else ""
-    more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
-    robots = f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""
     value = f"value {sum(values):g}" if set(values) != {1.0} else ""
-    return ": ".join(part for part in (name + times, ", ".join(part for part in (robots, value) if part)) if part)
+    return ": ".join(filter(None, (name + times, ", ".join(filter(None, (name_robots(ids), value))))))
+
+
+def name_robots(ids: Sequence[int]) -> str:
+    """Return a few robots by their unique_ids as text, an empty text for none."""
+    more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
+    return f"robot{'s' if len(ids) > 1 else ''} {', '.join(map(str, ids[:MOST_NAMED]))}{more}" if ids else ""
 
 
 def _fires_out(frames: Iterable) -> Iterator[Event]:
     burning: set[int] = set()
     for frame in frames:
-        if "fires" not in frame.columns:
-            return
         fires = frame["fires"]
         gone_out = burning & set(fires["fire"][fires["out"]].tolist())
         for number, fire in enumerate(fires["fire"].tolist(), start=1):
@@ -361,8 +378,6 @@ def _fires_out(frames: Iterable) -> Iterator[Event]:
 def _bursts(frames: Iterable) -> Iterator[Event]:
     burst: list[tuple[int, frozenset[int]]] = []
     for frame in frames:
-        if "contacts" not in frame.columns:
-            return
         if burst and frame.step - burst[-1][0] > BURST_GAP:
             yield _burst(burst)
             burst = []
@@ -383,8 +398,6 @@ def _merges(frames: Iterable) -> Iterator[Event]:
     before: dict[int, int] = {}
     next_step = -np.inf
     for frame in frames:
-        if "position" not in frame.columns:
-            return
         if frame.step < next_step:
             continue
         next_step = frame.step + MERGE_EVERY

@@ -7,6 +7,7 @@ which its `step` or its `__del__` then works. So only classes that expect to be 
 import dis
 import re
 import sys
+from collections.abc import Container
 from functools import cache
 from types import BuiltinFunctionType, FunctionType, WrapperDescriptorType
 from typing import Any
@@ -19,50 +20,38 @@ from mesa_swarm.kernels.part import Part
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.processes import Process
 from mesa_swarm.model.scattering import Wander
+from mesa_swarm.world.arena import ArenaAgent
 
 # The attribute by which a class declares that it may be made so.
 RESUMABLE = "resumable"
 # Processes that ship with the package, which any model may have been given.
 OF_PACKAGE = (Spreading, Wander)
+ADDABLE = {"process": Process, "part": Part}
 FUNCTIONS = (FunctionType, BuiltinFunctionType, WrapperDescriptorType)
 # What Python adds to classes that derive from a protocol.
 OF_PROTOCOLS = ("_abc_impl", "_is_protocol", "_is_runtime_protocol")
 
 
-def check_process_class(kind: type) -> None:
-    """Refuse a class of processes that no constructor may be skipped of.
+def check_addable_class(kind: type, what: str) -> None:
+    """Refuse a class of processes, or parts, which is `what`, that no constructor may be skipped of.
 
     Raises
     ------
     RecordingError
-        If it neither derives from `Process` nor declares ``resumable = True``, or has `__del__`.
+        If it does not derive from `Process` or `Part`, or has `__del__`; processes may declare ``resumable = True``.
 
     Examples
     --------
     >>> class Tide(Process):
     ...     level: float = 0.0
-    >>> check_process_class(Tide)
+    >>> check_addable_class(Tide, "process")
     """
-    if not (Process in kind.__mro__ or kind in OF_PACKAGE or getattr(kind, RESUMABLE, False) is True):
+    base = ADDABLE[what]
+    is_permitted = what == "process" and (kind in OF_PACKAGE or getattr(kind, RESUMABLE, False) is True)
+    if base not in kind.__mro__ and not is_permitted:
         raise RecordingError(
-            f"process {kind.__name__} is not one that the model's constructor adds, and its class does not derive from "
-            "mesa_swarm.Process; add the process in the constructor, or derive its class"
-        )
-    _check_no_del(kind)
-
-
-def check_part_class(kind: type) -> None:
-    """Refuse a class of parts that no constructor may be skipped of.
-
-    Raises
-    ------
-    RecordingError
-        If it does not derive from `Part`, or has `__del__`.
-    """
-    if Part not in kind.__mro__:
-        raise RecordingError(
-            f"part {kind.__name__} is not one that the model's constructor adds, and its class does not derive from "
-            "mesa_swarm.Part; add the part in the constructor, or derive its class"
+            f"{what} {kind.__name__} is not one that the model's constructor adds, and its class does not derive from "
+            f"mesa_swarm.{base.__name__}; add the {what} in the constructor, or derive its class"
         )
     _check_no_del(kind)
 
@@ -148,6 +137,19 @@ def _check_no_del(kind: type) -> None:
         raise RecordingError(f"{kind.__name__} has a method __del__, and is not made without its constructor")
 
 
+def find_agent_class(module: object, name: object, present: Container[type] | None, *, handles: bool = False) -> Any:
+    """Return the class of agents of this name that is loaded, which may be one of `handles` of robots and bodies.
+
+    It is checked, unless `present`, the classes of which the model's constructor makes agents, is None.
+    """
+    kind = find_loaded_class(Agent, str(module), str(name))
+    if kind is None or (issubclass(kind, ArenaAgent) and not handles):
+        raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
+    if present is not None and not issubclass(kind, ArenaAgent):
+        check_agent_class(kind, kind in present)
+    return kind
+
+
 def classes_near(model: EngineModel) -> list[type]:
     """Return the classes in the modules that define the class of a model, which are loaded: nothing is imported."""
     names = dict.fromkeys(kind.__module__ for kind in type(model).__mro__ if issubclass(kind, EngineModel))
@@ -167,6 +169,13 @@ def is_class(kind: type, module: str, name: str) -> bool:
 def _last_word(module: str) -> str:
     """Return the last word of a module's address, without what `gallery` adds where a file's name is taken."""
     return re.sub(r"_[0-9a-f]{8}$", "", module.rpartition(".")[2])
+
+
+def find_loaded_class(base: type, module: str, name: str) -> type | None:
+    """Return the class that was recorded: a base or a loaded class derived from it; None without one, or if unclear."""
+    alike = [kind for kind in family(base) if is_class(kind, module, name)]
+    exact = [kind for kind in alike if kind.__module__ == module]
+    return (exact or alike)[0] if exact or len(alike) == 1 else None
 
 
 def family(base: type) -> list[type]:

@@ -1,4 +1,7 @@
-"""Robots, obstacles, loads, fires and other agents as stored in recordings."""
+"""What a model contains, as stored in recordings: agents, also removed ones, and processes and parts that were added.
+
+Objects that the model has stay, if they do not differ from the stored ones; others are made without constructors.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -6,23 +9,47 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+from mesa import Model
 from mesa.agent import Agent
 from mesa.experimental.continuous_space import ContinuousSpaceAgent
 from shapely import Point, Polygon
 
-from mesa_swarm.base.errors import RecordingError, check_flag, check_name, shortened
+from mesa_swarm.base.errors import RecordingError, check_flag, check_name, read_attribute, shortened
+from mesa_swarm.fire.fires import Fire
+from mesa_swarm.fire.fires_part import BURNING
+from mesa_swarm.kernels.part import list_attributes
 from mesa_swarm.model.engine_model import EngineModel
-from mesa_swarm.recording.devices import make_stored, part_from_json, part_to_json
-from mesa_swarm.recording.made_objects import check_agent_class, classes_near, family, is_class
+from mesa_swarm.model.state import Checkpointed, attributes_of
+from mesa_swarm.recording.made_objects import (
+    OF_PACKAGE,
+    check_addable_class,
+    check_made,
+    classes_near,
+    find_agent_class,
+    is_class,
+)
+from mesa_swarm.recording.stored_values import (
+    ModelPacker,
+    apart_of_agent,
+    attributes_to_json,
+    make_stored,
+    own_attributes_of_agent,
+    part_from_json,
+    part_to_json,
+    restore_attributes,
+)
 from mesa_swarm.robots.design import RobotDesign
-from mesa_swarm.robots.robot import add_handles
-from mesa_swarm.world.arena import ArenaAgent, get_next_id, set_next_id
+from mesa_swarm.robots.robot import Robot, add_handles
+from mesa_swarm.world.arena import get_next_id, set_next_id
 from mesa_swarm.world.bodies import Body, BodyTable, Form, Pose, check_resistance, check_temperature, handle_classes
 from mesa_swarm.world.movers import Driven
 from mesa_swarm.world.shapes import Shape, disc, outline_to_json, shape_from_json
-from mesa_swarm.world.statics import CARRIED, DRIVEN, FIXED, KINDS, MODES, MOST_KINDS
+from mesa_swarm.world.statics import CARRIED, DRIVEN, FIXED, KINDS, MODES, MOST_KINDS, PUSHED
 
 MOST_OBJECTS = 10_000_000
+GONE = -1  # the row of a removed handle
+# The names of outlines that are not those of modes.
+OUTLINES = {"pushed": "load", "fixed": "shape"}
 
 
 def store_shape(shape: Shape) -> dict:
@@ -153,9 +180,10 @@ def _runs_of_alike(ids: Sequence[int], designs: dict[int, int]) -> Iterator[list
 
 
 def other_agents(model: EngineModel) -> list[Agent]:
-    """Return the agents of a model that are neither robots, obstacles, loads nor fires, in the model's order."""
-    usual = {id(agent) for agents in (model.swarm.agents, model.obstacle_list, model.fires.agents) for agent in agents}
-    return [agent for agent in model.agents if id(agent) not in usual] if len(model.agents) > len(usual) else []
+    """Return the agents that are neither robots nor bodies, by ascending unique_id; most models have none."""
+    kinds = [kind for kind in model.agents_by_type if not issubclass(kind, (Robot, Body))]
+    agents = (agent for kind in kinds for agent in model.agents_by_type[kind])
+    return sorted(agents, key=lambda agent: agent.unique_id) if kinds else []
 
 
 def class_of_agent(agent: Agent) -> tuple[str, str]:
@@ -174,23 +202,12 @@ def _place_of(agent: Agent) -> list[float] | None:
 
 def _make_other(model: EngineModel, before: dict[type, Agent] | None, module: str, name: str) -> None:
     """Make an agent of a class that is loaded, without its constructor: its attributes are restored later."""
-    kind = agent_class(module, name)
-    if kind is None or issubclass(kind, ArenaAgent):
-        raise RecordingError(f"agents of class {shortened(name)} cannot be made: import it from {shortened(module)}")
-    if before is not None:
-        check_agent_class(kind, kind in before)
+    kind = find_agent_class(module, name, before)
     agent = object.__new__(kind)
     if issubclass(kind, ContinuousSpaceAgent):
         ContinuousSpaceAgent.__init__(agent, model.space, model)
     else:
         Agent.__init__(agent, model)
-
-
-def agent_class(module: object, name: object) -> type[Agent] | None:
-    """Return the class of agents of this name that is loaded, None without one."""
-    alike = [kind for kind in family(Agent) if is_class(kind, str(module), str(name))]
-    exact = [kind for kind in alike if kind.__module__ == module]
-    return (exact or alike)[0] if exact or len(alike) == 1 else None
 
 
 def _restore_others(model: EngineModel, facts: dict[int, list]) -> None:
@@ -207,7 +224,10 @@ def _restore_others(model: EngineModel, facts: dict[int, list]) -> None:
 
 
 def summary(model: EngineModel) -> list[list[int]]:
-    """Return the number of robots, obstacles and fires, and the last unique_id of each: any addition changes them."""
+    """Return the number of robots, obstacles and fires, and the last unique_id of each.
+
+    Ids only grow and new objects are appended, so that one of the two differs after every addition and removal.
+    """
     kinds = (model.swarm.agents, model.obstacle_list, model.fires.agents)
     return [[len(agents), agents[-1].unique_id if agents else 0] for agents in kinds]
 
@@ -297,14 +317,17 @@ def _make_robots(model: EngineModel, design: RobotDesign, number: int) -> None:
 
 def _make_body(model: EngineModel, body: dict) -> None:
     bodies, (name, mode) = model.parts.bodies, _form_of(body)
-    body_class, form = handle_classes()[mode], None
-    if mode == MODES[FIXED]:
-        shape = restore_shape(body[name])
-    else:
-        form = Form.about_origin(*restore_outline(body[name]))
-        shape = form.shape_at((0.0, 0.0, 0.0))
+    body_class, (shape, form) = handle_classes()[mode], _restore_form(body[name], mode == MODES[FIXED])
     kind = bodies.checked_kind(body.get("kind"), body_class.usual_kind)
     bodies.take(body_class, shape, kind, form, mode=MODES.index(mode))
+
+
+def _restore_form(outline: Any, is_fixed: bool) -> tuple[Shape, Form | None]:
+    """Return a stored shape, and its form if it can move; the shape is about the origin then."""
+    if is_fixed:
+        return restore_shape(outline), None
+    form = Form.about_origin(*restore_outline(outline))
+    return form.shape_at((0.0, 0.0, 0.0)), form
 
 
 def _form_of(body: dict) -> tuple[str, str]:
@@ -320,12 +343,9 @@ def _make_fire(model: EngineModel) -> None:
 
 def _check_same(model: EngineModel, things: dict, obstacles: dict) -> None:
     """Refuse objects that differ from those stored with their unique_ids, as another constructor would make them."""
-    present = {
-        "robots": model.swarm.unique_ids.tolist(),
-        "obstacles": [obstacle.unique_id for obstacle in model.obstacle_list],
-        "fires": [fire.unique_id for fire in model.fires.agents],
-    }
-    if present != {"robots": things["robots"], "obstacles": list(obstacles), "fires": things["fires"]}:
+    kinds = (model.swarm.agents, model.obstacle_list, model.fires.agents)
+    ids = [[agent.unique_id for agent in agents] for agents in kinds]
+    if ids != [things["robots"], list(obstacles), things["fires"]]:
         raise RecordingError("the objects that the model's constructor makes do not match the recording")
     for obstacle in model.obstacle_list:
         now, stored = body_to_json(obstacle), obstacles[obstacle.unique_id]
@@ -349,8 +369,182 @@ def _id(value: object) -> int:
     return value
 
 
-# The names of outlines that are not those of modes.
-OUTLINES = {"pushed": "load", "fixed": "shape"}
+# ---- processes and parts that were added
+
+
+def added_to_json(model: EngineModel, packer: ModelPacker) -> dict:
+    """Return the processes by their numbers, and the parts that were added by their names, if there are any.
+
+    Of parts also all attributes are stored, with which one is made that no constructor adds.
+    """
+    processes = [[number, class_address(process)] for number, process in model.parts.processes.numbered.items()]
+    parts = [
+        [part.name, class_address(part), attributes_to_json(list_attributes(part), f"{part.name}'s ", packer)]
+        for part in model.parts.added()
+    ]
+    return {name: content for name, content in (("processes", processes), ("added", parts)) if content}
+
+
+def class_address(instance: Any) -> str:
+    """Return the address of the class of a process or a part."""
+    return f"{type(instance).__module__}.{type(instance).__qualname__}"
+
+
+def restore_added(model: EngineModel, facts: dict, packer: ModelPacker) -> None:
+    """Give a model the stored processes and parts: remove those that are not stored, make the others.
+
+    They are made without their constructors, of classes in the module of the model's class; their state follows.
+    """
+    _restore_processes(model, {number: kind for number, kind in facts.get("processes", ())}, facts)
+    parts = {check_name("name of a part", name): (kind, values) for name, kind, values in facts.get("added", ())}
+    for part in model.parts.added():
+        if part.name not in parts:
+            model.remove_part(part.name)
+    for name, (kind, values) in parts.items():
+        if name not in model.parts:
+            part = _make_addition(model, kind, "part", "stages")
+            check_made(part, values)
+            restore_attributes(part, values, packer)
+            model.add_part(part)
+        elif not _is_kind(type(model.parts[name]), kind):
+            raise RecordingError(_odd(model, kind, "part"))
+
+
+def _restore_processes(model: EngineModel, kinds: dict[int, str], facts: dict) -> None:
+    part = model.parts.processes
+    for number, process in list(part.numbered.items()):
+        if number not in kinds:
+            model.remove_process(process)
+    if BURNING in kinds:
+        model.parts.fires.begin_burning()
+    for number, kind in kinds.items():
+        if type(number) is not int or number < 0:
+            raise RecordingError(f"invalid number of a process: {shortened(number)}")
+        present_process = part.numbered.get(number)
+        if present_process is None:
+            present_process = _make_addition(model, kind, "process", "step")
+            part.have({**part.numbered, number: present_process})
+            names = _names_of(facts, "processes", f"{number} ")
+            check_made(present_process, () if isinstance(present_process, Checkpointed) else names)
+        elif not _is_kind(type(present_process), kind):
+            raise RecordingError(_odd(model, kind, "process"))
+    part.have({number: part.numbered[number] for number in sorted(part.numbered)})
+
+
+def _names_of(facts: dict, part: str, begin: str) -> list[str]:
+    """Return the names of the attributes that are stored of a part, or of a process, whose names begin so."""
+    names = facts["parts"].get(part, {}).get("stored", {})
+    return [name.removeprefix(begin) for name in names if name.startswith(begin)]
+
+
+def check_addable(addition: Any, kind: str, model: EngineModel) -> None:
+    """Refuse a process or a part, added since a recording began, that would not be made again."""
+    check_addable_class(type(addition), kind)
+    if type(addition) not in (*classes_near(model), *OF_PACKAGE):
+        raise RecordingError(
+            f"{kind} {type(addition).__name__} was added by hand, and its class is not in {type(model).__module__}; "
+            f"define it there, or add the {kind} in the constructor"
+        )
+    check_made(addition, () if isinstance(addition, Checkpointed) else attributes_of(addition))
+
+
+def _make_addition(model: EngineModel, kind: str, what: str, method: str) -> Any:
+    """Make a process or a part of a class in the model's own module or the package, without its constructor."""
+    classes = (*classes_near(model), *OF_PACKAGE)
+    alike = (near for near in classes if _is_kind(near, kind) and callable(read_attribute(near, method)))
+    near_class = next(alike, None)
+    if near_class is None or issubclass(near_class, Agent | Model):
+        raise RecordingError(_odd(model, kind, what))
+    check_addable_class(near_class, what)
+    return object.__new__(near_class)
+
+
+def _is_kind(kind: type, address: str) -> bool:
+    """Return whether an object of this class may have been stored, see `is_class`."""
+    module = address.removesuffix(f".{kind.__qualname__}")
+    return module != address and is_class(kind, module, kind.__qualname__)
+
+
+def _odd(model: EngineModel, kind: str, what: str) -> str:
+    return (
+        f"{what} {shortened(kind)} is not one that the constructor of {type(model).__name__} adds, and its class is "
+        f"not in {type(model).__module__}; add the {what} in the constructor, or define its class there"
+    )
+
+
+# ---- agents that were removed, and to which the model still refers
+
+
+def removed_to_json(packer: ModelPacker) -> list:
+    """Return what is stored of removed agents to which values refer, and of those to which these refer."""
+    entries: list[list] = []
+    agents = packer.removed_agents or {}
+    while len(entries) < len(agents):
+        for unique_id in list(agents)[len(entries) :]:
+            agent = agents[unique_id]
+            what = f"removed {type(agent).__name__} {unique_id}'s "
+            attributes = attributes_to_json(own_attributes_of_agent(agent), what, packer)
+            entries.append([unique_id, [*class_of_agent(agent), _remains(agent)], attributes])
+    return entries
+
+
+def make_removed(packer: ModelPacker, entries: list) -> None:
+    """Make the handles of removed agents, without their attributes; those of the same kind that are known stay."""
+    present = packer.removed_agents or {}
+    there = {agent.unique_id for agent in packer.model.agents}
+    new = {unique_id: remains for unique_id, remains, _ in entries if unique_id not in present}
+    if there & new.keys():
+        raise RecordingError(f"agent {min(there & new.keys())} is stored as removed and as present")
+    agents = {key: _remains_from_json(packer.model, key, remains, packer.present) for key, remains in new.items()}
+    packer.removed_agents = {**present, **agents}
+
+
+def restore_removed(packer: ModelPacker, entries: list) -> None:
+    """Restore the attributes of removed agents."""
+    for unique_id, _, values in entries:
+        agent = (packer.removed_agents or {})[unique_id]
+        restore_attributes(agent, values, packer, apart_of_agent(agent))
+
+
+def _remains(agent: Agent) -> dict:
+    """Return what the handle of a removed agent still has."""
+    if not isinstance(agent, Body):
+        return {}
+    return {**body_to_json(agent), "kind": agent.kind, **state_to_json(agent)}
+
+
+def _remains_from_json(model: EngineModel, unique_id: int, content: Any, present: frozenset[type] | None) -> Agent:
+    """Return a removed agent of a class that is loaded, made without its constructor."""
+    module, name, remains = content
+    agent: Any = object.__new__(find_agent_class(module, name, present, handles=True))
+    agent.model, agent.unique_id = model, unique_id
+    if isinstance(agent, ContinuousSpaceAgent):
+        agent.space = agent._mesa_index = None  # type: ignore[assignment]
+    if isinstance(agent, Robot):
+        agent.swarm, agent.row = model.swarm, GONE
+    elif isinstance(agent, Body):
+        _restore_body(model, agent, remains)
+    return agent
+
+
+def _restore_body(model: EngineModel, body: Any, remains: dict) -> None:
+    """Give a removed body the table of its own, which has what it was."""
+    kind, form, mode = str(remains.get("kind", "")), None, FIXED
+    if isinstance(body, Fire):
+        body.fires, body.index = model.fires, GONE
+    if "shape" in remains or isinstance(body, Fire):  # without a shape in recordings of version 0.2.0
+        shape = restore_shape(remains["shape"]) if "shape" in remains else disc(model.map.bounds[:2], 1.0)
+        remains = {name: value for name, value in remains.items() if name not in ("pose", "aim")}
+    else:
+        name, mode = ("driven", DRIVEN) if isinstance(body, Driven) else ("load", PUSHED)
+        shape, form = _restore_form(remains[name], is_fixed=False)
+    if isinstance(body, Driven):
+        body.agent = body.carrier = None
+    kinds = model.kinds if kind in model.kinds else (*model.kinds, kind)
+    BodyTable(kinds).add(body, shape, form, mode=mode, kind=kinds.index(kind))
+    restore_state(body, remains, model.map.bounds)
+
+
 # Columns of a body's state besides poses, and what checks a stored value.
 STATE: dict[str, Callable[[Any], Any]] = {
     "resistance": check_resistance,

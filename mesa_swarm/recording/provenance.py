@@ -3,6 +3,7 @@
 import inspect
 import json
 import math
+import os
 import platform
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -17,10 +18,10 @@ from mesa_swarm.model.common import whole_signature
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import looks_of
 from mesa_swarm.model.state_hash import written_state_hash
-from mesa_swarm.recording.devices import part_from_json, part_to_json
+from mesa_swarm.recording.layout import with_discs
 from mesa_swarm.recording.made_objects import is_class
 from mesa_swarm.recording.schema import checked_provenance, read_json
-from mesa_swarm.recording.shown_parts import with_discs
+from mesa_swarm.recording.stored_values import part_from_json, part_to_json
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.radio import Radio
 from mesa_swarm.robots.real_robots import Scale
@@ -251,7 +252,7 @@ def as_metadata(facts: dict) -> dict[str, str]:
     return {name: json.dumps(value) for name, value in facts.items()}
 
 
-def from_metadata(metadata: dict[bytes, bytes] | None, source: object) -> dict:
+def from_metadata(metadata: dict[bytes, bytes] | None, source: str | os.PathLike[str]) -> dict:
     """Return what `as_metadata` wrote, checked."""
     facts, name = {}, ""
     try:

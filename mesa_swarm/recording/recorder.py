@@ -23,17 +23,21 @@ from mesa_swarm.fire.fires_part import BURNING
 from mesa_swarm.model.bodies_part import POSES
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.observers import Observer
-from mesa_swarm.recording.added_objects import check_addable
-from mesa_swarm.recording.changes import ChangeDetector, intervention_to_json
+from mesa_swarm.recording.changes import (
+    MOST_POSES,
+    ChangeDetector,
+    HandMove,
+    intervention_to_json,
+    move_of,
+    moves_to_bytes,
+)
 from mesa_swarm.recording.checkpoint import checkpoint_of
 from mesa_swarm.recording.collected_data import Path as SeriesPath
 from mesa_swarm.recording.collected_data import check_collected, lengths_of, size_of_collected
 from mesa_swarm.recording.container import to_bytes
-from mesa_swarm.recording.devices import control_to_json, own_code
-from mesa_swarm.recording.hand_moves import MOST_POSES, HandMove, move_of, moves_to_bytes
-from mesa_swarm.recording.layout import Chunk, Layout, default_columns, population_of
+from mesa_swarm.recording.layout import Chunk, Layout, default_columns
 from mesa_swarm.recording.made_objects import check_agent_class
-from mesa_swarm.recording.objects import summary
+from mesa_swarm.recording.objects import check_addable, summary
 from mesa_swarm.recording.provenance import (
     as_metadata,
     drawn_heat,
@@ -52,6 +56,7 @@ from mesa_swarm.recording.schema import (
     longest_gap,
 )
 from mesa_swarm.recording.sealed_stream import CHANGE, CHECKPOINT, INTERVENTION, MOVES, Sealed, SealedWriter
+from mesa_swarm.recording.stored_values import control_to_json, own_code
 from mesa_swarm.world.arena import ArenaAgent
 
 HASH_EVERY = 100
@@ -198,7 +203,7 @@ class RowBuffer:
 
 def _signs_of_scenery(model: EngineModel) -> tuple:
     """Return what changes whenever the scenery may change."""
-    return population_of(model), model.fire_constants, drawn_parts(model), drawn_heat(model)
+    return model.swarm.version, summary(model), model.fire_constants, drawn_parts(model), drawn_heat(model)
 
 
 def _is_readable(batch: pa.RecordBatch) -> bool:
@@ -220,10 +225,9 @@ class Recorder(Observer):
         When a row is due.
     layout : Layout
     writer : SealedWriter
-    checkpoint_every : int
-        Most steps from one checkpoint to the next; 0 for none.
-    why_no_checkpoint : str
-        Why the present state cannot be stored, if that was found out.
+    checkpoints : _Checkpoints
+    state : bytes
+        The present state of the model as `_Checkpoints.content` returns it.
 
     Attributes
     ----------
@@ -239,19 +243,16 @@ class Recorder(Observer):
         trigger: Trigger,
         layout: Layout,
         writer: SealedWriter,
-        checkpoint_every: int = 0,
-        why_no_checkpoint: str = "",
+        checkpoints: "_Checkpoints",
+        state: bytes,
     ) -> None:
         self.path = path
         self.every = trigger.every
         self._trigger = trigger
         self._buffer = RowBuffer(layout, writer, model, self.every)
-        self._checkpoints = _Checkpoints(self._buffer, checkpoint_every, model)
+        self._checkpoints = checkpoints
         try:
-            if checkpoint_every and why_no_checkpoint:
-                self._checkpoints.postpone(model, why_no_checkpoint)
-            elif checkpoint_every:
-                self._checkpoints.put(model)
+            checkpoints.attach(model, state, self._buffer)
         except BaseException:
             writer.abandon()
             raise
@@ -292,7 +293,7 @@ class Recorder(Observer):
             self._write_or_stop(self._buffer.note, move_of(model, moved_rows, len(self._checkpoints.steps)))
         elif what:
             model.parts.robots.forget_readings()  # as without a recorder: columns may have been written directly
-            self._write_or_stop(self._checkpoints.put_intervention, model, what)
+            self._write_or_stop(self._checkpoints.put_intervention, model, what, self._buffer)
 
     def after_step(self, model: EngineModel, step: int) -> None:
         """Note that a row is due; called by the model before a derived class may do more in this step.
@@ -327,7 +328,7 @@ class Recorder(Observer):
             return
         self._put_row()
         if model.completed >= self._checkpoints.next_step:
-            self._write_or_stop(self._checkpoints.put, model)
+            self._write_or_stop(self._checkpoints.put, model, self._buffer)
         self._detector = ChangeDetector(model)
 
     def after_run(self, model: EngineModel, steps: int) -> None:
@@ -405,38 +406,37 @@ class Recorder(Observer):
 
 
 class _Checkpoints:
-    """Complete states at intervals; each stores what was collected since the one before."""
+    """Complete states at intervals of at most `every` steps, 0 for none; each has what was collected since the last.
 
-    def __init__(self, buffer: RowBuffer, every: int, model: EngineModel) -> None:
+    `steps` are those of which a state is in the file, `why_not` is why the last one that was due is not.
+    """
+
+    def __init__(self, every: int, model: EngineModel) -> None:
         self.steps: list[int] = []
         self.why_not = "" if every else NO_CHECKPOINTS
         self.next_step = 0 if every else sys.maxsize
-        self._buffer = buffer
         self._every = every
-        self._warned = False
+        self.warned = False  # that states are not stored
         self._control = control_to_json(model.control)
         self._processes, self._kinds = {*model.parts.processes.numbered}, {*model.agents_by_type}
         self._parts = {*model.parts}
         self._since: dict[SeriesPath, int] = {}
         self._collected = self._more = 0
 
-    def put(self, model: EngineModel) -> None:
+    def put(self, model: EngineModel, buffer: RowBuffer) -> None:
         """Store the present state of the model, unless it cannot be stored."""
-        self._attach(model, self._content(model, model.steps))
+        self.attach(model, self.content(model, model.steps, buffer.writer.sealed.end), buffer)
 
-    def postpone(self, model: EngineModel, why_not: str) -> None:
-        """Do without a checkpoint of the present state, which cannot be stored."""
-        self.next_step, self.why_not = model.completed + self._every, why_not
-        self._warned = True  # by `record`
-
-    def put_intervention(self, model: EngineModel, what: list[str]) -> None:
+    def put_intervention(self, model: EngineModel, what: list[str], buffer: RowBuffer) -> None:
         """Store what was changed before the step that Mesa has just counted, and the state after the change."""
-        content = self._content(model, model.steps - 1) if self._every else b""
-        self._buffer.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
-        self._attach(model, content)
+        content = self.content(model, model.steps - 1, buffer.writer.sealed.end)
+        buffer.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
+        self.attach(model, content, buffer)
 
-    def _content(self, model: EngineModel, steps: int) -> bytes:
-        """Return a checkpoint as bytes; no bytes, and set `why_not`, if it cannot be stored."""
+    def content(self, model: EngineModel, steps: int, file: int = 0) -> bytes:
+        """Return the state as bytes, for a file of this size; no bytes, and set `why_not`, if it cannot be stored."""
+        if not self._every:
+            return b""
         self.next_step = model.completed + self._every
         try:
             self._check_control(model)
@@ -444,21 +444,25 @@ class _Checkpoints:
             checkpoint = checkpoint_of(model, self._since, steps=steps)
             content = to_bytes(checkpoint)
             self._more = size_of_collected(checkpoint)
-            check_collected(self._collected + self._more, self._buffer.writer.sealed.end)
+            check_collected(self._collected + self._more, file)
         except RecordingError as error:
             self.why_not = str(error)
-            self._warn(model)
             return b""
         self.why_not = ""
         return content
 
-    def _warn(self, model: EngineModel) -> None:
-        """Warn once that states are no longer stored."""
-        if self._warned:
-            return
-        self._warned = True
-        text = f"the state of {type(model).__name__} after step {model.completed} cannot be stored in its recording: "
-        warnings.warn(without_middle(text + self.why_not), UnstoredStateWarning, stacklevel=2)
+    def attach(self, model: EngineModel, content: bytes, buffer: RowBuffer) -> None:
+        """Write what `content` has returned, or warn once that states are no longer stored."""
+        if content:
+            buffer.attach(CHECKPOINT, content, model.completed)
+            self._since = lengths_of(model)
+            self._collected += self._more
+            self.steps.append(model.completed)
+        elif self._every and not self.warned:
+            self.warned = True
+            name, step = type(model).__name__, model.completed
+            text = f"the state of {name} after step {step} cannot be stored in its recording: "
+            warnings.warn(without_middle(text + self.why_not), UnstoredStateWarning, stacklevel=2)
 
     def _check_control(self, model: EngineModel) -> None:
         """Refuse a control with custom rules that it did not have when the recording began."""
@@ -472,23 +476,15 @@ class _Checkpoints:
 
     def _check_classes(self, model: EngineModel) -> None:
         """Refuse processes and agents, added since the recording began, that would not be made again."""
-        for number in (
-            model.parts.processes.numbered.keys() - self._processes - {BURNING}
-        ):  # which the first fire begins
-            check_addable(model.parts.processes.numbered[number], "process", model)
+        numbered = model.parts.processes.numbered
+        for number in numbered.keys() - self._processes - {BURNING}:  # which the first fire begins
+            check_addable(numbered[number], "process", model)
         for part in model.parts.added():
             if part.name not in self._parts:
                 check_addable(part, "part", model)
         for kind in model.agents_by_type.keys() - self._kinds:
             if not issubclass(kind, ArenaAgent):
                 check_agent_class(kind, present=False)
-
-    def _attach(self, model: EngineModel, content: bytes) -> None:
-        if content:
-            self._buffer.attach(CHECKPOINT, content, model.completed)
-            self._since = lengths_of(model)
-            self._collected += self._more
-            self.steps.append(model.completed)
 
 
 def _close_silently(buffer: RowBuffer) -> None:
@@ -577,13 +573,14 @@ def record(
     trigger = Trigger.of(every, minimum=1, maximum=MOST_EVERY)
     most_steps = Trigger.of(checkpoint_every, "checkpoint_every").every
     layout = Layout(model, default_columns(model) if columns is None else columns, exact)
-    facts = provenance_of(model, rerun)
+    facts, checkpoints = provenance_of(model, rerun), _Checkpoints(most_steps, model)
+    state = checkpoints.content(model, model.steps)
     facts |= {
         "every": trigger.every,
         "exact": bool(exact),
         "hash_every": HASH_EVERY,
         "checkpoint_every": most_steps,
-        "why_no_checkpoint": _why_not(model) if most_steps else NO_CHECKPOINTS,
+        "why_no_checkpoint": checkpoints.why_not,
         "start": {
             "step": model.completed,
             "state_hash": model.state_hash(),
@@ -592,11 +589,12 @@ def record(
     }
     schema = layout.schema.with_metadata(as_metadata(facts))
     _check_readable(schema)
-    if most_steps and facts["why_no_checkpoint"]:
+    if most_steps and not state:
+        checkpoints.warned = True
         text = f"{type(model).__name__} is recorded without checkpoints, so that resume runs it again from its start: "
-        warnings.warn(without_middle(text + facts["why_no_checkpoint"]), UnstoredStateWarning, stacklevel=2)
+        warnings.warn(without_middle(text + checkpoints.why_not), UnstoredStateWarning, stacklevel=2)
     writer = SealedWriter(target, schema, overwrite)
-    return Recorder(model, target, trigger, layout, writer, most_steps, facts["why_no_checkpoint"])
+    return Recorder(model, target, trigger, layout, writer, checkpoints, state)
 
 
 def _check_readable(schema: pa.Schema) -> None:
@@ -606,15 +604,6 @@ def _check_readable(schema: pa.Schema) -> None:
         checked_scenery(from_metadata(schema.metadata, "the model")["scenery"])
     except RecordingError as error:
         raise RecordingError(f"this recording would be unreadable: {error}") from None
-
-
-def _why_not(model: EngineModel) -> str:
-    """Return why the state of a model cannot be stored, an empty text if it can."""
-    try:
-        to_bytes(checkpoint_of(model, lengths_of(model)))
-    except RecordingError as error:
-        return str(error)
-    return ""
 
 
 def _checked_path(path: object) -> Path:

@@ -22,10 +22,9 @@ from mesa_swarm.base.errors import (
     unknown_name,
 )
 from mesa_swarm.model.events import EventLog
-from mesa_swarm.recording.changes import Intervention, intervention_from_json
+from mesa_swarm.recording.changes import HandMove, Intervention, intervention_from_json, moves_from_bytes
 from mesa_swarm.recording.container import Checkpoint, from_bytes
 from mesa_swarm.recording.frames import Event, Frame, Rows, events_of, field_names, field_values, table_of
-from mesa_swarm.recording.hand_moves import HandMove, moves_from_bytes
 from mesa_swarm.recording.layout import PIXELS, TABLES
 from mesa_swarm.recording.provenance import from_metadata, join_sceneries
 from mesa_swarm.recording.schema import (

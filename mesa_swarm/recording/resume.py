@@ -14,10 +14,10 @@ from mesa_swarm.base.errors import (
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import FORMS, is_address, model_address, shipped_class
-from mesa_swarm.recording.made_objects import family
-from mesa_swarm.recording.provenance import is_of, rebuild_model
+from mesa_swarm.recording.continuing import take_over
+from mesa_swarm.recording.made_objects import find_loaded_class
+from mesa_swarm.recording.provenance import rebuild_model
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.transfer import take_over
 from mesa_swarm.recording.verify import (
     Rerun,
     Watch,
@@ -164,13 +164,9 @@ def class_of(recording: Recording, base: type) -> type:
     """Return the recorded class: `base`, a loaded class derived from it, or one that is part of mesa_swarm."""
     module, name = recording.provenance["model"]["module"], recording.provenance["model"]["name"]
     shipped_class(module, name)  # imports it
-    classes = family(base)
-    for model_class in classes:
-        if (model_class.__module__, model_class.__qualname__) == (module, name):
-            return model_class
-    alike = [model_class for model_class in classes if is_of(recording.provenance, model_class)]
-    if len(alike) == 1:
-        return alike[0]
+    model_class = find_loaded_class(base, module, name)
+    if model_class is not None:
+        return model_class
     class_text = model_address(base) if base.__qualname__ == name else base.__name__
     raise RecordingError(
         f"{recording.path} is of {shortened(name)}, which is neither {class_text} nor a loaded subclass of it; "

@@ -6,6 +6,7 @@ therefore checked here once, when it is opened, and its rows where they are deco
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
@@ -16,6 +17,7 @@ import numpy as np
 import pyarrow as pa
 
 from mesa_swarm.base.errors import RecordingError, shortened
+from mesa_swarm.base.files import show_path
 from mesa_swarm.model.looks import COLOUR, MOST_COLOURS
 from mesa_swarm.recording.frames import Rows
 from mesa_swarm.recording.layout import FIRST_COLUMNS, PIXELS, TABLES, is_table, table_type
@@ -47,7 +49,7 @@ SHOWN = 60
 Check = Callable[[Any, str], None]
 
 
-def checked_provenance(facts: dict, source: object) -> dict:
+def checked_provenance(facts: dict, source: str | os.PathLike[str]) -> dict:
     """Return the provenance of a recording if it is complete and of the types that mesa_swarm writes."""
     try:
         _check(facts, PROVENANCE, "")
@@ -55,7 +57,7 @@ def checked_provenance(facts: dict, source: object) -> dict:
             raise _FaultError("parameters", "contains a map or a seed, which a recording stores separately")
         _check_depth(facts["parameters"])
     except _FaultError as fault:
-        raise RecordingError(f"{_source_text(source)} has invalid provenance: {fault}") from None
+        raise RecordingError(f"{show_path(source)} has invalid provenance: {fault}") from None
     return facts
 
 
@@ -96,24 +98,23 @@ def read_json(text: bytes) -> Any:
         raise ValueError("JSON text is nested too deeply") from None
 
 
-def check_recorded_columns(schema: pa.Schema, source: object) -> None:
+def check_recorded_columns(schema: pa.Schema, source: str | os.PathLike[str]) -> None:
     """Refuse columns that are not of the types in which mesa_swarm records."""
     names = schema.names
     first = {field.name: field.type for field in list(schema)[: len(FIRST_COLUMNS)]}
     if first != FIRST_COLUMNS or len(set(names)) < len(names):
         raise RecordingError(
-            f"{_source_text(source)} has columns {shortened(names)}; expected {', '.join(FIRST_COLUMNS)} first, no "
-            "repeats"
+            f"{show_path(source)} has columns {shortened(names)}; expected {', '.join(FIRST_COLUMNS)} first, no repeats"
         )
     for field in list(schema)[len(FIRST_COLUMNS) :]:
         if not _is_known(field.name, field.type):
             words = " ".join(str(field.type).split())
             raise RecordingError(
-                f"{_source_text(source)} has invalid column {shortened(field.name)}: type {words:.{SHOWN}}"
+                f"{show_path(source)} has invalid column {shortened(field.name)}: type {words:.{SHOWN}}"
             )
 
 
-def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) -> Rows:
+def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: str | os.PathLike[str]) -> Rows:
     """Return the rows of a chunk, from step `first` on, if they match the schema and each other.
 
     There is a row after `every` steps, except where steps failed; errors begin with `source`.
@@ -125,17 +126,17 @@ def checked_rows(batch: pa.RecordBatch, first: int, every: int, source: object) 
     except (pa.ArrowException, ValueError, MemoryError, OverflowError):
         wrong = "inconsistent lists"
     if wrong or rows is None:
-        raise RecordingError(f"{_source_text(source)} has {wrong} in its rows from step {first} on")
+        raise RecordingError(f"{show_path(source)} has {wrong} in its rows from step {first} on")
     check_values(batch, first, source)
     return rows
 
 
-def check_values(batch: pa.RecordBatch, first: int, source: object) -> None:
+def check_values(batch: pa.RecordBatch, first: int, source: str | os.PathLike[str]) -> None:
     """Refuse rows from this step on with out-of-range values; the writer checks them too."""
     for name in batch.schema.names:
         largest = FINITE.get("fields" if name.startswith(PIXELS) else name)
         if largest is not None and not _all_finite(batch.column(name).values, largest):
-            raise RecordingError(f"{_source_text(source)} has out-of-range values of {name} from step {first} on")
+            raise RecordingError(f"{show_path(source)} has out-of-range values of {name} from step {first} on")
 
 
 def longest_gap(every: int) -> int:
@@ -260,8 +261,8 @@ class _FaultError(ValueError):
 def _check(value: Any, form: Any, where: str) -> None:
     """Refuse a value that has not the form.
 
-    A form is a function that raises, a type, a list of alternatives, a tuple with a form for each item of a list, or a
-    dict with one for each key of an object; a key with a trailing underscore is optional.
+    A form is a function that raises, a type, a text, a list of alternatives, a tuple with a form for each item of a
+    list, or a dict with one for each key of an object; a key with a trailing underscore is optional.
     """
     if isinstance(form, FunctionType):
         form(value, where)
@@ -272,7 +273,10 @@ def _check(value: Any, form: Any, where: str) -> None:
             raise _unexpected(where, value)
         for item, item_form in zip(value, form, strict=True):
             _check(item, item_form, where)
-    elif not (any(_fits(value, choice, where) for choice in form) if isinstance(form, list) else type(value) is form):
+    elif isinstance(form, list):
+        if not any(_fits(value, choice, where) for choice in form):
+            raise _unexpected(where, value)
+    elif type(value) is not form and not (isinstance(form, str) and value == form):
         raise _unexpected(where, value)
 
 
@@ -333,12 +337,6 @@ def _colour(value: Any, where: str) -> None:
         raise _unexpected(where, value)
 
 
-def _nothing(value: Any, where: str) -> None:
-    """Refuse what is not an empty text."""
-    if value != "":
-        raise _unexpected(where, value)
-
-
 def _check_depth(value: Any) -> None:
     """Refuse values nested so deeply that writing or comparing them might fail."""
     level: Sequence[Any] = [value]
@@ -351,11 +349,6 @@ def _check_depth(value: Any) -> None:
 def _inside(value: Any) -> Iterable[Any]:
     """Return the values of a list or object, none of any other value."""
     return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-
-
-def _source_text(source: object) -> str:
-    text = str(source)
-    return text if len(text) <= SHOWN * 2 else f"...{text[-2 * SHOWN :]}"
 
 
 REALS = (pa.float32(), pa.float64())
@@ -399,7 +392,7 @@ SCENERY = {
     "join_": NUMBER,
     "looks_": LOOKS,
     "scale_": (_number(1e-9, 1e9), _number(1e-9, 1e9)),
-    "parts_": _form_of_each(list, (str, [_colour, _nothing]), most=WIDEST),
+    "parts_": _form_of_each(list, (str, [_colour, ""]), most=WIDEST),
 }
 POPULATION = ((ID, ID),) * 3
 CONTENTS = {

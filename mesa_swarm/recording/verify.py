@@ -2,7 +2,8 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -16,7 +17,7 @@ from mesa_swarm.recording.changes import Intervention, as_remark
 from mesa_swarm.recording.checkpoint import differing_part, restore
 from mesa_swarm.recording.collected_data import check_collected, size_of_collected, without_rest
 from mesa_swarm.recording.container import Checkpoint
-from mesa_swarm.recording.frames import Frame, Rows
+from mesa_swarm.recording.frames import Frame, Rows, name_robots
 from mesa_swarm.recording.layout import Chunk, Layout, is_table
 from mesa_swarm.recording.objects import summary
 from mesa_swarm.recording.provenance import hash_in_format, rebuild_model
@@ -27,7 +28,6 @@ from mesa_swarm.recording.schema import MOST_UNSEEN
 Watch = Callable[[EngineModel], None]
 # In recordings of this format readings are those before the step, except in rows with a state hash.
 LATE_READINGS = 1
-MOST_NAMED = 3
 # Characters of the description of an intervention in an error.
 LONGEST_DESCRIPTION = 120
 
@@ -166,17 +166,16 @@ def start_again(recording: Recording, model_class: type, watch: Watch = lambda _
     Where the state at the start is what the parameters make but for something that is not in the state hash, such as an
     attribute set by hand, the model is that state, which `Rerun.begin` names.
     """
-    facts = recording.provenance
-    start = facts["start"]
-    model, is_near = rebuild_model(facts, model_class), start["step"] <= MOST_UNSEEN
+    start = recording.provenance["start"]
+    model, is_near = rebuild_model(recording.provenance, model_class), start["step"] <= MOST_UNSEEN
     if is_near:
         run_on(model, start["step"], watch)
-        if model.completed == start["step"] and hash_in_format(model, facts["format"]) == start["state_hash"]:
+        if model.completed == start["step"] and _is_at_start(recording, model):
             return _unless_stored_differs(Rerun(recording, model, watch=watch), watch)
     if recording.checkpoints[:1] == (start["step"],):
         states = states_to(recording, 0)
         model = restore_last(recording, model_class, states)
-        if hash_in_format(model, facts["format"]) == start["state_hash"]:
+        if _is_at_start(recording, model):
             return Rerun(recording, model, 0, watch, states)
     if not is_near:
         raise RecordingError(
@@ -187,6 +186,12 @@ def start_again(recording: Recording, model_class: type, watch: Watch = lambda _
         f"{recording.path} began with a model that {model_class.__name__}'s parameters alone do not make: "
         "it was changed by hand, or made by other versions; build it in a constructor to run it again"
     )
+
+
+def _is_at_start(recording: Recording, model: EngineModel) -> bool:
+    """Return whether a model has the state hash with which a recording began."""
+    facts = recording.provenance
+    return hash_in_format(model, facts["format"]) == facts["start"]["state_hash"]
 
 
 def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
@@ -200,7 +205,7 @@ def _unless_stored_differs(rerun: Rerun, watch: Watch) -> Rerun:
         name = differing_part(model, rerun.model)
     except RecordingError:  # which `Rerun.check_states` reports
         return rerun
-    if name and hash_in_format(model, recording.provenance["format"]) != start["state_hash"]:
+    if name and not _is_at_start(recording, model):
         return rerun
     if not name:  # it has been compared
         rerun.unseen.popleft()
@@ -330,12 +335,7 @@ def run_to(rerun: Rerun, step: int) -> None:
 
     Compared are the rows with state hashes and the last one, and all additions and removals in between.
     """
-    recording = rerun.recording
-    for row in range(recording.row_after(rerun.model.completed), len(recording)):
-        frame = recording[row]
-        if frame.step > step:
-            break
-        rerun.check_change(frame.step)
+    for row, frame in _rows_ahead(rerun, step):
         if frame.state_hash is not None or frame.step == step:
             difference = _difference(row, frame, rerun.frame(frame))
             if difference is not None:
@@ -343,12 +343,34 @@ def run_to(rerun: Rerun, step: int) -> None:
     rerun.to(step)
 
 
+def last_same(rerun: Rerun, step: int) -> int:
+    """Run beside a recording, and return the last step, at most this one, before the first difference."""
+    same = rerun.model.completed
+    with suppress(RecordingError):
+        for row, frame in _rows_ahead(rerun, step):
+            if _difference(row, frame, rerun.frame(frame)) is not None:
+                break
+            same = frame.step
+    return same
+
+
+def _rows_ahead(rerun: Rerun, step: int) -> Iterator[tuple[int, Frame]]:
+    """Iterate over the recorded rows up to a step, and compare the population before each."""
+    recording = rerun.recording
+    for row in range(recording.row_after(rerun.model.completed), len(recording)):
+        frame = recording[row]
+        if frame.step > step:
+            return
+        rerun.check_change(frame.step)
+        yield row, frame
+
+
 def check_row(rerun: Rerun) -> None:
     """Refuse a stored state, from which a model was just made, that is not that of the row of its step."""
     recording, step = rerun.recording, rerun.model.completed
     facts, row = recording.provenance, recording.row_after(step) - 1
     if step == facts["start"]["step"]:
-        if hash_in_format(rerun.model, facts["format"]) != facts["start"]["state_hash"]:
+        if not _is_at_start(recording, rerun.model):
             raise RecordingError(f"the stored state of step {step} is not that with which the recording began")
         return
     if facts["format"] <= LATE_READINGS:
@@ -362,22 +384,6 @@ def has_row(recording: Recording, step: int) -> bool:
     """Return whether a recording has a row of a step, or begins with it, so that a stored state can be compared."""
     row = recording.row_after(step) - 1
     return step == recording.provenance["start"]["step"] or (row >= 0 and recording[row].step == step)
-
-
-def last_same(rerun: Rerun, step: int) -> int:
-    """Run beside a recording, and return the last step, at most the given one, before the first difference."""
-    recording, same = rerun.recording, rerun.model.completed
-    for row in range(recording.row_after(same), len(recording)):
-        frame = recording[row]
-        try:
-            rerun.check_change(frame.step)
-            different = frame.step > step or _difference(row, frame, rerun.frame(frame)) is not None
-        except RecordingError:
-            return same
-        if different:
-            return same
-        same = frame.step
-    return same
 
 
 def _all_compared(rerun: Rerun, rows: int) -> Verification:
@@ -405,7 +411,8 @@ def _difference(row: int, frame: Frame, again: Frame) -> Verification | None:
     for name in frame.columns:
         differing = _differing(name, frame, again)
         if differing is not None:
-            return _verdict(row, frame.step, name, f"{name} differs{_name_robots(differing)}", differing)
+            robots = f" for {name_robots(differing)}" if differing else ""
+            return _verdict(row, frame.step, name, f"{name} differs{robots}", differing)
     if frame.state_hash != again.state_hash:
         text = "the state differs in a value that was not recorded, since the last state hash"
         return _verdict(row, frame.step, None, text)
@@ -420,14 +427,6 @@ def _differing(name: str, frame: Frame, again: Frame) -> tuple[int, ...] | None:
     same = (old == new) | ((old != old) & (new != new))  # noqa: PLR0124 - NaN equals NaN here
     wrong = ~same.all(axis=tuple(range(1, same.ndim)))
     return tuple(frame.robots[wrong].tolist()) if wrong.any() else None
-
-
-def _name_robots(robots: tuple[int, ...]) -> str:
-    if not robots:
-        return ""
-    numbers = ", ".join(map(str, robots[:MOST_NAMED]))
-    more = f" and {len(robots) - MOST_NAMED} more" if len(robots) > MOST_NAMED else ""
-    return f" for robot{'s' if len(robots) > 1 else ''} {numbers}{more}"
 
 
 def _verdict(row: int, step: int, column: str | None, what: str, robots: tuple[int, ...] = ()) -> Verification:

@@ -11,9 +11,9 @@ from typing import Protocol
 
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.recording.frames import frame_of
+from mesa_swarm.recording.layout import pictures_of, shown_of
 from mesa_swarm.recording.provenance import drawn_heat, drawn_parts
 from mesa_swarm.recording.recorder import Recorder
-from mesa_swarm.recording.shown_parts import pictures_of, shown_of
 from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.frame_bytes import PACKED_FROM, packed_frame
 from mesa_swarm.viewing.play_loop import Listeners, PlayLoop

@@ -16,10 +16,9 @@ from mesa_swarm.geometry import Bounds
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.looks import LABEL, LABEL_BYTES, VALUE, label_text
 from mesa_swarm.recording.frames import NO_ROWS, Frame, field_levels, field_names, field_peaks
-from mesa_swarm.recording.layout import PIXELS
+from mesa_swarm.recording.layout import PIXELS, pictures_of
 from mesa_swarm.recording.provenance import recorded_map, scenery_of
 from mesa_swarm.recording.recording import Recording
-from mesa_swarm.recording.shown_parts import pictures_of
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.real_robots import Scale
 from mesa_swarm.robots.sensors import ProximitySensor

@@ -56,6 +56,32 @@ def changes_of(model_class):
     return {name: value for name, value in values.items() if value is not None}
 
 
+class Measure(float):
+    """A number that carries more."""
+
+
+class Altered(SwarmModel):
+    """A model with an attribute that a run changes."""
+
+    def __init__(self, *, value=None, gain=1.0, **common):
+        super().__init__(map="openspace", **common)
+        self.value, self.gain = value, gain
+
+
+@pytest.mark.parametrize(
+    ("value", "later"),
+    [(b"a", b"ab"), (1j, 2j), (Measure(1), Measure(2)), ([b"a"], [b"b"]), (np.array([{}]), np.array([{1: 2}]))],
+    ids=str,
+)
+def test_bytes_complex_numbers_measures_and_objects_in_arrays_that_a_run_has_changed_stay(value, later):
+    model = Altered(value=1.0, rng=1)
+    fresh, new = Altered(value=1.0, rng=1), Altered(value=1.0, gain=2.0, rng=1)
+    model.value, fresh.value, new.value = later, value, value
+    continue_with(new, model, fresh, ("gain",))
+    assert np.array_equal(new.value, later)
+    assert new.gain == 2.0
+
+
 @pytest.mark.parametrize("name", gallery_names())
 def test_every_parameter_of_the_gallery_changes_at_once_but_those_of_the_beginning(name):
     model_class, waiting = find_model(name), set()

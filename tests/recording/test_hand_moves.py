@@ -9,8 +9,8 @@ from mesa_swarm import AGENT9, SwarmModel, disc, rectangle
 from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.recording import Recording, verify
+from mesa_swarm.recording.changes import moves_from_bytes
 from mesa_swarm.recording.container import Checkpoint, to_bytes
-from mesa_swarm.recording.hand_moves import moves_from_bytes
 from mesa_swarm.recording.recorder import RowBuffer
 
 

@@ -40,10 +40,17 @@ def test_five_thousand_robots_are_restored_within_a_second(tmp_path):
         assert len(resume(SwarmModel, tmp_path / "run.arrow", step=0).swarm) == 5000
 
 
-def test_a_state_that_is_too_large_is_tried_once_when_a_recording_begins(tmp_path, monkeypatch):
-    tried = []
-    original = recorder.checkpoint_of
-    monkeypatch.setattr(recorder, "checkpoint_of", lambda *given: [tried.append(1), original(*given)][1])
+def counted_states(monkeypatch):
+    """Return a list that grows by one whenever a recorder makes a state."""
+    made, original = [], recorder.checkpoint_of
+    monkeypatch.setattr(
+        recorder, "checkpoint_of", lambda *values, **named: [made.append(1), original(*values, **named)][1]
+    )
+    return made
+
+
+def test_a_state_that_cannot_be_stored_is_tried_once_when_a_recording_begins(tmp_path, monkeypatch):
+    tried = counted_states(monkeypatch)
     model = SwarmModel(rng=1)
     model.held = object()
     with pytest.warns(UserWarning, match="without checkpoints"):
@@ -53,3 +60,10 @@ def test_a_state_that_is_too_large_is_tried_once_when_a_recording_begins(tmp_pat
     model.run(3)
     made.close()
     assert len(tried) == 1
+
+
+def test_a_state_with_which_a_recording_begins_is_made_once(tmp_path, monkeypatch):
+    made = counted_states(monkeypatch)
+    with SwarmModel(rng=1).record(tmp_path / "run.arrow") as recording:
+        assert recording.checkpoints == (0,)
+    assert len(made) == 1

@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 from mesa_swarm.dashboard.page.session import Session, custom_columns
 from mesa_swarm.model.looks import VALUE, ColourMap, looks_of
 from mesa_swarm.recording.frames import Frame
-from mesa_swarm.recording.layout import is_table
-from mesa_swarm.recording.shown_parts import robot_columns
+from mesa_swarm.recording.layout import is_table, robot_columns
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.swarm import COLUMNS, LASTING
 from mesa_swarm.viewing.scene import Scene

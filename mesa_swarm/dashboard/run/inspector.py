@@ -19,8 +19,7 @@ from mesa_swarm.dashboard.replay.recorded_series import find_collided
 from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.frames import Frame
-from mesa_swarm.recording.layout import is_table
-from mesa_swarm.recording.shown_parts import columns_of_parts, shown_of
+from mesa_swarm.recording.layout import columns_of_parts, is_table, shown_of
 from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RANGE, DesignTable, RobotDesign
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot

@@ -7,7 +7,7 @@ import pytest
 
 import mesa_swarm
 from mesa_swarm.base.errors import RecordingError
-from mesa_swarm.recording.devices import part_from_json, part_to_json
+from mesa_swarm.recording.stored_values import part_from_json, part_to_json
 from mesa_swarm.robots.devices import Device
 from mesa_swarm.robots.drive import DifferentialDrive, EqualByValues
 
@@ -39,5 +39,7 @@ def test_a_drive_of_a_user_is_refused_and_none_is_made_by_its_name():
 
 
 def test_a_device_that_nothing_has_used_yet_is_read():
-    program = "from mesa_swarm.recording.devices import part_from_json; print(part_from_json({'Gripper': {}}).reach)"
+    program = (
+        "from mesa_swarm.recording.stored_values import part_from_json; print(part_from_json({'Gripper': {}}).reach)"
+    )
     assert subprocess.check_output([sys.executable, "-c", program], text=True) == "3.0\n"
