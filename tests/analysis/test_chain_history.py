@@ -268,6 +268,7 @@ def outline(history, order=None):
     return sorted((e.kind, e.step, r) for e, r in zip(history.events, robots, strict=True))
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seeds, st.floats(-math.pi, math.pi), st.tuples(st.floats(-500, 500), st.floats(-500, 500)))
 def test_what_happens_knows_no_place_and_no_direction(seed, turn, shift):
@@ -279,6 +280,7 @@ def test_what_happens_knows_no_place_and_no_direction(seed, turn, shift):
     assert here.fates == there.fates
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seeds)
 def test_the_order_of_the_rows_changes_nothing_but_numbers(seed):
@@ -291,6 +293,7 @@ def test_the_order_of_the_rows_changes_nothing_but_numbers(seed):
     assert np.array_equal(here.mean_length, there.mean_length, equal_nan=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seeds)
 def test_every_chain_has_a_birth_or_a_parent_and_an_end_or_an_heir(seed):

@@ -131,6 +131,7 @@ def test_a_solid_that_crosses_itself_is_refused():
         reachable_cells((0, 0, 100, 100), [(bow_tie, 0.0)], 5.0, (50, 50))
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seeds, st.floats(-1e3, 1e3), st.floats(0.1, 20))
 def test_cells_stay_when_the_world_is_moved_and_scaled(seed, shift, scale):

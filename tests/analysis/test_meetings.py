@@ -64,6 +64,7 @@ def outcome(meeting, position, chain, steps, window, patience):
     return "unresolved"
 
 
+@pytest.mark.slow
 def test_meetings_and_their_outcomes_are_those_of_every_pair_in_every_frame():
     outcomes = []
     for seed in range(30):

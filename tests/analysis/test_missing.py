@@ -74,6 +74,7 @@ def same(one, other):
     np.testing.assert_array_equal(np.asarray(one), np.asarray(other))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", OF_ROBOTS)
 @given(seeds, st.integers(0, 12))

@@ -4,6 +4,7 @@ import math
 from itertools import combinations
 
 import numpy as np
+import pytest
 
 from mesa_swarm.analysis.pathology import KINDS, find_pathologies
 from support.tracks import CENTROID, CORRIDOR, HEAD_ON, STUCK, THRESHOLD
@@ -197,6 +198,7 @@ def stretches(steps):
     return list(zip(first, [t for t in sorted(steps) if t + 1 not in steps], strict=True))
 
 
+@pytest.mark.slow
 def test_in_random_tracks_the_episodes_are_those_of_the_definitions():
     counts = dict.fromkeys(KINDS, 0)
     for seed in range(60):

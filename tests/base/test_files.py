@@ -290,6 +290,7 @@ def test_a_text_file_of_which_the_encoding_is_the_machines_is_noticed(line):
     assert list(texts_without_encoding(f"{line[:-1]}, encoding='utf-8')".replace("(,", "("))) == []
 
 
+@pytest.mark.slow
 def test_text_files_are_read_and_written_in_utf_8_on_every_machine():
     folders = [ROOT / name for name in ("mesa_swarm", "models", "release", "studies")]
     paths = [path for folder in folders for path in folder.rglob("*.py")]

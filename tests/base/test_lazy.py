@@ -107,6 +107,7 @@ def test_garbage_made_meanwhile_is_collected_later_unless_it_is_for_good():
         assert gc.collect() == found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", ["SwarmModel", "AGENT9, SwarmModel", "Looks, Map, SwarmModel"])
 def test_hardly_any_garbage_is_collected_during_the_first_imports(names):
     code = f"import gc\nfrom mesa_swarm import {names}\nprint(sum(one['collections'] for one in gc.get_stats()))"
@@ -127,6 +128,7 @@ NEEDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", NEEDS)
 def test_a_name_brings_in_only_what_it_needs(line):
     code = f"{line}\nimport sys; print(sorted({set(SLOW)} & set(sys.modules)))"
@@ -134,6 +136,7 @@ def test_a_name_brings_in_only_what_it_needs(line):
     assert done.stdout == f"{sorted(NEEDS[line])}\n"
 
 
+@pytest.mark.slow
 def test_a_first_step_imports_neither_svg_readers_nor_layers_that_it_does_not_use():
     code = (
         "import sys\nfrom mesa_swarm import AGENT9, SwarmModel\nfrom mesa_swarm.control import Avoid, Subsumption\n"

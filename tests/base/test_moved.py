@@ -118,6 +118,7 @@ def test_an_old_address_gives_the_very_object_of_the_new_one(old):
         assert space[name] is getattr(importlib.import_module(module), named)
 
 
+@pytest.mark.slow
 def test_the_warning_is_about_the_line_that_imports(tmp_path):
     program = tmp_path / "program.py"
     program.write_text(
@@ -130,6 +131,7 @@ def test_the_warning_is_about_the_line_that_imports(tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_a_program_that_moved_still_runs_by_its_old_address():
     command = [sys.executable, "-W", "default", "-m", "mesa_swarm.experiments.bench"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

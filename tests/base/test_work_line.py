@@ -19,11 +19,13 @@ def process(*words):
     return subprocess.run([*RUN, *words], capture_output=True, text=True, check=True)
 
 
+@pytest.mark.slow
 def test_a_command_whose_errors_go_to_a_pipe_prints_one_line_at_the_end():
     assert re.fullmatch(r"40 of 40 steps in [\d.]+ s\n", process().stderr)
     assert process("--quiet").stderr == ""
 
 
+@pytest.mark.slow
 def test_a_command_in_a_terminal_draws_a_bar_and_no_line():
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 100))

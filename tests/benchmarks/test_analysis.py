@@ -92,6 +92,7 @@ def wandering(k=3000, n=50):
     return (rng.uniform(0, 600, (n, 2)) + step.cumsum(axis=0)) % 600, heading
 
 
+@pytest.mark.slow
 def test_chains_over_time(benchmark):
     position, heading = wandering()
     found = benchmark(follow_chains, position, heading, np.arange(3000), link_distance=30.0)

@@ -27,6 +27,7 @@ def actions(*shape: int) -> np.ndarray:
     return np.random.default_rng(0).uniform(-0.2, 1, (ROUND, *shape, 2)).astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", TASKS)
 def test_robot_steps_through_arrays(benchmark, task):
     env = VectorSwarmEnv(task(n_robots=ROBOTS), n_worlds=WORLDS)

@@ -33,6 +33,7 @@ def test_what_recording_adds_to_a_step(benchmark, tmp_path, columns):
     assert Recording(tmp_path / "run.arrow").steps[-1] == model.completed
 
 
+@pytest.mark.slow
 def test_finding_a_frame_that_is_not_decoded_yet(benchmark, tmp_path):
     model = burning()
     with model.record(tmp_path / "run.arrow"):

@@ -18,6 +18,7 @@ MODEL = 'model = "fire_fighting"\n'
 RECORDED = MODEL + 'robots = 2\nsteps = 20\nseeds = 2\nrecord = { file = "runs/{seed}.arrow", every = 5 }'
 
 
+@pytest.mark.slow
 def test_compare_prints_a_table_paths_and_a_finding_and_writes_the_files(typed, tmp_path):
     status, out, err = typed("compare fire_fighting --seeds 2 --steps 30 --jobs 1 --quiet")
     folder = Path("results", "compare_fire_fighting")
@@ -91,6 +92,7 @@ def test_sweep_ends_runs_at_a_condition_and_writes_series_and_tables_on_request(
     )
 
 
+@pytest.mark.slow
 def test_compare_ends_runs_at_a_condition_and_writes_series_and_tables_on_request(typed):
     words = "compare fire_fighting --seeds 2 --steps 9 --jobs 1 --quiet --until 'steps == 4' --series model"
     status, out, _ = typed(shlex.split(f"{words} --table behaviorspace"))
@@ -180,6 +182,7 @@ class Gone(SwarmModel):
 ROWS = "Rows left out, since they have no number: {} of left."
 
 
+@pytest.mark.slow
 def test_reports_are_measured_and_rows_left_out_are_printed(typed):
     Path("gone.py").write_text(GONE)
     line = "compare ./gone.py:Gone --seeds 2 --steps 5 --jobs 1 --quiet --out made"

@@ -83,6 +83,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("words", list(commands()), ids=" ".join)
 def test_the_help_and_the_errors_of_every_command_are_shown(folder, monkeypatch, encoding, words):
@@ -94,6 +95,7 @@ def test_the_help_and_the_errors_of_every_command_are_shown(folder, monkeypatch,
     assert err.decode(encoding).startswith("mesa-swarm: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_whatever_a_command_prints_is_shown_on_any_console(folder, monkeypatch, encoding, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("utf-8")

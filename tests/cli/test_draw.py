@@ -59,6 +59,7 @@ def test_map_show_draws_a_picture(typed, tmp_path):
     assert (tmp_path / "drawn" / "sparse.png").read_bytes()[:4] == b"\x89PNG"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "steps"), [("stages", "0,20"), ("trace", "30"), ("ethogram", "30")])
 def test_picture_draws_a_run_and_prints_where(typed, tmp_path, kind, steps):
     line = f"picture collision_avoidance --kind {kind} --steps {steps} --set n_robots=3 --quiet"

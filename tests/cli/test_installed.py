@@ -67,6 +67,7 @@ def test_an_error_of_a_command_is_one_line(typed, install):
     assert typed("fail") == (2, "", "mesa-swarm: n is 3; expected 4\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "value", "reason"),
     [

@@ -94,6 +94,7 @@ def test_a_narrow_table_has_the_same_characters_in_columns_that_fit(width):
 WORDS = st.lists(st.text("abc019.", min_size=1, max_size=8), max_size=3).map(" ".join)
 
 
+@pytest.mark.slow
 @given(st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(WORDS, min_size=n, max_size=n), min_size=2, max_size=4)))
 def test_no_number_and_no_word_of_a_narrow_table_is_broken_and_all_are_there(table):
     drawn = fitting(table, 20)

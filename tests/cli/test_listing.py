@@ -43,6 +43,7 @@ def test_every_model_of_the_gallery_can_be_read_without_running_it(name):
     assert Source(source).lines(class_name(name)) == lines_of(model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", ["list", "list fire_fighting", "--help", "run --help", "--version", "run fire_figting"]
 )

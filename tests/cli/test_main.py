@@ -113,6 +113,7 @@ def test_version_is_the_packages(typed):
     assert typed("--version")[:2] == (0, f"mesa-swarm {mesa_swarm.__version__}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", WRONG)
 def test_a_wrong_command_is_refused_in_one_line_before_anything_is_run(typed, tmp_path, line):
     (tmp_path / "taken").write_text("mine")
@@ -187,6 +188,7 @@ def test_the_program_runs_as_a_process_and_imports_little_for_its_help():
     assert process("--version").stdout.startswith("mesa-swarm ")
 
 
+@pytest.mark.slow
 def test_models_do_not_wait_for_statistics_or_pictures():
     check = "import sys; from mesa_swarm.model.gallery import loaded_models; loaded_models(); "
     check += "print(sorted({'scipy.stats', 'matplotlib', 'solara', 'pyarrow.dataset'} & set(sys.modules)))"

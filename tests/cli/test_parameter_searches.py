@@ -15,6 +15,7 @@ SEARCH = ["calibrate", "fire_fighting", "--steps", "20", "--jobs", "1", "--point
 RANGES = ["--range", "k1=0.0002:0.0008:log", "--range", "n_robots=2:4"]
 
 
+@pytest.mark.slow
 def test_sensitivity_prints_indices_paths_and_a_finding_and_continues(typed):
     words = [*STUDY, *RANGES, "--method", "morris", "--points", "2", "--seeds", "2", "--quiet", "--until", "steps == 9"]
     status, out, err = typed([*words, "--difference", "strategy=A,B"])

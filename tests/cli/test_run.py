@@ -20,6 +20,7 @@ def test_run_prints_the_model_s_results_and_state_hash(typed):
     assert ["fires", "out", "0"] in [line.split() for line in out.splitlines()]
 
 
+@pytest.mark.slow
 def test_a_run_is_not_delayed_by_garbage_collection_pictures_recordings_or_another_process():
     code = (
         "import gc, sys\nfrom mesa_swarm.cli import main\n"
@@ -169,6 +170,7 @@ def test_ctrl_c_in_a_queue_leaves_the_steps_so_far(typed, monkeypatch):
     assert Recording("runs/1.arrow").steps.tolist() == [5, 10]
 
 
+@pytest.mark.slow
 def test_a_shipped_job_is_recorded_only_on_request(typed, tmp_path):
     assert typed("run collision_avoidance.toml --quiet")[0] == 0
     assert list(tmp_path.iterdir()) == []

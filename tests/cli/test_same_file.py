@@ -71,6 +71,7 @@ SPELLINGS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spelling", SPELLINGS)
 @pytest.mark.parametrize("target", ["run.csv", "run.parquet", "run.html", "run.gif", "run.png", "run.svg"])
 def test_a_recording_is_not_exported_over_itself(typed, folder, spelling, target):

@@ -45,6 +45,7 @@ def test_a_random_side_is_drawn_in_every_step_and_both_come_alike_often():
     assert not np.array_equal(*left)
 
 
+@pytest.mark.slow
 def test_a_random_side_in_front_of_a_wall_has_hardly_a_net_turn_and_the_robot_runs_into_it():
     turned, struck = [], []
     for rng in range(10_000, 10_030):
@@ -124,6 +125,7 @@ def test_in_a_corridor_the_choice_between_two_sides_decides_whether_a_robot_gets
     assert runs["ignoring"]["changes per 100 steps"] < 20 < runs["translational"]["changes per 100 steps"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("front", ["random", "back up"])
 def test_a_recorded_run_is_verified_and_resumed_in_the_middle_of_it(front, tmp_path):
     def model():

@@ -88,6 +88,7 @@ def test_a_model_with_rules_goes_on_in_a_copy_as_it_does(duplicate):
     assert twin.control.layers[0].rule is timid.rule
 
 
+@pytest.mark.slow
 def test_a_model_with_rules_goes_on_in_another_process(tmp_path):
     model = empty()
     model.add_robots(AGENT9, poses=[(50, 50, 0.0)])

@@ -47,6 +47,7 @@ WRONG_RETURNS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plain", [False, True], ids=["compiled", "plain"])
 @pytest.mark.parametrize("name", WRONG_RETURNS)
 def test_what_no_wheel_can_do_is_refused_with_robot_rule_step_what_was_got_and_what_is_expected(name, plain):
@@ -120,6 +121,7 @@ def test_a_rule_that_reads_a_sensor_that_is_not_there_is_reported_instead_of_rea
     assert isinstance(caught.value.__cause__, IndexError)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("field", "cure"),
     [

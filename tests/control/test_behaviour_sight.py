@@ -15,6 +15,7 @@ from support.scenes import empty
 @pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("form", [lambda f: f, slowly], ids=["compiled", "plain"])
 class TestWhatARuleSees:
+    @pytest.mark.slow
     def test_cannot_be_changed(self, form):
         def greedy(me):
             me.distance[0] = 5.0
@@ -37,6 +38,7 @@ class TestWhatARuleSees:
             assert "\n" not in str(caught.value)
             assert np.array_equal(model.swarm.distance, before)
 
+    @pytest.mark.slow
     def test_is_nothing_where_a_sensor_is_missing(self, form):
         def looks_ahead(me):
             nothing = me.distance[me.front] == -1 and me.kind[me.front] == -1 and math.isnan(me.bearing[me.front])
@@ -51,6 +53,7 @@ class TestWhatARuleSees:
         assert model.swarm.distance[0, 0] == pytest.approx(15)  # the border behind it
         assert model.swarm.command.tolist() == [[1.0, 1.0]]
 
+    @pytest.mark.slow
     def test_has_as_many_entries_as_its_own_design_has_sensors(self, form):
         def counts(me):
             total = 0
@@ -66,6 +69,7 @@ class TestWhatARuleSees:
         model.step()
         assert model.swarm.command.tolist() == [[0.3, 0.0], [0.9, 0.0]]
 
+    @pytest.mark.slow
     def test_is_computed_with_like_any_array(self, form):
         def nearest(me):
             doubled = (me.distance * 2.0)[-1] == 2.0 * me.distance[8]
@@ -77,6 +81,7 @@ class TestWhatARuleSees:
         assert model.swarm.command.tolist() == [[0.5, 0.5]]
 
 
+@pytest.mark.slow
 def test_a_rule_knows_all_that_it_is_promised():
     @behaviour
     def curious(me):

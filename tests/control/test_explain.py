@@ -85,6 +85,7 @@ def test_a_layer_s_index_is_described_by_its_name():
 # ---- every model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", model_names())
 def test_in_every_model_every_robot_can_be_explained_in_every_step(name):
     model = find_model(name)(rng=1)

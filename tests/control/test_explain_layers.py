@@ -158,6 +158,7 @@ def test_head_on_names_the_robot_that_it_meets_or_has_met():
     assert reasons[0].endswith("(a robot)): it turns round to lead or to follow")
 
 
+@pytest.mark.slow
 def test_head_on_by_number_explains_which_robot_waits():
     model = watched(HeadOn(distance=40, leader="number"), Explore(), poses=[(150, 150, 0.0), (230, 150, math.pi)])
     model.communication = Radio(message=("number", "follows"))

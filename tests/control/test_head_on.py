@@ -120,6 +120,7 @@ def test_by_number_the_one_with_the_higher_number_leads_and_the_other_waits_and_
         assert (model.swarm.columns["0.HeadOn.number"] == number).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("leader", ["number", "chain"])
 def test_a_robot_that_is_followed_gains_the_head_that_none_follows(leader):
     for rng in range(10):

@@ -159,6 +159,7 @@ TWINS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("layer", "twin"), TWINS, ids=lambda part: getattr(part, "name", ""))
 def test_a_layer_commands_what_its_documentation_promises_and_leaves_other_robots_as_they_are(layer, twin):
     answers = set()
@@ -296,6 +297,7 @@ class Encounter:
         return (-rim, rim) if me.tendency > 0 else (rim, -rim)
 
 
+@pytest.mark.slow
 def test_encounters_begin_go_on_and_end_as_documented():
     state = np.full(ROBOTS, -1.0), np.full(ROBOTS, -1.0), np.zeros(ROBOTS), np.zeros(ROBOTS)
     twins, senses, drove = [Encounter() for _ in range(ROBOTS)], None, 0

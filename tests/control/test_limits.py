@@ -206,6 +206,7 @@ ENDLESS += [called_in_a_tuple, called_as_an_argument, called_as_an_argument_of_a
 ENDLESS += [of_an_inner_function_as_an_argument]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ENDLESS, ids=lambda rule: rule.__name__)
 def test_a_loop_without_end_is_refused_with_the_rule_the_line_and_the_robot(rule):
     text = refused(
@@ -259,6 +260,7 @@ PLAIN = [plain_while, plain_for, plain_iterator, plain_comprehension, plain_with
 PLAIN += [plain_with_a_plain_function]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", PLAIN, ids=lambda rule: rule.__name__)
 def test_a_loop_without_end_of_a_plain_rule_is_refused_too(rule):
     refused(behaviour(rule), "it looped more than 1,000,000 times in one step, in .*, line")
@@ -338,6 +340,7 @@ def factorial(n):
     return 1 if n < 2 else n * factorial(n - 1)
 
 
+@pytest.mark.slow
 def test_iterations_are_counted_and_not_how_often_loops_begin_or_functions_are_called():
     @behaviour
     def nested(me):
@@ -386,6 +389,7 @@ def swallows(me):
             pass
 
 
+@pytest.mark.slow
 def test_a_plain_rule_that_swallows_errors_is_refused_too():
     refused(behaviour(swallows), r"looped more than 1,000,000 times in one step, in swallows, line \d+")
 
@@ -523,6 +527,7 @@ def made(rule, is_plain):
     return behaviour(memory=FIRST)(plainly)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("is_plain", [False, True])
 @pytest.mark.parametrize("rule", SETTERS, ids=lambda rule: rule.__name__)
@@ -531,6 +536,7 @@ def test_memory_that_began_as_a_whole_number_or_a_truth_value_refuses_other_numb
     refused(made(rule, is_plain)(value=value), f"it set {SETTERS[rule]} to .*, which does not fit the type")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::mesa_swarm.base.errors.UncompiledBehaviourWarning")
 @pytest.mark.parametrize("is_plain", [False, True])
 @pytest.mark.parametrize("rule", SETTERS, ids=lambda rule: rule.__name__)
@@ -542,6 +548,7 @@ def test_it_takes_numbers_of_another_type_that_fit(rule, is_plain):
     assert np.all(column.reshape(2, -1)[:, -1] == 1)
 
 
+@pytest.mark.slow
 @given(st.floats(allow_nan=False) | st.integers(-(2**60), 2**60))
 def test_a_real_number_takes_every_number(value):
     @behaviour(memory={"x": 0.0})

@@ -122,6 +122,7 @@ def test_memory_that_is_not_named_numbers_is_refused(memory, words):
         behaviour(memory=memory)(lambda me: (1.0, 1.0))
 
 
+@pytest.mark.slow
 def test_actuators_get_what_is_set_and_begin_each_decision_at_nothing_unless_they_hold():
     model = SwarmModel(rng=1)
     model.add_robots(LOUD, 1)

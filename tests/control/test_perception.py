@@ -19,6 +19,7 @@ def sensed(seed: int, n: int = 30) -> Senses:
     return Senses.of(model.swarm)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 def test_the_centroid_is_the_mean_over_the_sensors_that_see_a_robot_and_no_others(seed):
     senses = sensed(seed)
@@ -30,6 +31,7 @@ def test_the_centroid_is_the_mean_over_the_sensors_that_see_a_robot_and_no_other
         np.testing.assert_allclose(centroid[i], np.mean(points, axis=0) if points else (0, 0), atol=1e-12)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 def test_the_nearest_robot_ahead_is_never_behind_and_never_an_obstacle(seed):
     senses = sensed(seed)

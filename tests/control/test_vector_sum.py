@@ -37,6 +37,7 @@ def summed(*layers, **options):
 speed = st.floats(-0.4, 0.4)
 
 
+@pytest.mark.slow
 @given(speed, speed, speed, speed)
 def test_small_commands_are_added_up(a, b, c, d):
     command, _ = summed(wheels(left=a, right=b), wheels(left=c, right=d))

@@ -55,6 +55,7 @@ def test_two_worlds_have_the_same_seed_and_differ_in_one_parameter(comparing):
     assert captions(comparing) == ("A: strategy A", "B: strategy B")
 
 
+@pytest.mark.slow
 def test_every_model_of_the_gallery_can_be_compared_in_every_parameter(comparing):
     for name in model_names():
         comparing.choose_model(name)
@@ -151,6 +152,7 @@ def test_the_chart_shows_every_step_where_it_was_taken_though_the_models_forget_
     pair.close()
 
 
+@pytest.mark.slow
 def test_the_lines_of_long_runs_are_drawn_from_few_numbers_at_their_steps():
     pair = Pair()
     for side in pair.sides:

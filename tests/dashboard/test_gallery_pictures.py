@@ -92,6 +92,7 @@ def test_all_pictures_together_are_small():
     assert sum(path.stat().st_size for path in FOLDER.iterdir()) <= LARGEST_ALL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FEW)
 def test_the_stored_pictures_at_rest_are_as_drawn_today(name):
     assert unpacked(drawing_of(name, moments=1).text()) == unpacked(still_of(name)[0].decode()), COMMAND

@@ -19,6 +19,7 @@ def played(name, steps=8, **settings):
     return session
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", gallery_names())
 def test_the_number_of_robots_of_every_model_changes_while_it_runs(name):
     session = played(name)
@@ -102,6 +103,7 @@ def test_settings_that_wait_are_marked_and_light_up_the_reset_button():
     panel.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", gallery_names())
 def test_all_defaults_are_taken_back_while_it_runs(name):
     session = played(name)

@@ -57,6 +57,7 @@ def test_names_in_tables_are_text():
         assert re.findall(r"<(?!/?(?:table|caption|thead|tbody|tr|th|td)\b)", html) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE_NAMES)
 def test_names_in_pictures_are_text(name):
     assert png(world_figure({name: SwarmModel(rng=1)})).startswith(b"\x89PNG")

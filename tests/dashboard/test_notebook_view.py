@@ -177,6 +177,7 @@ def test_rules_of_the_page_are_written_once_and_hold_in_a_notebook_too():
     assert ".swarm-panel" not in SwarmCanvas._css
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("panels", [{}, {"charts": True, "controls": True, "inspector": True}])
 @pytest.mark.parametrize("has_state", [False, True])
 def test_an_exported_notebook_has_the_picture_with_and_without_the_state_of_its_widgets(panels, has_state):

@@ -43,6 +43,7 @@ def test_what_is_kept_is_bounded_and_the_oldest_goes_first():
     assert len(past) == 2
 
 
+@pytest.mark.slow
 def test_worlds_and_empty_frames_take_room_in_the_past_too():
     past = RecentPast(most_bytes=1_000_000)
     for step in range(3000):

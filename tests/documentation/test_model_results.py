@@ -35,6 +35,7 @@ def test_a_run_measured_anew_has_the_stored_values(name, label):
     assert fresh == pytest.approx(kept, rel=0, abs=0, nan_ok=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", gallery_names())
 def test_a_page_has_its_results_before_its_parameters_and_its_description(name):
     page = model_page(name)

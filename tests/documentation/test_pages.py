@@ -92,6 +92,7 @@ def run_command(words: list[str], capsys) -> None:
     assert end.value.code == 0, f"mesa-swarm {' '.join(words)}: {capsys.readouterr().err}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", code_alone())
 def test_the_code_on_a_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -172,6 +173,7 @@ def assert_serves(words: list[str]) -> None:
         server.communicate(timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_in_a_page_s_sentences_and_tables_exist(page):
     group = typer.main.get_command(cli.app)

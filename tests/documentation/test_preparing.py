@@ -139,6 +139,7 @@ class TestRecordedRuns:
         assert (run.model, run.settings, run.rng) == (name, shot.settings, shot.seed)
         assert run.start <= shot.start
 
+    @pytest.mark.slow
     def test_a_model_that_a_notebook_defines_is_made_from_its_cells(self):
         page = recorded_runs()["12_your_own"].page()
         assert "Tramway" in page
@@ -155,6 +156,7 @@ class TestRecordedRuns:
         page = RecordedRun(model="collision_avoidance", title="", settings={"n_robots": 100}).page()
         assert 0.8 * LARGEST < len(page) <= LARGEST
 
+    @pytest.mark.slow
     def test_it_begins_at_its_first_step_and_plays_at_the_speed_of_its_model(self):
         assert steps_a_row(find_model("boids")) == 2
         assert '"first":32,' in RecordedRun(model="boids", title="", start=30).page()

@@ -43,11 +43,13 @@ def episodes(mode: str, count: int) -> list[list[bytes]]:
     return [rows[: count * 9] for rows in heard]
 
 
+@pytest.mark.slow
 def test_episodes_are_the_same_bits_in_all_modes():
     same, following, disabled = (episodes(mode, 3) for mode in AUTORESET_MODES)
     assert same == following == disabled
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, "NextStep"])
 def test_gymnasium_s_normalize_observation_works_as_around_its_own_vector(mode):
     name, parameters = "MesaSwarm/CollisionAvoidance-v0", {"n_robots": 3, "max_steps": 6}
@@ -60,6 +62,7 @@ def test_gymnasium_s_normalize_observation_works_as_around_its_own_vector(mode):
         assert ours.observation_space.contains(seen)
 
 
+@pytest.mark.slow
 def test_normalized_observations_of_all_robots_of_many_worlds_have_mean_0_and_variance_1():
     env = NormalizeObservation(
         RobotVectorEnv(CollisionAvoidance(n_robots=8, max_steps=50), n_worlds=4, autoreset_mode="NextStep")

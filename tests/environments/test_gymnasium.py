@@ -31,6 +31,7 @@ def without_present(infos: dict) -> dict:
     return {name: value for name, value in plain(infos).items() if name not in ("present", "_present")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", IDS)
 @pytest.mark.parametrize("more", [{}, {"n_robots": 4, "actions": 4}], ids=["alone", "among others"])
 def test_it_passes_gymnasium_s_test_without_a_warning(name, more):
@@ -81,6 +82,7 @@ def test_make_vec_makes_what_make_makes(name):
     assert vector.observation_space.contains(seen)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_it_agrees_with_gymnasium_s_own_vector_environment_over_ends_of_episodes(mode):
     variation = Variation(maps=("original", "sparse"), speed=(0.5, 1.0), imperfection=(0.0, 0.5))

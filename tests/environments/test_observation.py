@@ -62,6 +62,7 @@ def test_the_body_reports_its_temperature_and_whether_it_is_hot_takes_heat_and_e
     assert out[:, -4:].tolist() == [[0, 0, 0, 0], [0.5, 0, 1, 1], [1, 1, 1, 0], [1, 1, 0, 0]]
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.sampled_from(["distance", "typed"]))
 def test_observations_agree_with_numpy_and_lie_within_0_and_1(seed, encoding):
     task = FindFires(n_robots=40, encoding=encoding)

@@ -39,6 +39,7 @@ def sampled(env, rng: np.random.Generator) -> dict:
     return dict(zip(env.agents, rng.uniform(-0.2, 1, (len(env.agents), 2)).astype(np.float32), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES, ids=NAMES)
 @pytest.mark.parametrize("actions", ["continuous", 8])
 def test_it_passes_pettingzoo_s_test(module, actions, capsys):

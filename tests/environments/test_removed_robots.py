@@ -65,6 +65,7 @@ def mortal(module, **parameters) -> Mortal:
     return Mortal(env.task, name=env.metadata["name"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES, ids=NAMES)
 @pytest.mark.parametrize("actions", ["continuous", 8])
 def test_with_removed_robots_it_passes_pettingzoo_s_test_without_a_warning(module, actions, capsys):
@@ -103,6 +104,7 @@ def test_the_agent_of_a_removed_robot_is_terminated_in_that_step_and_reset_bring
     assert len(env.world.swarm) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES, ids=NAMES)
 @pytest.mark.parametrize("seed", range(3))
 def test_each_agent_keeps_its_own_robot_whichever_others_are_removed(module, seed):
@@ -206,6 +208,7 @@ def test_fires_that_a_removed_robot_has_found_stay_found():
     assert world.measures()["fires found"] == 1.0
 
 
+@pytest.mark.slow
 def test_what_a_removed_robot_delivered_counts_and_the_others_are_paid_for_their_own():
     world = TaskWorld(task=Foraging(map=BLANK, n_robots=6, max_steps=900, items=40), commanded=0, rng=3)
     numbers = {robot.unique_id: number for number, robot in enumerate(world.robots)}

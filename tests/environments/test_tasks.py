@@ -22,6 +22,7 @@ HALL = Map(name="hall", bounds=(0, 0, 300, 200), fires=[FireSpot(position=(150, 
 QUENCHED = FireConstants(k1=1e-9, k2=1.001, k3=0.0, k4=0.0, leave=10.0, join=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reward_of", ["state", "next state"])
 @pytest.mark.parametrize("kind", ["a", "b", "c"])
 @pytest.mark.parametrize("gap", [2.0, 15.0, 24.0, 45.0])

@@ -87,6 +87,7 @@ def test_many_worlds_have_many_maps_numbers_of_robots_and_speeds():
         assert not rows[len(own) :].any()
 
 
+@pytest.mark.slow
 def test_actions_of_absent_robots_change_nothing_and_are_worth_nothing():
     task = CollisionAvoidance(max_steps=20, variation=Variation(n_robots=(1, 4)))
     env, twin = (VectorSwarmEnv(task, n_worlds=6) for _ in range(2))

@@ -59,6 +59,7 @@ def test_without_any_seed_two_environments_differ():
     assert not np.array_equal(first, second)
 
 
+@pytest.mark.slow
 def test_a_world_is_the_same_alone_and_among_others():
     many, alone = VectorSwarmEnv(TASKS[0], n_worlds=3), VectorSwarmEnv(TASKS[0], n_worlds=1)
     actions = random_actions(many, 320)

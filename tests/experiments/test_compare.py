@@ -72,6 +72,7 @@ def stop_after(count, outcomes):
         raise KeyboardInterrupt
 
 
+@pytest.mark.slow
 def test_runs_of_changed_code_settings_or_steps_are_other_runs(tmp_path, monkeypatch):
     def done_before(**how):
         return compare(FIRE, **{"seeds": 2, "steps": 5, "jobs": 1, "out": tmp_path, **how}).done_before
@@ -201,6 +202,7 @@ def test_results_that_are_not_numbers_are_refused():
         compare(Odd)
 
 
+@pytest.mark.slow
 def test_an_error_within_a_run_reaches_the_caller_from_other_processes():
     plan = plan_of(FIRE, "n_robots", (5, 10**9), (1, 2), 5)
     with pytest.raises(SwarmError, match="do not fit"):
@@ -409,6 +411,7 @@ FORGERIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("forgery", FORGERIES)
 @pytest.mark.parametrize("measures", [(), ("fires out", "fire 1 out at")])
 def test_stored_runs_that_cannot_be_of_this_comparison_are_done_again_and_then_remembered(tmp_path, forgery, measures):
@@ -437,6 +440,7 @@ ODD = [(Fraction(1, 2), 0.5), (np.array(1.5), 1.5), (np.longdouble(2), 2.0), (10
 ODD += [(np.float32(0.5), 0.5), (True, True), (7, 7), (None, None)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("odd", "number"), ODD)
 def test_results_of_any_type_of_number_are_compared_and_stored(tmp_path, monkeypatch, odd, number):
     monkeypatch.setattr(Ending, "wanted", odd)
@@ -475,6 +479,7 @@ def test_a_sweep_and_a_comparison_read_the_same_numbers_from_a_model(monkeypatch
     assert attempt(run).results == simulate(run).results == {"a $x_{$": None, "b": 1.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", [["a$x_{$", "b"], ["{n$^$}", "c"]])
 def test_dollars_in_names_and_values_do_no_harm_to_pictures(tmp_path, values):
     comparison = compare(Ending, "kind", values, seeds=2, steps=3, jobs=1)

@@ -52,6 +52,7 @@ def test_a_recording_on_a_disk_that_fills_up_keeps_its_rows_and_the_model_may_go
     assert model.run(3).steps == step + 3
 
 
+@pytest.mark.slow
 def test_a_sweep_on_a_disk_that_fills_up_goes_on_when_there_is_room(full, tmp_path):
     disk, fill = full
     how = {"seeds": 30, "steps": 3, "jobs": 1}

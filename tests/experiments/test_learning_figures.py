@@ -63,6 +63,7 @@ def test_a_curve_is_not_joined_across_its_leap():
     assert np.sum(shares, axis=0) == pytest.approx(np.ones(len(learned.distance)))
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_picture_and_tables_and_prints_where_they_are(tmp_path, capsys):
     with pytest.raises(SystemExit) as status:
         main(["reward-lab", "--rewards", "b", "--steps", "30", "--out", str(tmp_path), "--quiet"])

@@ -36,6 +36,7 @@ def test_mesa_is_one_of_the_versions_of_the_page():
     assert mesa.__version__.startswith(("3.3", "3.4", "3.5", "4.0"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.strip().splitlines()[-1][:30])
 def test_every_block_of_the_page_runs(block, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -83,6 +83,7 @@ def test_an_unknown_measure_is_refused_after_the_first_run(monkeypatch):
     assert len(made) == 1
 
 
+@pytest.mark.slow
 def test_the_command_prints_scores_and_writes_picture_and_table(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     line = "reality-gap agglomeration --preset robotarium --seeds 2 --steps 10 --set n_robots=4 --jobs 1 --quiet"
@@ -102,6 +103,7 @@ def typed(words: str) -> object:
     return left.value.code
 
 
+@pytest.mark.slow
 def test_without_a_model_all_of_them_are_drawn(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(compare, "loaded_models", lambda: (dict.fromkeys(("boids", "flocking", "perimeter")), {}))
@@ -123,6 +125,7 @@ def test_what_is_meant_for_one_model_is_refused_for_all(words, capsys, tmp_path,
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -151,6 +154,7 @@ def test_stored_runs_that_cannot_be_of_this_model_are_done_again_and_then_rememb
     assert len(done) == (4 if every else 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", model_names())
 def test_the_results_of_a_model_have_the_same_names_before_and_after_a_run(name):
     model = find_model(name)(rng=1)

@@ -39,6 +39,7 @@ def is_missing(value):
     return value is None or value is pd.NA or value is np.ma.masked or math.isnan(value)
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(rows)
 def test_the_final_value_is_that_of_the_last_row_and_missing_rows_are_counted(values):
@@ -68,6 +69,7 @@ def test_the_mean_of_huge_numbers_is_among_them_and_a_sum_beyond_all_numbers_is_
 NOT_NUMBERS = ["few", b"3", "3.5", [1.0, 2.0], np.array([1.0]), {"a": 1}, 1j, np.complex128(1), 10**400, object, []]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", NOT_NUMBERS, ids=repr)
 @pytest.mark.parametrize("reduction", REDUCTIONS)
 def test_a_report_that_is_not_a_number_is_refused_in_one_line_that_names_it(value, reduction):
@@ -191,6 +193,7 @@ def test_a_stored_report_without_its_number_of_missing_rows_is_measured_again(tm
 # ---- comparisons of models without results
 
 
+@pytest.mark.slow
 def test_a_comparison_takes_reports_of_a_model_without_results(tmp_path):
     found = compare(Reporting, seeds=6, steps=6, measures=["mean of own", "final value of value"], jobs=1, out=tmp_path)
     assert found.measures == ["mean of own", "final value of value"]
@@ -208,6 +211,7 @@ def test_a_comparison_takes_reports_of_a_model_without_results(tmp_path):
     assert found.save(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_comparison_of_infinite_reports_has_a_table_a_finding_and_pictures(tmp_path):
     found = compare(Infinite, seeds=6, steps=4, measures=["maximum of value"], jobs=1, out=tmp_path)
     assert [row.split()[-2:] for row in found.table().splitlines() if row.startswith("maximum")] == [["1.0", "inf"]]

@@ -75,6 +75,7 @@ def test_with_series_the_table_of_behaviorspace_has_a_row_a_step(tmp_path):
     assert [row["robots"] for row in behaviorspace(tmp_path)[1]] == ["2", "3"]
 
 
+@pytest.mark.slow
 def test_compare_and_reality_gap_write_both_tables(tmp_path):
     tables = ["csv", "behaviorspace"]
     comparison = compare(Plain, seeds=2, steps=3, jobs=1, out=tmp_path, tables=tables)

@@ -31,6 +31,7 @@ def table(tmp_path_factory):
     return swept(tmp_path_factory.mktemp("whole")).path.read_bytes()
 
 
+@pytest.mark.slow
 @given(points=st.integers(1, 5), seeds=st.integers(1, 5), shards=st.integers(1, 30))
 def test_each_run_is_in_one_shard_and_shards_differ_by_one_run_at_most(points, seeds, shards):
     experiment = checked_experiment("fire_fighting", {"n_robots": range(1, 1 + points)}, seeds=seeds, steps=5)

@@ -165,6 +165,7 @@ def test_a_class_without_a_file_is_known_by_the_code_of_its_methods():
     assert hashes[0] == hashes[1] != hashes[2]
 
 
+@pytest.mark.slow
 def test_the_fingerprint_of_a_source_is_the_same_in_every_process():
     code = (
         "from mesa_swarm.experiments.fingerprints import source_hash; from mesa_swarm.model.gallery import find_model\n"
@@ -265,6 +266,7 @@ class Named(SwarmModel):
         return dict.fromkeys([*self.names.split(","), *(self.late.split(",") if self.late and self.steps else ())], 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", ["recording", ",".join(f"r{k}" for k in range(5_001))])
 def test_runs_are_remembered_whatever_their_results_are_called_and_however_many_there_are(tmp_path, names):
     made, again = (sweep(Named, seeds=2, steps=1, settings={"names": names}, out=tmp_path, jobs=1) for _ in range(2))

@@ -21,6 +21,7 @@ from support.waiting import wait_until
 FIRE = find_model("fire_fighting")
 
 
+@pytest.mark.slow
 def test_the_death_of_a_worker_is_noticed_while_another_one_works(tmp_path):
     with pytest.raises(WorkerDiedError):
         list(on_all(2, failing_models.die_beside, [(tmp_path / "diary", dies) for dies in (False, True)]))

@@ -121,6 +121,7 @@ def beyond(limit):
     return lambda model: model.completed > limit
 
 
+@pytest.mark.slow
 def test_a_comparison_ends_at_a_condition_and_continues_from_its_ledger(tmp_path):
     how = {"seeds": 2, "steps": 8, "out": tmp_path, "until": "now == 3"}
     made = [compare(Counting, jobs=jobs, **how) for jobs in (2, 1)]

@@ -39,6 +39,7 @@ def needed(monkeypatch, tmp_path):
     return started
 
 
+@pytest.mark.slow
 def test_models_that_need_most_are_first_and_each_is_run_for_its_own_rules(needed, tmp_path):
     done = warm_up(jobs=1)
     assert needed == ["many", "few", "other"]
@@ -46,6 +47,7 @@ def test_models_that_need_most_are_first_and_each_is_run_for_its_own_rules(neede
     assert missing_functions() == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_second_time_nothing_is_compiled(needed, tmp_path, jobs):
     warm_up(jobs=jobs)
@@ -55,6 +57,7 @@ def test_a_second_time_nothing_is_compiled(needed, tmp_path, jobs):
     assert str(again) == f"everything is compiled already; the machine code is stored in {tmp_path}"
 
 
+@pytest.mark.slow
 def test_damaged_code_is_compiled_again_and_counted(needed, tmp_path):
     warm_up(jobs=1)
     needed.clear()
@@ -64,6 +67,7 @@ def test_damaged_code_is_compiled_again_and_counted(needed, tmp_path):
     assert warm_up(jobs=1).functions == 0
 
 
+@pytest.mark.slow
 def test_damaged_code_of_rules_is_compiled_again_by_whatever_model_has_them(needed, tmp_path):
     warm_up(jobs=1)
     needed.clear()
@@ -89,6 +93,7 @@ def test_a_process_that_cannot_store_what_it_compiles_fails(monkeypatch):
         compile_for("boids")
 
 
+@pytest.mark.slow
 def test_the_bar_counts_up_to_its_total(needed, capsys, monkeypatch):
     monkeypatch.setattr(work_done, "always_drawn", True)
     warm_up(jobs=1, progress=True)
@@ -97,6 +102,7 @@ def test_the_bar_counts_up_to_its_total(needed, capsys, monkeypatch):
     assert shown.rstrip().endswith(f"compiling, once per installation: 4 of 4 |{'█' * 30}|")
 
 
+@pytest.mark.slow
 def test_a_process_that_fails_is_one_line_with_its_reason_and_what_others_compiled_stays(needed, monkeypatch):
     good = module.ending_with_us
     monkeypatch.setattr(module, "ending_with_us", lambda text: "1 / 0" if "other" in text else good(text))

@@ -29,6 +29,7 @@ def test_minus_one_is_a_job_on_each_core():
         checked_jobs(0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("own_workers")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_come_in_the_order_of_the_tasks(workers):
@@ -84,6 +85,7 @@ def test_an_interrupt_that_another_thread_receives_waits_until_workers_have_star
     assert getsignal(SIGINT) is default_int_handler
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("own_workers")
 def test_results_that_are_not_wanted_are_given_up_without_a_word(capfd):
     for _ in range(4):

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -64,6 +65,7 @@ def scattered(rng, n, m):
     }
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(0, 12), st.integers(0, 4))
 def test_fires_and_heat_follow_the_equations_robot_by_robot_for_several_steps(seed, n, m):
     world = scattered(np.random.default_rng(seed), n, m)

@@ -36,6 +36,7 @@ def overlaps(model):
     return -min([gaps.min(), *solid])
 
 
+@pytest.mark.slow
 def test_a_fire_throws_sparks_in_proportion_to_its_rate_and_temperature():
     ignited = []
     for rng in range(10_000, 10_060):
@@ -82,6 +83,7 @@ def test_sparks_that_fall_on_driven_bodies_or_loads_go_out():
     assert overlaps(model) <= 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spreads_first", [True, False])
 def test_sparks_fall_neither_on_wandering_bodies_nor_where_these_are_about_to_go(spreads_first):
     model = burning()

@@ -75,6 +75,7 @@ def test_one_robot_cannot_put_out_the_largest_fire():
     assert not model.fires.out[LARGE]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [0, 40, 90, 150])
 def test_two_robots_that_meet_at_the_largest_fire_put_it_out_under_b(gap):
     model = at_the_large_fire("B", 2, 15_000, gap)

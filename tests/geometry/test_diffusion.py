@@ -109,6 +109,7 @@ def test_centres_are_blocked_that_shapely_finds_within_a_polygon(seed, hole):
         assert (sides[i, j] & NORTH == 0) == (sides[i + 1, j] & SOUTH == 0)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(st.floats(-2, 14), st.floats(-2, 12), st.floats(0.05, 7))
 def test_a_disc_blocks_what_a_polygon_of_many_corners_blocks(x, y, radius):

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,6 +40,7 @@ def test_a_length_is_that_of_hypot_whatever_the_numbers(x, y):
     assert bits(hypot(x, y)) == bits(math.hypot(x, y))
 
 
+@pytest.mark.slow
 def test_lengths_are_those_of_hypot_in_a_hundred_thousand_draws():
     rng = np.random.default_rng(2)
     scale = 2.0 ** rng.integers(-70, 70, (DRAWS, 1)).astype(float)

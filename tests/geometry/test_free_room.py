@@ -119,6 +119,7 @@ def test_more_than_fifty_thousand_pairs_that_overlap_once_grown_are_a_crowd(coun
     assert isinstance(room, Crowded) is is_crowd
 
 
+@pytest.mark.slow
 def test_in_a_crowd_a_place_is_free_if_it_is_far_enough_from_every_solid():
     rng = np.random.default_rng(3)
     centres, radii = rng.uniform(0, 300, (2400, 2)), rng.uniform(0.1, 2.5, 2400)
@@ -156,6 +157,7 @@ def test_a_long_jagged_outline_is_grown_whole_and_so_exactly():
     assert room.equals(inner.difference(coast.buffer(5.0 * circumscribed_ratio(16), quad_segs=16)))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1.0, 1e6]), st.booleans())
 @settings(max_examples=12, deadline=None)
 def test_among_very_many_discs_a_place_is_free_exactly_where_it_is_on_none_of_their_polygons(seed, scale, mixed):

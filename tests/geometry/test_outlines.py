@@ -62,6 +62,7 @@ def same(a, b):
     return np.float64(a).tobytes() == np.float64(b).tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(WORLDS))
 def test_distances_and_nearest_points_of_all_pairs_are_those_of_shapely(seed):
     world = random_world(seed)

@@ -206,6 +206,7 @@ def test_rays_meet_a_segment_where_shapelys_do(ax, ay, bx, by, rays):
 # ---- twins
 
 
+@pytest.mark.slow
 @settings(max_examples=400)
 @given(coordinates, coordinates, radii, widths)
 def test_a_disc_is_as_far_as_shapelys(x, y, radius, width):
@@ -217,6 +218,7 @@ def test_a_disc_is_as_far_as_shapelys(x, y, radius, width):
     assert disc(x, y, radius, width) == pytest.approx(within(expected), abs=1e-8)
 
 
+@pytest.mark.slow
 @settings(max_examples=400)
 @given(coordinates, coordinates, coordinates, coordinates, widths)
 def test_a_segment_is_as_far_as_shapelys(ax, ay, bx, by, width):

@@ -39,6 +39,7 @@ def test_arrays_that_a_function_apart_returns_are_freed_once():
     assert all((one == values / 4).all() for one in made)
 
 
+@pytest.mark.slow
 def test_the_code_of_a_function_apart_is_not_in_that_of_its_callers(tmp_path):
     """Both are new here: of code from the disk Numba shows nothing."""
     settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
@@ -48,6 +49,7 @@ def test_the_code_of_a_function_apart_is_not_in_that_of_its_callers(tmp_path):
     assert not any(line.startswith("define") for line in names)
 
 
+@pytest.mark.slow
 def test_another_process_loads_callers_and_what_they_call_from_disk(tmp_path):
     def run():
         settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

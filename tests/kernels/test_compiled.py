@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numba
+import pytest
 
 from mesa_swarm.kernels import code_files
 from mesa_swarm.kernels.code_files import FOLDER, list_folders
@@ -58,6 +59,7 @@ def test_a_function_in_a_file_that_has_changed_is_compiled_anew(tmp_path, monkey
     assert results == [(20, 0), (20, 1), (30, 0)]
 
 
+@pytest.mark.slow
 def test_a_compiler_that_is_switched_off_is_named_in_one_line():
     command = [sys.executable, "-m", "mesa_swarm", "run", "boids", "--steps", "1"]
     env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}

@@ -36,6 +36,7 @@ def stored(folder):
     return [path.name for path in folder.rglob("*.nbc")]
 
 
+@pytest.mark.slow
 def test_such_a_process_compiles_what_it_is_given_and_passes_over_what_it_cannot(tmp_path):
     settings = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_OPT": "0"}
     process = subprocess.Popen(COMPANION, env=settings, stdin=subprocess.PIPE, text=True)

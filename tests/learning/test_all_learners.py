@@ -69,6 +69,7 @@ def learned(model):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_copies_go_on_to_the_same_bits_and_remember_apart(learner):
     model = learning(learner()).run(30)

@@ -94,6 +94,7 @@ def made(senses, rng):
     return replace(senses, distance=distance, kind=kind, radiation=radiation, line=rng.random(senses.line.shape) < 0.3)
 
 
+@pytest.mark.slow
 @needs_cc
 @pytest.mark.parametrize("design", [FULL, AGENT9], ids=["full", "agent9"])
 @pytest.mark.parametrize("name", MACHINES)

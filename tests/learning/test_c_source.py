@@ -16,6 +16,7 @@ from support.exported_policies import NINE, POLICIES, in_python, q
 INPUTS = 10_000
 
 
+@pytest.mark.slow
 @needs_cc
 @pytest.mark.parametrize("name", POLICIES)
 def test_compiled_c_acts_as_the_policy(name, tmp_path):

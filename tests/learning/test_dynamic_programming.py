@@ -46,6 +46,7 @@ def test_value_iteration_agrees_with_policy_iteration_by_linear_equations(seed, 
     assert value_iteration(paid, following, share, gamma) == pytest.approx(expected, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turning", ONE_DIMENSION)
 @pytest.mark.parametrize("gamma", [0.7, 0.95])
 def test_values_before_a_wall_are_those_of_the_linear_equations(turning, gamma):
@@ -139,6 +140,7 @@ def test_a_robot_that_never_prefers_forward_switches_at_infinity():
     assert approach_values(0.5, critical=1.0, turning="leave", cells=2).switching_distance in (RANGE, math.inf)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("a", range(8), ids=ACTION_NAMES)
 @pytest.mark.parametrize("j", [0, 3, 14])
 def test_moves_are_those_of_a_robot_of_the_engine(a, j):

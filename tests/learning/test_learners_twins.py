@@ -196,6 +196,7 @@ def test_wires_are_learned_of_and_chosen_in_every_step_as_documented(shared, rew
     assert seen_near
 
 
+@pytest.mark.slow
 def test_commands_are_shares_of_the_greatest_speed():
     model = learning(QLearning()).run(30)
     assert (model.swarm.command == 2.0 * ACTIONS[column(model, "action")]).all()
@@ -270,6 +271,7 @@ def test_a_tally_adds_up_products_speeds_collisions_and_squares(seed):
     assert [means[name] for name in ("floreano", "ahead", "collisions")] == pytest.approx(sums.mean(axis=0) / 3)
 
 
+@pytest.mark.slow
 def test_what_actions_and_wires_are_worth_is_what_the_networks_return_for_the_last_readings():
     for learner in (QLearning(), QLearning(actions=4, encoding="typed"), WireFittedQ(wires=3)):
         model = learning(learner)

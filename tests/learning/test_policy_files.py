@@ -104,6 +104,7 @@ def refused(file):
     return message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -61,6 +61,7 @@ class Twin:
         inner[a] += np.outer(before, slope)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reward_of", ["state", "next state"])
 def test_learning_is_that_of_a_plain_twin_step_by_step(reward_of):
     model = learning(robots=2, rng=4, reward_of=reward_of)

@@ -90,6 +90,7 @@ def test_robots_of_two_designs_keep_what_they_know_too():
     assert same(known(model, 1), before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("learner", OF_POLICIES)
 def test_a_learner_that_was_taken_out_still_has_what_it_learned(learner):
     model = learning(learner)

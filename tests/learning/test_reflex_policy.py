@@ -109,6 +109,7 @@ def test_robots_that_come_later_remember_nothing_and_others_keep_what_they_had()
     assert (model.swarm.columns["0.Policy.memory"][4] == 0).all()
 
 
+@pytest.mark.slow
 def test_a_layer_gives_the_same_bits_with_the_same_seed_and_greedily_without_whims():
     assert len({driven(drawn(), 30).state_hash() for _ in range(2)}) == 1
     assert driven(drawn(), 30).state_hash() != driven(drawn(), 30, greedy=True).state_hash()

@@ -28,6 +28,7 @@ def marks(profile, kind, action):
     return [mark for mark in profile.marks if mark.kind == kind and mark.action == action]
 
 
+@pytest.mark.slow
 @given(critical=CRITICAL, kind=st.sampled_from("ab"), actions=st.sampled_from([4, 8]))
 def test_rewards_a_and_b_leap_at_the_critical_distance_by_the_action_term_and_nowhere_else(critical, kind, actions):
     profile = reward_profile(kind, actions=actions, critical=critical, points=POINTS)
@@ -40,6 +41,7 @@ def test_rewards_a_and_b_leap_at_the_critical_distance_by_the_action_term_and_no
             assert leaps[0].start == pytest.approx(critical, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(critical=CRITICAL, actions=st.sampled_from([4, 8]))
 def test_reward_c_leaps_nowhere(critical, actions):
     assert not [
@@ -47,6 +49,7 @@ def test_reward_c_leaps_nowhere(critical, actions):
     ]
 
 
+@pytest.mark.slow
 @given(critical=CRITICAL, kind=st.sampled_from("abc"))
 def test_plateaus_begin_where_only_the_action_counts_which_with_c_is_at_twice_the_critical_distance(critical, kind):
     profile = reward_profile(kind, critical=critical, points=POINTS)

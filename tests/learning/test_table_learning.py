@@ -36,6 +36,7 @@ def nearest_of(model, row):
     return seen.min() if len(seen) else 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reward_of", ["state", "next state"])
 def test_each_step_corrects_one_entry_of_a_robot_by_the_equation_computed_by_hand(reward_of):
     model = learning(robots=4, alpha=0.3, gamma=0.8, reward_of=reward_of, critical=0.4)

@@ -334,6 +334,7 @@ def test_saving_into_a_missing_folder_or_over_a_folder_is_an_error_of_one_line(t
         one_line(error)
 
 
+@pytest.mark.slow
 def test_a_polygon_of_a_hundred_thousand_corners_goes_through_both_formats():
     ring = [
         (400 + 300 * math.cos(i / 1e5 * math.tau), 300 + 300 * math.sin(i / 1e5 * math.tau)) for i in range(100_000)
@@ -389,6 +390,7 @@ def test_a_map_of_almost_no_height_is_refused_without_a_warning(height):
     one_line(error)
 
 
+@pytest.mark.slow
 def test_twenty_thousand_discs_in_a_map_of_our_own_are_read():
     crowd = Map(name="crowd", bounds=(0, 0, 80, 60), obstacles=[disc((40, 30), 5)] * 20_000)
     assert len(Map.from_toml(crowd.to_toml()).obstacles) == 20_000

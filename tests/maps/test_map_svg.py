@@ -334,6 +334,7 @@ DEFINED = '<defs><g id="a"><use href="#b"/></g><g id="b"><use href="#a"/></g></d
 USE_BOMB = "".join(f'<g id="u{i}">' + f'<use href="#u{i - 1}"/>' * 10 + "</g>" for i in range(1, 30))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("drawing", "reason"),
     [
@@ -364,6 +365,7 @@ def test_bombs_are_refused_within_a_second(drawing, reason):
     assert reason in refused(drawing)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [500, 2000, 20_000])
 @pytest.mark.parametrize("tag", ['polyline fill="none" stroke-width="3"', "polygon"])
 def test_a_line_or_outline_that_crosses_itself_without_end_is_refused_before_it_is_made(n, tag, monkeypatch):
@@ -417,6 +419,7 @@ def repeated(n, element):
     return "".join(element.format(x=i % 90 * 8 + 1, y=i // 90 * 8 + 1) for i in range(n))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "number"),
     [
@@ -483,6 +486,7 @@ def test_a_mistake_of_our_own_is_not_taken_for_one_of_the_encoding(monkeypatch):
         shapes('<rect width="3" height="3"/>')
 
 
+@pytest.mark.slow
 def test_two_thousand_outlines_in_each_other_are_refused_before_they_are_compared():
     rings = "".join(f"M{i / 9} {i / 9}H{600 - i / 9}V{600 - i / 9}H{i / 9}Z" for i in range(1999))
     assert "more work" in refused(ROOT.format(f'<path fill-rule="evenodd" d="{rings}"/>'))

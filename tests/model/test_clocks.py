@@ -3,6 +3,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 TESTS = Path(__file__).parents[1]
 CLOCKS = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns"}
 # Deadlines against hangs, and when slow tests are left out.
@@ -22,6 +24,7 @@ def clocks_read(path: Path) -> set[str]:
     return found & CLOCKS
 
 
+@pytest.mark.slow
 def test_only_benchmarks_measure_elapsed_time():
     files = {path.relative_to(TESTS).as_posix(): clocks_read(path) for path in TESTS.rglob("*.py")}
     others = {name: read for name, read in files.items() if read and not name.startswith("benchmarks/")}

@@ -64,6 +64,7 @@ def path_of(model, steps=STEPS):
 
 @pytest.mark.parametrize("name", gallery_names())
 class TestEveryModelOfTheGallery:
+    @pytest.mark.slow
     @pytest.mark.parametrize("parameter", [*COMMON, "all"])
     def test_runs_with_imperfect_robots_whose_paths_differ_from_those_of_ideal_ones(self, name, parameter):
         given = AT_ONCE if parameter == "all" else {parameter: AT_ONCE[parameter]}
@@ -75,11 +76,13 @@ class TestEveryModelOfTheGallery:
         assert all(isinstance(known[each].control, Slider) and known[each].help for each in COMMON)
         assert {group_of(each) for each in COMMON} == {"Disturbances"}
 
+    @pytest.mark.slow
     def test_is_as_it_was_where_all_are_0(self, name):
         plain, zero = (find_model(name)(rng=2, **given).run(10) for given in ({}, dict.fromkeys(COMMON, 0)))
         assert zero.imperfections is None
         assert plain.state_hash() == zero.state_hash()
 
+    @pytest.mark.slow
     def test_takes_them_from_batch_run(self, name):
         run = getattr(mesa, "batch_run", batch_run)  # Mesa 4 has none
         seeds = {"rng": [1]} if "rng" in inspect.signature(run).parameters else {"iterations": 1}
@@ -197,6 +200,7 @@ class TestAModelDerivedFromOneWithADefaultOfItsOwn:
         assert ideal.imperfections is None
         assert plain.run(20).state_hash() == given.run(20).state_hash() != ideal.run(20).state_hash()
 
+    @pytest.mark.slow
     @derived
     @pytest.mark.parametrize("noise", [{}, {"noise": 0.1}], ids=str)
     def test_has_recordings_that_can_be_run_again(self, model_class, noise, tmp_path):

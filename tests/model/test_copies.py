@@ -86,6 +86,7 @@ def test_a_deep_copy_of_a_model_has_things_of_its_own():
     assert model.run(5).swarm.position[0].tolist() == [45.0, 40.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duplicate", DUPLICATES)
 @pytest.mark.parametrize("name", gallery_names())
 def test_a_copy_of_each_model_numbers_new_agents_as_the_model_does(name, duplicate):
@@ -112,6 +113,7 @@ def test_a_model_without_a_count_as_older_versions_have_pickled_it_counts_on_fro
     assert mesa.Agent(model).unique_id == highest + 1
 
 
+@pytest.mark.slow
 def test_sparks_in_a_copy_light_fires_with_the_unique_ids_that_they_have_in_the_model(tmp_path):
     model = FireFighting(n_robots=4, spread=0.005, rng=1).run(5)
     twin = copy.deepcopy(model)

@@ -202,6 +202,7 @@ def test_runs_of_a_file_are_done_once_wherever_its_folder_is(folder):
     assert made.done_before == 2
 
 
+@pytest.mark.slow
 def test_commands_take_addresses_and_name_files_after_the_class(folder, typed):
     write_model(folder, name="AntTrails")
     assert typed("run ./mine.py:AntTrails --steps 5 --quiet")[0] == 0
@@ -244,6 +245,7 @@ def test_a_recording_is_run_again_only_with_a_model_that_the_user_names(folder, 
     assert model.resume("run.arrow", step=3).run(2).state_hash() == model(rng=1).run(5).state_hash()
 
 
+@pytest.mark.slow
 def test_a_recording_of_a_program_is_that_of_the_same_file_by_its_address(folder, typed):
     path = write_model(folder)
     text = path.read_text() + (

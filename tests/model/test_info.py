@@ -53,6 +53,7 @@ def test_every_model_has_all_texts_three_presets_and_a_source(name):
     assert all(one.text.endswith((".", ")")) for one in (*info.presets, *info.equations))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "preset"), PRESETS)
 def test_a_preset_is_built_runs_and_fits_the_sliders(name, preset):
     model_class = find_model(name)

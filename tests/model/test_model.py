@@ -51,6 +51,7 @@ def known_hash():
 # ---- the same seed
 
 
+@pytest.mark.slow
 def test_fresh_processes_give_the_same_state_whatever_their_hash_seed_and_number_of_threads(known_hash):
     assert hash_of(NUMBA_NUM_THREADS="2", PYTHONHASHSEED="12345") == known_hash
     assert len(known_hash) == 32
@@ -63,6 +64,7 @@ def test_another_python_and_mesa_give_the_same_state(known_hash):
     assert hash_of(python=python) == known_hash
 
 
+@pytest.mark.slow
 def test_the_order_in_which_things_were_created_does_not_change_the_state():
     hashes = {
         order: furnished(order).run(1000).state_hash()
@@ -105,6 +107,7 @@ def test_two_models_side_by_side_do_not_disturb_each_other():
 # ---- streams
 
 
+@pytest.mark.slow
 def test_looking_does_not_change_the_run():
     def run(look):
         model = SwarmModel(map="original", rng=1)

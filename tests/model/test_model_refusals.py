@@ -150,6 +150,7 @@ def test_what_is_not_an_arbiter_is_refused_and_the_old_one_stays(control):
     assert model.control is old
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["compiled", "shapely"])
 def test_robots_put_where_no_room_is_left_are_refused(engine):
     model = empty(30, 30, engine=engine)

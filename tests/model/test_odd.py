@@ -47,6 +47,7 @@ class Needy(SwarmModel):
         self.add_robots(AGENT9, n_robots)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", gallery_names())
 def test_every_model_of_the_gallery_has_the_seven_elements_its_patterns_and_texts_on_concepts(name):
     info = model_info(name)

@@ -70,6 +70,7 @@ def test_the_model_has_columns_of_every_part_that_has_any():
     assert {"odometer.driven", "odometer.turned", "boards.places", "boards.strength"} <= set(COLUMNS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in COLUMNS if name.partition(".")[2] not in READ_ANEW])
 def test_a_change_of_each_column_changes_the_fingerprint(name):
     column = COLUMNS[name][1]
@@ -91,6 +92,7 @@ def test_what_a_part_stores_changes_the_fingerprint():
     assert len({before, changed, model.state_hash()}) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_recorded_parts_resume_at_any_step_and_verify(tmp_path, seed):
     rng = np.random.default_rng(seed)
@@ -106,6 +108,7 @@ def test_recorded_parts_resume_at_any_step_and_verify(tmp_path, seed):
     assert Whole.verify(path).same
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0, 7, 25, 33, 52])
 @pytest.mark.parametrize(
     "duplicate", [copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model)), lambda model: model.continued()]
@@ -131,6 +134,7 @@ def test_parts_are_taken_over_by_a_run_with_other_parameters():
     assert all(robot in list(other.robots) for robot in other.parts["roster"].led if robot.unique_id in ids)
 
 
+@pytest.mark.slow
 def test_another_process_finds_the_same_fingerprint():
     program = "from support.own_parts import Whole; print(Whole(rng=5).run(30).state_hash())"
     here = Path(__file__).parents[1]
@@ -261,6 +265,7 @@ def test_discs_are_packed_for_browsers(recording):
     assert discs.tobytes() in chunk
 
 
+@pytest.mark.slow
 def test_films_animations_and_pages_show_discs(recording, tmp_path):
     path = recording[1].path
     export(path, tmp_path / "run.svg", animate=True)

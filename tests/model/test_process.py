@@ -157,6 +157,7 @@ PLAIN = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.text(), PLAIN), st.randoms(use_true_random=False))
 def test_equal_values_have_equal_fingerprints_in_whatever_order_they_were_declared(values, random):
     items = list(values.items())
@@ -164,6 +165,7 @@ def test_equal_values_have_equal_fingerprints_in_whatever_order_they_were_declar
     assert quick_fingerprint(dict(items)) == quick_fingerprint(copy.deepcopy(values))
 
 
+@pytest.mark.slow
 @given(st.lists(PLAIN, max_size=5), st.lists(PLAIN, max_size=5))
 def test_different_values_have_different_fingerprints(one, other):
     # Text of floats: 0.0 and -0.0 count as one, NaN as itself, 1 and True as different.

@@ -60,6 +60,7 @@ def test_scattered_obstacles_are_apart_from_each_other_from_walls_and_from_robot
     assert forms == "both" or {shape.kind for shape in shapes} == {forms.removesuffix("s")}
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.3, 1.0, 4.0]))
 def test_wandering_obstacles_never_overlap_anything_and_none_stands_for_ever(seed, speed):
@@ -80,6 +81,7 @@ def test_wandering_obstacles_never_overlap_anything_and_none_stands_for_ever(see
     assert travelled.mean() > 0.5 * 59 * speed
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([3.0, 20.0]))
 def test_bodies_of_several_processes_never_overlap_each_other(seed, speed):
@@ -177,6 +179,7 @@ def test_a_body_that_a_load_has_touched_can_leave_it():
     assert least_gap([body.shape, load.shape]) > -1e-6
 
 
+@pytest.mark.slow
 def test_robots_avoid_wandering_obstacles():
     def met(avoids):
         model = crowd(5, moving=8, robots=30, map="openspace")
@@ -191,6 +194,7 @@ def test_robots_avoid_wandering_obstacles():
     assert met(avoids=True) < 0.7 * met(avoids=False)  # AGENT9 sees little behind
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_on_both_engines_and_with_the_state_of_the_process():
     assert crowd(7).run(40).state_hash() == crowd(7).run(40).state_hash()
     assert crowd(7).run(40).state_hash() != crowd(8).run(40).state_hash()
@@ -201,6 +205,7 @@ def test_the_same_seed_gives_the_same_bits_on_both_engines_and_with_the_state_of
     assert turned.state_hash() != crowd(7).run(40).state_hash()
 
 
+@pytest.mark.slow
 def test_a_recording_with_wandering_obstacles_is_verified_and_resumed_to_the_same_state(tmp_path):
     options = {"n_robots": 6, "obstacles": 4, "moving_obstacles": 3, "rng": 3}
     model = CollisionAvoidance(**options)
@@ -302,6 +307,7 @@ def test_bodies_of_another_model_are_refused_and_their_namesakes_stay():
         Wander([stranger, *mine.movers.agents], speed=1.0)
 
 
+@pytest.mark.slow
 def test_bodies_of_a_model_that_is_gone_are_not_mistaken_for_others():
     wander = Wander([SwarmModel(map="openspace", rng=1).add_body(disc((100, 100), 5))], speed=1.0)
     gc.collect()

@@ -115,6 +115,7 @@ def stages_with_kernels(model):
     return {stage.name for _, stage in model.plan.stages if stage.kernel is not None}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("make", "kernels"), WORLDS.values(), ids=WORLDS)
 def test_kernels_in_the_order_of_the_plan_are_a_step_whatever_arrays_are_replaced(make, kernels, run):
     models = make(), make()

@@ -202,6 +202,7 @@ DIFFERENT = {
 }
 
 
+@pytest.mark.slow
 def test_worlds_whose_steps_may_differ_have_different_hashes():
     hashes: dict[str, list[str]] = {}
     for name, change in DIFFERENT.items():
@@ -277,6 +278,7 @@ class Tuned(SwarmModel):
         self.control = Subsumption(Avoid(distance=distance), Explore())
 
 
+@pytest.mark.slow
 @given(st.floats(0, 10), st.text(max_size=5), st.integers(0, 20))
 def test_going_on_with_a_parameter_that_nothing_reads_keeps_the_hash(gain, title, steps):
     model = Tuned(rng=1).run(steps)
@@ -290,6 +292,7 @@ def test_going_on_with_a_parameter_that_a_layer_reads_changes_the_hash():
     assert Tuned(rng=1).run(3).continued(distance=15).state_hash() == model.state_hash()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", gallery_names())
 def test_reading_copying_and_making_again_keep_the_hash_of_each_model(name):
     model, again = (find_model(name)(rng=1).run(5) for _ in range(2))
@@ -409,6 +412,7 @@ def world_of_one(rule):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["global", "closure", "module"])
 def test_a_constant_that_is_changed_before_the_first_step_counts_and_so_does_its_hash(where):
     cfg = ModuleType("cfg")

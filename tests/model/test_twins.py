@@ -31,6 +31,7 @@ def check(run, ways, folder):
         assert differing(expected, trace(run, way, folder)) == {}, (way, run)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_each_model_ends_the_same_in_three_ways(name, tmp_path):
     check(run_of(name), some_ways(list(MODELS).index(name)), tmp_path)
@@ -49,6 +50,7 @@ def test_each_model_that_is_changed_by_hand_ends_the_same_in_every_way(name, see
     check(run_of(name, seed, edits=4), WAYS, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(FEW))
 def test_a_random_world_ends_the_same_in_three_ways_at_random(seed, tmp_path):
     check(drawn_run(seed), some_ways(seed), tmp_path)

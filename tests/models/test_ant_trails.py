@@ -13,6 +13,7 @@ STEMS = FORKS[0] - ENDS[0] + ENDS[1] - FORKS[1]
 BOTH_ENDS = [0.02, 0.98] * 15
 
 
+@pytest.mark.slow
 def test_a_run_has_the_stored_numbers():
     assert AntTrails(rng=1).run(1500).results() == pytest.approx(STORED)
 
@@ -22,6 +23,7 @@ def test_the_lower_branch_is_longer_by_the_ratio(ratio):
     assert way(-1.0, ratio).length - STEMS == pytest.approx(ratio * (way(1.0, 1.0).length - STEMS))
 
 
+@pytest.mark.slow
 def test_robots_stay_in_the_corridors_and_traffic_goes_on():
     model = AntTrails(rng=2)
     ways = shapely.union_all([way(1.0, 1.0), way(-1.0, 2.0)])

@@ -15,6 +15,7 @@ from support.scenes import ahead
 SEEDS = range(20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", ["disc", "box"])
 @pytest.mark.parametrize("seed", range(3))
 def test_one_robot_never_moves_the_load(seed, load):
@@ -71,6 +72,7 @@ def test_an_unknown_load_suggests_the_nearest():
         CooperativeTransport(load="disk", rng=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading", np.radians([0, 15, 30, 45]))
 @pytest.mark.parametrize("height", [0.0, 15.0, 22.0, 25.0, 27.0])
 def test_one_robot_does_not_move_the_box_wherever_it_pushes(height, heading):

@@ -34,6 +34,7 @@ def show(model: mesa.Model, component) -> None:
 @pytest.mark.filterwarnings(*QUIET)
 @pytest.mark.parametrize("name", model_names())
 class TestEveryModelOnMesasPage:
+    @pytest.mark.slow
     def test_is_drawn_by_the_canvas_of_this_package(self, name):
         model, shown = find_model(name)(n_robots=4, rng=1), []
 
@@ -44,6 +45,7 @@ class TestEveryModelOnMesasPage:
         show(model, canvas)
         assert shown[0] is model
 
+    @pytest.mark.slow
     def test_is_drawn_by_mesa_with_all_its_agents_where_they_are(self, name):
         model, places = find_model(name)(n_robots=4, rng=1).run(3), []
 
@@ -56,6 +58,7 @@ class TestEveryModelOnMesasPage:
         assert {agent for agent in model.agents if hasattr(agent, "space")} == set(model.space.agents)
         assert sorted(places) == sorted(wanted)
 
+    @pytest.mark.slow
     def test_goes_on_after_it_was_shown_as_if_it_had_not_been(self, name):
         seen, unseen = (find_model(name)(n_robots=4, rng=1).run(3) for _ in range(2))
         show(seen, swarm_canvas)

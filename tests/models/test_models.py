@@ -43,12 +43,14 @@ def batch_of_two(model_class, **more):
 
 @pytest.mark.parametrize("name", NAMES)
 class TestEveryModel:
+    @pytest.mark.slow
     def test_runs_and_has_results_in_numbers(self, name):
         model = find_model(name)(rng=1).run(STEPS)
         assert model.steps == STEPS
         assert model.results()
         assert all(value is None or np.isfinite(value) for value in model.results().values())
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("n_robots", [1, 2])
     def test_has_results_in_numbers_for_few_robots_or_none_where_they_are_undefined(self, name, n_robots):
         lowest = parameters_of(find_model(name))["n_robots"].control.minimum
@@ -56,14 +58,17 @@ class TestEveryModel:
         assert results
         assert all(value is None or np.isfinite(value) for value in results.values())
 
+    @pytest.mark.slow
     def test_same_seed_gives_the_same_state(self, name):
         first, second = (find_model(name)(rng=5).run(STEPS).state_hash() for _ in range(2))
         assert first == second
 
+    @pytest.mark.slow
     def test_another_seed_gives_another_state(self, name):
         first, second = (find_model(name)(rng=rng).run(STEPS).state_hash() for rng in (5, 6))
         assert first != second
 
+    @pytest.mark.slow
     def test_works_with_batch_run(self, name):
         rows = batch_of_two(find_model(name))
         runs = {row["RunId"] for row in rows}
@@ -82,6 +87,7 @@ class TestEveryModel:
                 assert parameter.default in control.options
             assert parameter.help, f"{parameter.name} has no help"
 
+    @pytest.mark.slow
     def test_accepts_both_ends_of_every_range_or_names_what_they_contradict(self, name):
         model_class = find_model(name)
         for parameter in parameters_of(model_class).values():

@@ -7,11 +7,13 @@ from mesa_swarm.base.errors import SwarmError
 from mesa_swarm.models.puck_clustering import APART, DONE, EVERY, LINK, PUCK, PuckClustering
 
 
+@pytest.mark.slow
 def test_the_stored_runs_come_out_again():
     runs = [PuckClustering(n_robots=4, rng=rng).run(4_000).done_at for rng in (10_000, 10_001)]
     assert runs == [1725, 925]
 
 
+@pytest.mark.slow
 def test_a_run_ends_when_nine_tenths_of_the_pucks_are_in_one_cluster():
     model = PuckClustering(n_robots=4, rng=10_001).run(4_000)
     assert not model.running

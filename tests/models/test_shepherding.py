@@ -30,6 +30,7 @@ def test_a_flock_that_is_brought_home_is_near_the_target_and_close_together():
     assert np.hypot(*(places - centre).T).max() < APART * 12 ** (2 / 3)
 
 
+@pytest.mark.slow
 def test_the_stored_runs_come_out_again():
     homes = [Shepherding(n_sheep=12, rng=rng).run(2000).home_at for rng in (1, 2)]
     assert homes == [477, 374]

@@ -73,6 +73,7 @@ def test_without_boards_nothing_is_written():
     assert not model.parts["boards"].written.any()
 
 
+@pytest.mark.slow
 def test_it_is_recorded_drawn_and_resumed_like_any_model(tmp_path):
     model = Signposts(rng=3)
     with model.record(tmp_path / "run.arrow", checkpoint_every=50):

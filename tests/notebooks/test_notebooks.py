@@ -65,6 +65,7 @@ class TestExercises:
 BACKS = "@behaviour\ndef turn_away(me, distance=15.0):\n    return -0.03, -0.03"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "exercise", "answer", "words"),
     [
@@ -89,6 +90,7 @@ def test_an_answer_that_cannot_be_or_passes_by_a_gap_is_refused_in_words(number,
     assert words in str(verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SLOWLY)
 def test_a_notebook_runs_to_its_end_and_complains_of_nothing(path, tmp_path):
     notebook = read(path)

@@ -4,6 +4,7 @@ import ast
 import re
 from datetime import date
 
+import pytest
 import yaml
 
 import mesa_swarm
@@ -52,6 +53,7 @@ def test_each_version_has_the_usual_sections_in_their_order():
         assert len(sections) > 1
 
 
+@pytest.mark.slow
 def test_the_list_of_deprecated_names_is_that_of_the_code():
     listed = {old: new or effect for old, new, effect in ROW.findall(TEXT)}
     without = {f"HebbianLearning({', '.join(f'{name}=' for name in WITHOUT_EFFECT)})": "without effect"}

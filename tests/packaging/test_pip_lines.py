@@ -44,6 +44,7 @@ def test_a_line_names_extras_that_there_are_and_constraints_where_there_is_a_cop
     assert line.words[:2] == ("-c", "constraints.txt") or line.words[-1].startswith("mesa-swarm")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", sorted(OF_PAGES))
 def test_a_page_shows_no_import_that_its_own_lines_do_not_install(page):
     known = {plain(name) for name in (*REQUIRED, *pip_lines.packages_of(OF_PAGES[page]))} | BROUGHT

@@ -26,6 +26,7 @@ def test_opposite_wheels_turn_on_the_spot_by_the_rim_speed_over_the_radius():
     assert heading == pytest.approx(10 * 0.5 / 5, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(left=wheel, right=wheel, heading=st.floats(-3, 3))
 def test_one_step_goes_along_the_arc_around_the_instantaneous_centre(left, right, heading):
     x, y, turned = pose_of(alone(left, right, 1, (200, 150, heading)))

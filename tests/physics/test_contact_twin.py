@@ -287,6 +287,7 @@ def test_all_that_follow_one_that_returns_return_with_it():
 # ---- room
 
 
+@pytest.mark.slow
 @few
 @given(st.tuples(xs, ys), radii, st.booleans(), seeds)
 def test_the_place_that_a_robot_is_moved_to_is_the_first_free_one_of_the_rings(place, radius, apart, seed):

@@ -76,6 +76,7 @@ def test_a_robot_moves_as_one_without_slip_that_is_commanded_the_wheels_that_are
     assert model.swarm.heading == pytest.approx(plain.swarm.heading, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_both_engines_agree_and_nothing_overlaps():
     models = [Crowd(rng=3, engine=engine).run(40) for engine in ("compiled", "shapely")]
     assert models[0].swarm.position == pytest.approx(models[1].swarm.position, abs=1e-9)

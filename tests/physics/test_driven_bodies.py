@@ -23,6 +23,7 @@ def room(engine="compiled", poses=(), commands=None):
     return model
 
 
+@pytest.mark.slow
 @some
 @given(seeds, st.integers(2, 40))
 def test_robots_never_overlap_driven_bodies_wherever_these_are_sent(seed, robots):
@@ -45,6 +46,7 @@ def test_neither_robots_nor_driven_bodies_overlap_loads(seed):
         check_apart(model)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(seeds, st.integers(0, 3))
 @example(0, 0)  # robots that a long way of a body pushes far

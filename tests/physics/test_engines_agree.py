@@ -79,12 +79,14 @@ def check_run(models, steps):
         assert max(differences(state(ours), state(oracle)).values()) < CLOSE
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_random_worlds(seed):
     check_agreement(random_world(seed))
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_random_worlds_of_robots_with_wheels_and_without(seed):
@@ -105,6 +107,7 @@ def test_both_engines_read_and_do_the_same_in_a_thousand_random_worlds(seed):
     check_agreement(random_world(seed, most_robots=25))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("designs", [DESIGNS, MIXED], ids=["on wheels", "mixed"])
 def test_hardly_any_random_world_is_not_generic(designs):
     worlds = [random_world(seed, designs=designs) for seed in range(15)]
@@ -112,6 +115,7 @@ def test_hardly_any_random_world_is_not_generic(designs):
     assert sum(generic) >= 14
 
 
+@pytest.mark.slow
 @settings(max_examples=3)
 @given(seeds)
 def test_both_engines_do_the_same_in_a_jam(seed):
@@ -134,12 +138,14 @@ def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_that_avoids(seed):
     assert models[0].total_collisions > 0
 
 
+@pytest.mark.slow
 def test_both_engines_do_the_same_for_thirty_steps_of_a_crowd_driven_blindly():
     models = [crowd(1, n=20, size=110.0).model(engine) for engine in ENGINES]
     check_run(models, 30)
     assert models[0].total_collisions > 150
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["original", "sparse", "openspace", "openspace_fire"])
 def test_both_engines_run_every_built_in_map_with_noise_and_slip(name):
     noisy = AGENT3.with_proximity(error_probability=0.5, error_magnitude=0.2, hold=2, period=3)
@@ -172,6 +178,7 @@ def test_a_robot_driven_at_a_corner_doubles_its_distance_from_the_balance_in_eve
     assert math.hypot(x - 200.0, y - 100.0) == pytest.approx(5.0, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_side_sensor_of_a_robot_that_slides_along_a_wall_reads_zero_wherever_it_met_the_wall(engine):
     wall = Map(name="wall", bounds=(0, 0, 400, 400), obstacles=[rectangle((100, 0), (120, 400))])
@@ -184,6 +191,7 @@ def test_a_side_sensor_of_a_robot_that_slides_along_a_wall_reads_zero_wherever_i
         assert robot.distance[6] == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, math.pi, -math.pi / 2])
 def test_a_front_sensor_of_a_robot_that_stands_against_a_wall_reads_zero(engine, heading):
@@ -220,6 +228,7 @@ def test_a_sensor_beyond_the_border_or_inside_a_wall_reads_zero(engine):
     assert model.swarm.kind[:, 0].tolist() == [0, 0, 0]
 
 
+@pytest.mark.slow
 def test_crowds_include_those_where_robots_are_put_back(monkeypatch):
     """The jams above are worth something only if they reach the last resort."""
     calls = []

@@ -24,6 +24,7 @@ def drive(model, steps=60, rule=ahead):
     return worst
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32),
     n=st.integers(1, 40),
@@ -63,6 +64,7 @@ def test_a_thin_wall_is_not_jumped_over(radii_per_step):
     assert (model.swarm.position[:, 0] <= 1995.001).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [60, 30, 10, 5, 1])
 @pytest.mark.parametrize("speed", [0.5, 4.0, 30.0])
 def test_a_wedge_holds_all_that_drive_into_it(degrees, speed):
@@ -87,6 +89,7 @@ def test_a_dead_end_as_wide_as_a_robot_is_entered_and_left():
     assert model.swarm.position[0, 0] < 100
 
 
+@pytest.mark.slow
 def test_fifty_robots_pressed_to_a_wall_do_not_overlap():
     model = empty(400, 120)
     poses = [(300 - 11 * (k // 10), 8 + 11 * (k % 10), 0.0) for k in range(50)]
@@ -94,6 +97,7 @@ def test_fifty_robots_pressed_to_a_wall_do_not_overlap():
     assert drive(model, 150) <= PROMISED
 
 
+@pytest.mark.slow
 def test_a_jam_dissolves_when_the_robots_turn_round():
     model = empty(400, 120)
     robots = model.add_robots(blind(), poses=[(300 - 11 * (k // 10), 8 + 11 * (k % 10), 0.0) for k in range(50)])
@@ -214,6 +218,7 @@ def test_robots_beside_an_obstacle_that_reaches_to_the_largest_coordinate_keep_t
     assert drive(model, 40, circle) <= PROMISED
 
 
+@pytest.mark.slow
 def test_bodies_of_very_different_size_do_not_overlap():
     model = empty(500, 400)
     model.add_robots(blind(60, 3.0), poses=[(100, 200, 0.0), (400, 200, math.pi)])

@@ -77,6 +77,7 @@ def check_crowd(seed, n, radius, speed, n_loads, steps):
         assert "no room is left" in str(problem)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32),
@@ -102,6 +103,7 @@ def test_no_body_overlaps_another_in_hundreds_of_crowds_around_loads(seed, n, ra
     check_crowd(seed, n, radius, speed, n_loads, 30)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.5, 5.0, 15.0])
 def test_a_box_is_turned_on_its_way_through_a_crowd(speed):
     model = empty()
@@ -112,6 +114,7 @@ def test_a_box_is_turned_on_its_way_through_a_crowd(speed):
     assert load.heading != 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [1.0, 15.0])
 @pytest.mark.parametrize("shape", [disc((300, 200), 40), rectangle((260, 170), (340, 230))], ids=["disc", "box"])
 def test_a_crowd_shoves_a_load_into_a_corner_with_robots_before_it(shape, speed):

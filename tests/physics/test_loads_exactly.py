@@ -46,6 +46,7 @@ def test_loads_are_where_the_oracle_has_them_in_hundreds_of_worlds(seed):
     check(seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_loads_are_where_the_oracle_has_them_bit_for_bit(seed):
     check(seed)

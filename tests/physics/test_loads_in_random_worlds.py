@@ -47,6 +47,7 @@ def check_engines(world):
     check_same(oracle, ours)
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(seeds)
 def test_both_engines_move_loads_alike(seed):
@@ -60,6 +61,7 @@ def test_both_engines_move_loads_alike_in_hundreds_of_worlds(seed):
     check_engines(hauled(seed))
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_both_engines_read_and_do_the_same_in_random_worlds_with_loads(seed):
@@ -71,6 +73,7 @@ def test_both_engines_read_and_do_the_same_in_random_worlds_with_loads(seed):
     assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=EXACT)
 
 
+@pytest.mark.slow
 def test_both_engines_agree_to_the_last_digits_after_one_step():
     for seed in range(12):
         world = hauled(seed)
@@ -78,6 +81,7 @@ def test_both_engines_agree_to_the_last_digits_after_one_step():
         assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=EXACT)
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing_to_loads(seed):
@@ -87,6 +91,7 @@ def test_the_order_in_which_robots_were_created_is_nothing_to_loads(seed):
     check_same({n: c if n.startswith("load") else c[order] for n, c in here.items()}, run(world.reordered(order)))
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_a_world_with_loads_turned_by_a_quarter_does_the_same_turned(seed):
@@ -103,6 +108,7 @@ def test_a_world_with_loads_turned_by_a_quarter_does_the_same_turned(seed):
     check_same(here, there)
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_a_mirrored_world_with_loads_does_the_same_mirrored(seed):

@@ -62,6 +62,7 @@ def bearing_of(model, i, j):
     return math.remainder(math.atan2(dy, dx) - model.swarm.heading[i], 2 * math.pi)
 
 
+@pytest.mark.slow
 @given(PLACES)
 @settings(max_examples=30, deadline=None)
 def test_messages_and_neighbours_are_those_of_a_twin_nearest_first(poses):

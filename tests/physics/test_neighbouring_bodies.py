@@ -54,6 +54,7 @@ def nearest(model, i, occluded):
     return sorted(found)[:MOST]
 
 
+@pytest.mark.slow
 @given(PLACES, PLACES)
 @settings(max_examples=40, deadline=None)
 def test_the_nearest_bodies_of_a_kind_are_those_of_a_twin_and_of_both_engines(dogs, sheep):
@@ -133,6 +134,7 @@ class Flock(SwarmModel):
         super().step()
 
 
+@pytest.mark.slow
 def test_robots_chase_plain_agents_and_their_run_is_recorded_verified_and_resumed(tmp_path):
     model = Flock(rng=1)
     model.sense()

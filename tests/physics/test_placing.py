@@ -38,6 +38,7 @@ def gaps(position):
     return distance[np.triu_indices(len(position), 1)] - 2 * RADIUS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @settings(max_examples=20)
 @given(places=st.lists(points, min_size=2, max_size=8))
@@ -55,6 +56,7 @@ def test_robots_on_one_spot_between_walls_line_up(engine):
     assert np.abs(position[:, 1] - 40).max() <= 20 - 10 - RADIUS + TOLERANCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_crowd_that_pushing_cannot_separate_finds_room(engine):
     position = standing(engine, [(6 + 0.1 * k, 6) for k in range(30)], ())
@@ -62,6 +64,7 @@ def test_a_crowd_that_pushing_cannot_separate_finds_room(engine):
     assert ((position >= RADIUS - TOLERANCE) & (position <= np.array(SIZE) - RADIUS + TOLERANCE)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @given(place=points)
 def test_one_robot_moves_to_the_nearest_room_within_a_ring(engine, place):
@@ -76,11 +79,13 @@ def test_robots_that_are_free_stay_exactly_where_they_are(engine):
     np.testing.assert_array_equal(standing(engine, places), places)
 
 
+@pytest.mark.slow
 @given(places=st.lists(points, min_size=1, max_size=4))
 def test_both_engines_find_the_same_room(places):
     np.testing.assert_allclose(standing("compiled", places), standing("shapely", places), atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_robot_for_which_no_room_is_left_is_named(engine):
     with pytest.raises(

@@ -3,6 +3,7 @@
 import copy
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -67,6 +68,7 @@ def twin(model, word):
     return out
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seeds)
 def test_random_worlds_are_heard_as_a_twin_that_tries_all_pairs_hears_them(seed):
@@ -93,6 +95,7 @@ def test_random_worlds_are_heard_as_a_twin_that_tries_all_pairs_hears_them(seed)
         np.testing.assert_allclose(getattr(model.swarm, name), expected[name], rtol=0, atol=1e-9, err_msg=name)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(seeds)
 def test_robots_created_in_another_order_hear_the_same(seed):

@@ -113,6 +113,7 @@ def test_a_sensor_in_the_hole_of_an_obstacle_is_not_inside_it():
     assert seen(model)[0] == pytest.approx([5], abs=1e-9)
 
 
+@pytest.mark.slow
 @given(heading=st.floats(-0.5, 0.5), x=st.floats(180, 190))
 def test_a_robot_pressed_to_a_wall_sees_it_as_near_as_it_is(heading, x):
     sensor = ProximitySensor(range=50, field_of_view_degrees=90)
@@ -172,6 +173,7 @@ def test_a_bumper_feels_what_touches_and_nothing_else():
     assert seen(model)[1] == [NOTHING, NOTHING]
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32), view=st.floats(5, 350))
 def test_rays_never_read_less_than_the_exact_distance_and_approach_it(seed, view):
     rng = np.random.default_rng(seed)

@@ -87,6 +87,7 @@ def check_same(world, image, undo):
     assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=EXACT)
 
 
+@pytest.mark.slow
 @few
 @given(seeds, st.tuples(*[st.floats(-500, 500)] * 2))
 def test_a_shifted_world_does_the_same_elsewhere(seed, by):
@@ -94,6 +95,7 @@ def test_a_shifted_world_does_the_same_elsewhere(seed, by):
     check_same(world, shifted(world, np.array(by)), lambda position, heading: (position - by, heading))
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_a_world_turned_by_a_quarter_does_the_same_turned(seed):
@@ -105,6 +107,7 @@ def test_a_world_turned_by_a_quarter_does_the_same_turned(seed):
     check_same(world, quarter_turned(world), undo)
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_a_mirrored_world_does_the_same_mirrored(seed):
@@ -123,6 +126,7 @@ def check_order(world, order):
     assert found == pytest.approx(dict.fromkeys(found, 0.0), abs=EXACT)
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing(seed):
@@ -130,6 +134,7 @@ def test_the_order_in_which_robots_were_created_is_nothing(seed):
     check_order(world, np.random.default_rng(seed).permutation(len(world.poses)))
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_the_order_in_which_robots_were_created_is_nothing_in_a_jam(seed):
@@ -143,6 +148,7 @@ def test_the_order_in_which_robots_were_created_is_nothing_in_hundreds_of_jams(s
     check_order(settled(crowd(seed, n=12, size=62.0)), np.random.default_rng(seed).permutation(12))
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_far_from_the_origin_no_robot_overlaps_anything_after_a_step(seed):

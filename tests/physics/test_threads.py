@@ -90,6 +90,7 @@ def run(world, threads):
     return hashes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("world", WORLDS)
 def test_a_run_has_the_same_bits_for_any_number_of_threads(world):
     one = run(world, 1)

@@ -42,6 +42,7 @@ def assert_goes_on_alike(model, again, steps=50):
     assert again.rng.random() == model.rng.random()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", model_names())
 def test_every_model_goes_on_bit_by_bit_from_a_checkpoint(name):
     model = find_model(name)(rng=3).run(60)
@@ -93,6 +94,7 @@ def changed_by_hand(drive=ON_WHEELS[0], control=ON_WHEELS[1]):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driven", [ON_WHEELS, ON_ROLLERS], ids=["on wheels", "on rollers"])
 @pytest.mark.parametrize("steps", [0, 1, 30])
 def test_a_model_that_was_changed_by_hand_goes_on_bit_by_bit(steps, driven):
@@ -106,6 +108,7 @@ def test_a_model_that_was_changed_by_hand_goes_on_bit_by_bit(steps, driven):
     assert model.add_obstacle(disc((700, 500), 5)).unique_id == again.add_obstacle(disc((700, 500), 5)).unique_id
 
 
+@pytest.mark.slow
 def test_a_load_that_is_under_way_goes_on_bit_by_bit():
     model = CooperativeTransport(n_robots=8, resistance=0.5, load="box", rng=2).run(900)
     again = restore(CooperativeTransport(n_robots=8, resistance=0.5, load="box", rng=2), stored(model))
@@ -177,6 +180,7 @@ class Own(SwarmModel):
         self.leader.badge = self.after
 
 
+@pytest.mark.slow
 def test_attributes_layers_and_learners_of_ones_own_go_on(tmp_path):
     model = Own(rng=1)
     model.record(tmp_path / "run.arrow", checkpoint_every=20)
@@ -256,6 +260,7 @@ def check_hostile(seed, count):
     assert refused > count / 3
 
 
+@pytest.mark.slow
 def test_forged_facts_are_refused_or_do_no_harm():
     check_hostile(1, 60)
 

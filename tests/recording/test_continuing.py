@@ -82,6 +82,7 @@ def test_bytes_complex_numbers_measures_and_objects_in_arrays_that_a_run_has_cha
     assert new.gain == 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", gallery_names())
 def test_every_parameter_of_the_gallery_changes_at_once_but_those_of_the_beginning(name):
     model_class, waiting = find_model(name), set()
@@ -100,6 +101,7 @@ def test_every_parameter_of_the_gallery_changes_at_once_but_those_of_the_beginni
     assert waiting - EVERYWHERE == OF_BEGINNING.get(name, set())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", gallery_names())
 def test_a_run_that_continues_with_the_same_parameters_is_the_same_to_the_last_bit(name):
     model_class = find_model(name)
@@ -293,6 +295,7 @@ def settings_of(model):
     return {name: getattr(model, name) for name in names} | {"layers": getattr(model.control, "names", None)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", BY_HAND.values(), ids=BY_HAND)
 @pytest.mark.parametrize("named", [{}, {"gain": 3.0}])
 def test_what_was_changed_by_hand_goes_on_with_the_run(change, named):

@@ -48,6 +48,7 @@ def recorded(tmp_path_factory):
     return path, model
 
 
+@pytest.mark.slow
 def test_such_a_run_is_recorded_verified_and_resumed(recorded):
     path, model = recorded
     recording = Recording(path)

@@ -141,6 +141,7 @@ REFERENCES = [{"of_model": "swarm"}, {"of_model": ""}, {"plain": 1}, {"part": No
 NAMES = ["run", "step", "add_robots", "results", "state_hash", "obstacles", "__class__", "__dict__", "__len__", "swarm"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference", REFERENCES, ids=str)
 @pytest.mark.parametrize("name", NAMES)
 def test_no_attribute_hides_a_method_of_the_model(stored, tmp_path, name, reference):

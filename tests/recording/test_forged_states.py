@@ -50,6 +50,7 @@ def noticed(path, model_class):
         return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [Stateful, Wolves])
 @pytest.mark.parametrize("forge", [forged_json, forged_array])
 @settings(max_examples=25)
@@ -71,6 +72,7 @@ def test_a_genuine_recording_is_the_same(tmp_path):
         assert str(verdict) == "all 12 rows to step 12 are the same"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0, 3, 6, 12])
 def test_the_state_of_another_run_in_the_place_of_its_own_is_noticed_and_resume_refuses_it(tmp_path, step):
     path = recorded(FireFighting(n_robots=4, rng=1), tmp_path / "run.arrow")

@@ -62,6 +62,7 @@ def test_moves_by_hand_take_little_room_and_are_repeated(tmp_path):
     assert again.state_hash() == model.state_hash()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 7])
 @pytest.mark.parametrize("checkpoint_every", [0, 10])
 def test_the_run_goes_on_from_any_step_with_the_same_moves(tmp_path, every, checkpoint_every):

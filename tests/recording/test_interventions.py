@@ -113,6 +113,7 @@ def recorded(path, change, **how):
     return Recording(path), hashes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.__name__)
 def test_a_run_that_was_changed_by_hand_resumes_at_any_step_and_is_verified(change, tmp_path):
     recording, hashes = recorded(tmp_path / "run.arrow", change)

@@ -62,6 +62,7 @@ def read_whole(path):
 # ---- states
 
 
+@pytest.mark.slow
 def test_what_was_collected_of_many_robots_over_many_steps_is_stored_and_read_again(tmp_path):
     path, model = tmp_path / "run.arrow", Collecting(rng=1)
     with model.record(path, every=100) as recorder:
@@ -204,6 +205,7 @@ def _deep():
     return value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given", [{"x": _deep()}, {"x": "x" * (34 << 20)}, {"x": [[]] * 2_100_000}, {"rng": 1 << 5000}]
 )

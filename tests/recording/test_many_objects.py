@@ -31,6 +31,7 @@ def test_robots_that_no_constructor_makes_are_restored_with_their_numbers_design
     assert twin.add_robots(AGENT3, 1)[0].unique_id == model.add_robots(AGENT3, 1)[0].unique_id
 
 
+@pytest.mark.slow
 def test_five_thousand_robots_are_restored_within_a_second(tmp_path):
     model = SwarmModel(rng=1)
     model.add_robots(AGENT3, poses=[(10 + k % 100, 10 + k // 100, 0.0) for k in range(5000)])

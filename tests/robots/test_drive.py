@@ -110,6 +110,7 @@ class Bicycle:
 CAR = RobotDesign(name="car", drive=Bicycle())
 
 
+@pytest.mark.slow
 @given(speed=st.floats(-1, 1), steering=st.floats(-1, 1))
 def test_a_drive_of_ones_own_drives_circles_of_the_radius_that_its_steering_gives(speed, steering):
     model = alone(speed, steering, 5, (200, 150, 0.0), CAR)

@@ -64,6 +64,7 @@ def test_a_command_at_the_limit_is_left_as_it_is():
     assert command.tolist() == [[2.0, -2.0], [2.0, -2.0], [-2.0, 2.0]]
 
 
+@pytest.mark.slow
 @given(extended, extended, st.floats(0.01, 1e6))
 @example(-math.inf, -0.0, 1.0)  # its azimuth may be pi or -pi
 def test_a_vector_is_shortened_in_its_direction_and_never_lengthened(x, y, most):

@@ -147,6 +147,7 @@ def test_a_search_that_was_killed_proposes_the_same_and_does_only_the_rest(tmp_p
     assert tables[0] == tables[1]
 
 
+@pytest.mark.slow
 def test_points_whose_runs_fail_have_no_loss_and_are_never_the_best(tmp_path):
     found = searched(tmp_path, settings={"fails_above": 0.5})
     lost = found.history["loss"].isna()
@@ -208,6 +209,7 @@ def test_values_may_be_listed_in_place_of_the_ends_of_numbers(tmp_path):
     assert set(found.history["whole"]) <= {2, 8}
 
 
+@pytest.mark.slow
 def test_all_of_a_calibration_is_written(tmp_path):
     found = searched(tmp_path)
     paths = found.save(tmp_path / "saved")

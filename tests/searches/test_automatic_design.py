@@ -183,6 +183,7 @@ def test_losses_are_differences_from_the_ideal_robots_and_paired_by_design():
     assert left.lines[0].get_ydata().tolist() == [0.5, 0.5]
 
 
+@pytest.mark.slow
 def test_an_interrupted_gap_goes_on_from_the_controllers_that_are_stored(tmp_path):
     given = {"budget": Budget(generations=1, **SMALL), "designs": 2, "seeds": 2, "dial": (0, 1), "out": tmp_path}
     whole = design_gap(BRIEF, **given)
@@ -195,6 +196,7 @@ def test_an_interrupted_gap_goes_on_from_the_controllers_that_are_stored(tmp_pat
     assert again.scores["evolved network"] == whole.scores["evolved network"]
 
 
+@pytest.mark.slow
 def test_a_gap_with_other_settings_is_refused_and_keeps_what_is_stored(tmp_path):
     given = {"budget": Budget(generations=1, **SMALL), "designs": 2, "seeds": 1, "dial": (0, 1), "out": tmp_path}
     design_gap(BRIEF, **given)
@@ -262,6 +264,7 @@ def crowded(count):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, 5, 6, 8])
 def test_labels_of_arrows_overlap_neither_discs_nor_each_other(count):
     _, discs, texts = drawn_boxes(crowded(count))

@@ -79,6 +79,7 @@ def test_finalists_are_tried_on_maps_and_by_trials_of_their_own_and_their_robot_
     assert PLACES[12:] == [("original", 3, 60)] * 2
 
 
+@pytest.mark.slow
 def test_the_seed_decides_and_nothing_else():
     one, two, other = evolve(BRIEF, **SMALL), evolve(BRIEF, **SMALL), evolve(BRIEF, **SMALL, rng=2)
     assert (weights(one) == weights(two)).all()
@@ -86,6 +87,7 @@ def test_the_seed_decides_and_nothing_else():
     assert (one.fitness != other.fitness).any()
 
 
+@pytest.mark.slow
 def test_more_generations_and_an_interruption_go_on_to_the_same_bits(tmp_path, monkeypatch):
     whole = evolve(BRIEF, **SMALL)
     file = tmp_path / "mine.json"
@@ -111,6 +113,7 @@ def test_more_generations_and_an_interruption_go_on_to_the_same_bits(tmp_path, m
     assert [path.name for path in tmp_path.iterdir()] == ["mine.json"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "other",
     [{"rng": 2}, {"sigma": 0.1}, {"maps": ["sparse"]}, {"trial": Trial(robots=4, steps=15)}],
@@ -142,6 +145,7 @@ def test_a_file_that_is_not_an_evolution_is_refused_in_one_line(tmp_path, text, 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fitness", [[["a"] * 4], [[1.0] * 3], [[math.nan] * 4], [5]])
 def test_a_file_with_other_things_than_fitnesses_is_refused(tmp_path, fitness):
     file = tmp_path / "mine.json"

@@ -43,6 +43,7 @@ def test_intervals_of_sobol_indices_hold_the_closed_forms(tmp_path, model, range
     assert max(found.indices["ST"][name].high - found.indices["ST"][name].low for name in ranges) < 0.5
 
 
+@pytest.mark.slow
 def test_indices_of_a_linear_function_are_those_of_its_variances(tmp_path):
     # 3 x1 on (0, 2) has the variance 3, and 2 x2 on (0, 1) has 1/3.
     found = studied(Linear, THREE, tmp_path, points=16)
@@ -54,6 +55,7 @@ def test_indices_of_a_linear_function_are_those_of_its_variances(tmp_path):
     assert found.finding().endswith("no effect beyond chance is shown for x3.")
 
 
+@pytest.mark.slow
 def test_parameters_are_not_ranked_while_intervals_are_unknown(tmp_path):
     # Few points lie beyond the step: in some bootstrap samples none does.
     found = studied(Step, {"x1": UNIT, "x2": UNIT}, tmp_path, points=32)
@@ -68,6 +70,7 @@ def test_no_parameter_is_named_first_if_none_has_an_effect_beyond_chance(tmp_pat
     assert max(each.low for each in found.indices["mu*"].values()) <= found.floor
 
 
+@pytest.mark.slow
 def test_estimates_are_those_of_salib_for_the_means_over_the_seeds(tmp_path):
     found = studied(Linear, THREE, tmp_path / "a", points=4, seeds=2, settings={"noise": 0.5})
     means = found.numbers.mean(axis=1)
@@ -119,6 +122,7 @@ def test_a_study_that_was_killed_continues_to_the_same_bits_on_any_number_of_pro
     assert one.csv() == two.csv()
 
 
+@pytest.mark.slow
 def test_a_parameter_of_names_has_indices_too_and_all_is_written(tmp_path):
     found = studied(Linear, {"kind": ["plain", "other"], "x1": UNIT}, tmp_path, points=8, seeds=2)
     paths = found.save(tmp_path / "saved")

@@ -58,6 +58,7 @@ def test_validation_does_not_depend_on_the_number_of_processes():
     assert gate_of().validate(AHEAD, jobs=2) == gate_of().validate(AHEAD)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("control", "criterion", "passed"),
     [
