@@ -112,6 +112,7 @@ def test_every_room_has_one_row_with_a_whole_floor():
     assert sum(len(re.findall("`", row)) // 2 for _, row in ROW.findall(PAGE)) == len(FLOORS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", sorted(FLOORS))
 def test_a_room_imports_only_from_itself_and_from_floors_below(part):
     floor, room = FLOORS[part]

@@ -29,12 +29,14 @@ def ran(*arguments):
     return done.stdout.splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fire_study", "own_rules"])
 def test_a_program_of_version_0_1_0_prints_the_same_lines(name):
     lines = ran("-c", WITH_FORMER_HASHES, PROGRAMS / f"{name}.py", PROGRAMS)
     assert lines == (PROGRAMS / f"{name}.txt").read_text().splitlines()
 
 
+@pytest.mark.slow
 def test_a_program_of_version_0_1_0_runs_as_it_is():
     lines, former = ran(PROGRAMS / "fire_study.py"), (PROGRAMS / "fire_study.txt").read_text().splitlines()
     different = [k for k, (line, before) in enumerate(zip(lines, former, strict=True)) if line != before]

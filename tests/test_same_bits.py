@@ -11,11 +11,13 @@ ALIASES: dict[str, str] = {}
 RESULTS = results()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WORLDS)
 def test_a_world_ends_with_the_stored_bits(name):
     assert differing(stored()["worlds"][name], digests_of_world(name), ALIASES) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESULTS)
 def test_a_model_of_the_gallery_ends_with_the_stored_numbers(name):
     assert RESULTS[name]() == stored()["results"][name]

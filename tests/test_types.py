@@ -61,6 +61,7 @@ def name_of(decorator: ast.expr) -> str:
     return ast.unparse(decorator.func if isinstance(decorator, ast.Call) else decorator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", KERNELS, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_only_what_numba_compiles_is_without_types_where_mypy_does_not_ask_for_them(path):
     assert not list(functions_without_types(path))

@@ -180,6 +180,7 @@ def files() -> list[Path]:
 FILES = files()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_a_file_uses_the_standard_words(path):
     allowed = [literal for where, literal, _ in ALLOWED if path.relative_to(ROOT).match(where)]

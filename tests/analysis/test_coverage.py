@@ -47,6 +47,7 @@ def flooded(free, radius, start):
     return (parts == at) & (at > 0)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seeds, st.floats(2, 6))
 def test_cells_that_a_flood_fills_and_no_others_are_reachable(seed, radius):

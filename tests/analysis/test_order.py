@@ -19,6 +19,7 @@ def ring(n, radius=10.0, centre=(0.0, 0.0)):
     return np.array(centre) + radius * np.column_stack([np.cos(turn), np.sin(turn)]), turn
 
 
+@pytest.mark.slow
 @given(azimuths, st.floats(-9, 9), st.randoms(use_true_random=False))
 def test_polarization_is_the_mean_phasor_in_any_order_and_however_the_swarm_is_turned(heading, turn, random):
     expected = abs(sum(cmath.exp(1j * h) for h in heading)) / len(heading)

@@ -180,6 +180,7 @@ def test_ctrl_c_is_one_line_and_status_130(typed, monkeypatch):
     assert typed("list") == (130, "", "mesa-swarm: interrupted; nothing more was written\n")
 
 
+@pytest.mark.slow
 def test_the_program_runs_as_a_process_and_imports_little_for_its_help():
     check = "import sys, mesa_swarm.cli; print(sorted({'mesa', 'numpy', 'matplotlib', 'solara'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)

@@ -31,6 +31,7 @@ def test_sensitivity_prints_indices_paths_and_a_finding_and_continues(typed):
     assert (folder / "ledger.jsonl").read_bytes() == runs
 
 
+@pytest.mark.slow
 def test_calibrate_prints_the_best_and_its_measures_over_fresh_seeds(typed):
     status, out, err = typed(
         [*SEARCH, *RANGES, "--target", "fires out=0:1", "--fresh", "6", "--out", "here", "--quiet"]

@@ -76,6 +76,7 @@ def test_what_comes_from_the_side_meanwhile_does_not_end_it_and_what_is_aside_is
     assert turns_of(aside, 1) == [-1.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sides", "side"), [("last", 1.0), ("ignore both", 0.0)])
 def test_two_activated_sides_are_ignored_where_so_chosen(sides, side):
     model = empty()

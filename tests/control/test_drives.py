@@ -61,6 +61,7 @@ class TestTheOtherDrive:
         assert model.control is control
         assert model.state_hash() == before
 
+    @pytest.mark.slow
     def test_is_refused_when_robots_are_added_and_none_is(self, layer, design, arbiter):
         model, twin = empty(), empty()
         for world in (model, twin):

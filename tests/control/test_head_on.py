@@ -30,11 +30,13 @@ def leads_the_other(model) -> bool:
     return bool(math.hypot(ax - bx, ay - by) < 60 and ahead.sum() == 1)
 
 
+@pytest.mark.slow
 def test_one_of_two_that_meet_head_on_comes_to_lead_the_other():
     led = sum(leads_the_other(meeting(rng, HeadOn(), *CHAIN).run(300)) for rng in range(20))
     assert led >= 16
 
 
+@pytest.mark.slow
 def test_without_the_rule_they_part():
     assert sum(leads_the_other(meeting(rng, *CHAIN).run(300)) for rng in range(20)) <= 4
 

@@ -561,6 +561,7 @@ def test_a_real_number_takes_every_number(value):
         assert model.swarm.columns["0.sets.x"].tolist() == [float(value)] * 2
 
 
+@pytest.mark.slow
 def test_nan_and_infinity_are_refused_by_whole_numbers():
     @behaviour(memory=FIRST)
     def sets_nan(me):

@@ -60,6 +60,7 @@ def called_to_a_fire(to, below=still):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("to", ["state", "goal"])
 def test_a_robot_that_is_called_arrives_at_the_fire_and_fights_it(to):
     model = called_to_a_fire(to, circle(left=1.0))

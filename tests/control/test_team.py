@@ -122,6 +122,7 @@ def test_what_an_arbiter_draws_does_not_depend_on_the_other_one():
     assert one.swarm.position.tolist() == other.swarm.position.tolist()
 
 
+@pytest.mark.slow
 def test_robots_of_several_drives_share_a_world():
     model = mixed()
     model.run(30)

@@ -44,6 +44,7 @@ def test_small_commands_are_added_up(a, b, c, d):
     assert command == pytest.approx([a + c, b + d], abs=1e-15)
 
 
+@pytest.mark.slow
 @given(st.floats(0.1, 5), st.floats(-5, 5))
 def test_sums_beyond_what_a_wheel_can_do_are_slowed_in_the_same_direction(left, right):
     command, _ = summed(wheels(left=1.0, right=0.0), wheels(left=0.0, right=1.0), weights=(left, right))

@@ -101,6 +101,7 @@ def test_what_was_recorded_stays_after_a_reset_and_the_switch_is_off(desk, tmp_p
     assert len(recording_of(desk.made["fire_fighting.arrow"], tmp_path)) == 1
 
 
+@pytest.mark.slow
 def test_a_recording_ends_at_its_limit_with_a_message(tmp_path):
     switch, model = RecordingSwitch(tmp_path, most_bytes=20_000), FireFighting(rng=1)
     switch.start(model)

@@ -106,6 +106,7 @@ def test_all_stored_pictures_are_as_drawn_today(name):
     assert unpacked(moving) == unpacked(moving_of(name)[0].decode()), COMMAND
 
 
+@pytest.mark.slow
 def test_the_command_makes_the_pictures_that_it_is_given(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("mesa_swarm.dashboard.gallery.gallery_pictures.FOLDER", tmp_path / "new")
     main(["puck_clustering"])

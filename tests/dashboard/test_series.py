@@ -131,6 +131,7 @@ def test_a_link_to_a_later_step_has_all_that_was_measured_until_then():
     assert session.series.rows("at_fires")[0].tolist() == list(range(1, 26))
 
 
+@pytest.mark.slow
 def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monkeypatch):
     monkeypatch.setattr("mesa_swarm.viewing.player.MOST_COLLECTED", 50)
     session, alone = Session("fire_fighting", seed=3), FireFighting(rng=3)

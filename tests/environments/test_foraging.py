@@ -114,6 +114,7 @@ def test_on_random_maps_nest_and_food_are_free_and_food_is_reached_from_the_nest
         assert min(gaps) >= 12 - 1e-6
 
 
+@pytest.mark.slow
 def test_the_rule_finds_food_and_carries_it_home_and_a_seed_always_gives_the_same_episode():
     worlds = [TaskWorld(task=Foraging(map=BLANK, n_robots=5, max_steps=400), commanded=0, rng=3) for _ in range(2)]
     first, again = (world.play() for world in worlds)

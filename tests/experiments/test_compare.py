@@ -307,6 +307,7 @@ def test_the_intervals_of_times_do_not_reach_below_zero():
     assert all(row.summary.mean.low >= 1 for row in summary_rows(made_up(times)))
 
 
+@pytest.mark.slow
 def test_the_same_runs_give_the_same_table_and_pictures_byte_for_byte():
     numbers = np.random.default_rng(3).exponential(100, (2, 30)).tolist()
     first, second = (made_up({"A": {"a at": numbers[0]}, "B": {"a at": numbers[1]}}) for _ in range(2))

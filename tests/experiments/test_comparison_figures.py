@@ -71,6 +71,7 @@ def test_a_series_is_shown_as_means_of_windows_at_their_middles():
     assert (middles.tolist(), means.tolist()) == ([1.5, 3.5], [2.0, 6.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("huge", [np.inf, -np.inf, 1e308, -1.7e308])
 def test_numbers_beyond_any_axis_stand_in_a_lane_that_is_labelled(huge):
     columns = {"A": {"size": [1.0, 2.0, 3.0]}, "B": {"size": [2.0, huge, huge]}}

@@ -284,6 +284,7 @@ def check_mutated(read, count, first):
     assert 0 < fine < count
 
 
+@pytest.mark.slow
 def test_a_hundred_spoilt_jobs_are_read_or_refused_in_one_clear_line(read):
     check_mutated(read, 100, first=0)
 

@@ -23,6 +23,7 @@ def recordings_of(made):
     return [None if name is None else Recording(folder / name) for name in made.frame()["recording"]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_the_table_names_the_recording_of_each_run(tmp_path, jobs):
     made = sweep(FIRE, {"n_robots": [2, 3]}, seeds=[5, 6], steps=30, out=tmp_path, jobs=jobs, record={"every": 10})

@@ -294,6 +294,7 @@ ESTIMATES = [mean_interval, bootstrap_mean, bootstrap_interquartile_mean]
 SLACK, SMALLEST = 1e-12, 1e-322
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimate", ESTIMATES)
 @given(any_numbers)
 @settings(max_examples=100, deadline=None)
@@ -314,6 +315,7 @@ def test_of_any_numbers_there_is_an_estimate_within_them_or_none(estimate, value
         assert math.isnan(interval.high)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimate", ESTIMATES)
 @given(st.lists(st.integers(-1000, 1000), min_size=FEWEST, max_size=12), st.sampled_from([-1000, -300, 300, 1013]))
 @settings(max_examples=50, deadline=None)

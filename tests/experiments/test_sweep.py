@@ -72,6 +72,7 @@ def test_only_what_is_wanted_becomes_a_column(tmp_path):
     assert parquet.read_schema(path).names == ["point", "rng", "steps", "state_hash", "fires out", "error"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("varied", [GRID, Sample("sobol", {"n_robots": (2, 9)}, points=4), [{"n_robots": 2}] * 4, ()])
 def test_the_table_of_every_design_numbers_its_points(tmp_path, varied):
     table = sweep(FIRE, varied, seeds=2, steps=3, out=tmp_path, jobs=1).frame()

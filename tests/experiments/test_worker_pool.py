@@ -36,6 +36,7 @@ def test_results_come_in_the_order_of_the_tasks(workers):
     assert in_order(workers, pow, [(2, 3), (3, 2)]) == [8, 9]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("own_workers")
 def test_an_interrupt_while_further_tasks_are_being_handed_out_is_raised(monkeypatch):
     being_read = Event()
@@ -94,6 +95,7 @@ def test_results_that_are_not_wanted_are_given_up_without_a_word(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("own_workers")
 def test_every_task_is_done_once():
     assert sorted(on_all(2, pow, [(2, k) for k in range(5)])) == [1, 2, 4, 8, 16]

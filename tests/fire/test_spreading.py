@@ -108,6 +108,7 @@ def test_a_spark_may_fall_where_a_body_is_carried_but_not_on_its_robot():
     assert away.min() < 40
 
 
+@pytest.mark.slow
 def test_a_spark_reaches_no_farther_than_given_and_in_every_direction():
     places = []
     for rng in range(10_000, 10_080):
@@ -155,6 +156,7 @@ def test_same_seed_same_fires_and_the_robots_draws_are_those_without_spreading()
     assert np.array_equal(plain.swarm.position, Burning(rng=3).swarm.position)
 
 
+@pytest.mark.slow
 def test_a_recorded_run_is_verified_resumed_and_shows_the_new_fires(tmp_path):
     model = Burning(rng=4)
     with model.record(tmp_path / "run.arrow", checkpoint_every=20):

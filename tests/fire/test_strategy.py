@@ -70,6 +70,7 @@ def test_robots_that_neither_extinguish_nor_wait_broadcast_nothing(strategy):
     assert not silent.all()
 
 
+@pytest.mark.slow
 def test_one_robot_cannot_put_out_the_largest_fire():
     model = at_the_large_fire("B", 1, 15_000)
     assert not model.fires.out[LARGE]

@@ -27,6 +27,7 @@ def test_a_sum_is_that_of_fsum_whatever_the_numbers(values):
     assert bits(summed(values)) == bits(math.fsum(values))
 
 
+@pytest.mark.slow
 def test_sums_are_those_of_fsum_where_terms_cancel_and_half_way():
     rng = np.random.default_rng(1)
     for _ in range(DRAWS // 5):

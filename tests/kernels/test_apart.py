@@ -21,6 +21,7 @@ print(*quarters.inspect_llvm().values())
 """
 
 
+@pytest.mark.slow
 @given(arrays(np.float64, st.integers(1, 9), elements=st.integers(-999, 999).map(float)))
 def test_a_function_apart_returns_to_compiled_callers_what_it_returns_to_python(values):
     assert quarters(values).tolist() == halves(halves(values)).tolist()

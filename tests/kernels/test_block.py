@@ -59,6 +59,7 @@ def values(rows, columns, number=7, share=0.25, factor=2.0):
     return Outer(table, Inner(codes, (number, share), None), flags, rng.integers(-9, 9, (rows, columns, 3)), factor)
 
 
+@pytest.mark.slow
 @given(sizes, sizes, whole, real, st.floats(-9, 9))
 def test_a_compiled_function_takes_out_of_a_block_what_was_put_in(rows, columns, number, share, factor):
     given = values(rows, columns, number, share, factor)

@@ -71,6 +71,7 @@ def test_learns_by_its_equations():
     assert contacts == {(0, 0), (0, -2), (-2, 0), (1, 1), (1, -1), (-1, 1)}
 
 
+@pytest.mark.slow
 def test_robots_that_learned_drive_frozen_through_another_map_with_few_collisions():
     def collisions(layer):
         model = SwarmModel(map=random_map(20_000), rng=1_000_101)
@@ -91,6 +92,7 @@ def test_parameters_of_the_former_rule_are_accepted_with_a_warning(name):
     assert caught[0].filename == __file__
 
 
+@pytest.mark.slow
 def test_frozen_it_changes_nothing_and_drives_as_the_policy_does():
     model = learning(200)
     kept = weights(model)

@@ -120,6 +120,7 @@ def performed(me, skill):
     return me.max_speed, me.max_speed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"shared": True}, {"frozen": True}], ids=["own", "shared", "frozen"])
 def test_skills_are_chosen_performed_and_learned_of_as_documented(options):
     given_ = LearnFires(hold=3, alpha=0.3, gamma=0.9, beta=0.02, first_temperature=2, last_temperature=0.5, **options)

@@ -144,6 +144,7 @@ def test_another_process_finds_the_same_fingerprint():
     assert [text.strip() for text in found] == [Whole(rng=5).run(30).state_hash()] * 2
 
 
+@pytest.mark.slow
 def test_a_part_that_forgets_an_array_is_found_by_a_resumed_run(tmp_path):
     model = Whole(rng=1, forgetful=True)
     with model.record(tmp_path / "run.arrow", checkpoint_every=10):

@@ -13,6 +13,7 @@ def test_the_stored_runs_come_out_again():
     assert runs == [10, 9]
 
 
+@pytest.mark.slow
 def test_every_item_that_is_brought_is_an_event_and_is_replaced():
     model = Foraging(n_robots=8, thresholds="no", rng=2).run(600)
     assert model.state["items"] > 0

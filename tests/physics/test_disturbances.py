@@ -296,6 +296,7 @@ class TestDriving:
         assert np.hypot(*np.diff(places, axis=0).T).max() == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", model_names())
 def test_every_model_of_the_gallery_runs_with_imperfect_robots(name):
     model = find_model(name)(rng=1)

@@ -18,6 +18,7 @@ from support.scenes import blind, circle, empty
 GLIDER = RobotDesign(name="glider", drive=HolonomicDrive())
 
 
+@pytest.mark.slow
 @given(speed=st.floats(0, 1), azimuth=st.floats(-3, 3), heading=st.floats(-3, 3))
 def test_a_holonomic_robot_moves_exactly_as_commanded_in_its_own_frame_and_does_not_turn(speed, azimuth, heading):
     x, y = 0.999 * speed * math.cos(azimuth), 0.999 * speed * math.sin(azimuth)

@@ -60,6 +60,7 @@ def check(seed):
         assert after(world, STEPS, seed if seed % 2 else None) == ours
 
 
+@pytest.mark.slow
 def test_the_worlds_above_have_loads_that_slide_and_some_that_are_taken_back(monkeypatch):
     calls = {"take_back": 0}
     real = loads.return_loads

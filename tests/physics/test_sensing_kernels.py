@@ -281,6 +281,7 @@ def test_all_solids_of_the_twin_are_listed_with_owner_and_kind():
     assert solids.gaps(places) == pytest.approx([5.0, 3.0, 5.0, 0.0])
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_both_engines_read_the_same_beside_fires_that_burn_and_that_are_out(seed):

@@ -49,6 +49,7 @@ def test_every_model_goes_on_bit_by_bit_from_a_checkpoint(name):
     assert_goes_on_alike(model, restore(find_model(name)(rng=3), stored(model)))
 
 
+@pytest.mark.slow
 def test_the_shapely_engine_goes_on_bit_by_bit_too():
     model = SwarmModel(map="openspace_fire", rng=3, engine="shapely")
     model.add_robots(AGENT9, 4)

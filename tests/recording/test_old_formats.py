@@ -23,6 +23,7 @@ LAST_HASH = {"fire_fighting": "fba18a0248ea575634ee3e5cc452c812", "foraging": "a
 FILES = Path(__file__).parent / "files"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRITTEN)
 def test_a_file_of_version_0_2_0_is_verified_and_resumed_at_any_step(name):
     model_class, last = WRITTEN[name]

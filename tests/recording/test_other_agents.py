@@ -86,6 +86,7 @@ CHANGES_IN_PLACE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES_IN_PLACE)
 def test_what_is_changed_in_place_in_an_agent_is_noted_so_that_the_recording_verifies_and_resumes(tmp_path, change):
     model = Hunt(rng=1)
@@ -265,6 +266,7 @@ NOTED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", NOTED, ids=lambda change: change.__name__)
 def test_a_change_of_an_agent_by_hand_is_noted_and_the_recording_is_verified_and_resumed(change, tmp_path):
     model = Den(rng=1)

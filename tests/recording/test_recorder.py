@@ -224,6 +224,7 @@ def test_ctrl_c_closes_the_recording_of_a_run(tmp_path, monkeypatch):
     assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 8))
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_not_closed_is_closed_when_the_program_ends(tmp_path):
     program = (
         "import sys; from mesa_swarm.models.fire_fighting import FireFighting; "
@@ -282,6 +283,7 @@ def test_parts_that_are_parameters_are_recorded(tmp_path):
     assert facts["parameters"]["fire_constants"]["FireConstants"]["k2"] == 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", [False, True])
 def test_poses_and_temperatures_of_50_robots_over_3000_steps_take_less_than_3_mb(tmp_path, exact):
     model = FireFighting(n_robots=50, strategy="A", k2=0.001, rng=1)  # the fires last
@@ -304,6 +306,7 @@ def test_after_a_run_all_its_rows_can_be_read_and_the_recorder_goes_on(tmp_path)
     assert Recording(tmp_path / "run.arrow").steps.tolist() == list(range(1, 141))
 
 
+@pytest.mark.slow
 def test_runs_of_one_step_make_no_larger_a_file_than_one_run_of_all(tmp_path):
     sizes = []
     for name, lengths in (("one", [300]), ("many", [1] * 300), ("tens", [10] * 30)):

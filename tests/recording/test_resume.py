@@ -19,6 +19,7 @@ def path(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0, 1, 99, 100, 237, 400])
 def test_a_run_that_is_resumed_goes_on_as_it_did(path, step):
     again = SwarmModel.resume(path, step=step)
@@ -27,6 +28,7 @@ def test_a_run_that_is_resumed_goes_on_as_it_did(path, step):
     assert again.run(450 - step).state_hash() == FireFighting(strategy="A", rng=4).run(450).state_hash()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", model_names())
 def test_a_model_that_takes_over_a_state_goes_on_bit_by_bit(name, tmp_path):
     model = find_model(name)(rng=3)

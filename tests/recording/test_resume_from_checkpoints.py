@@ -42,6 +42,7 @@ def check_random_steps(path, steps, count, every):
         assert again.state_hash() == hashes[last - 1]
 
 
+@pytest.mark.slow
 def test_resumed_at_random_steps_the_run_is_the_uninterrupted_one(tmp_path):
     check_random_steps(tmp_path / "run.arrow", 300, 8, 70)
 
@@ -62,6 +63,7 @@ def test_few_steps_are_run_to_resume(tmp_path, monkeypatch):
     assert len(taken) == 70
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [150, 151, 200, 249, 250, 251, 300, 350])
 def test_after_a_change_by_hand_one_resumes_at_any_step(changed, step):
     path, state_hash = changed
@@ -72,6 +74,7 @@ def test_after_a_change_by_hand_one_resumes_at_any_step(changed, step):
     assert step < 330 or again.state_hash() == state_hash
 
 
+@pytest.mark.slow
 def test_where_other_code_ran_the_nearest_steps_are_named(tmp_path):
     model = FireFighting(rng=4)
     with (
@@ -98,6 +101,7 @@ def test_a_damaged_state_after_a_change_is_reported(changed, tmp_path):
     assert SwarmModel.resume(path, step=149).steps == 149
 
 
+@pytest.mark.slow
 def test_verify_goes_on_after_each_change_by_hand(changed):
     verification = verify(Recording(changed[0]), FireFighting)
     assert verification.same
@@ -176,6 +180,7 @@ def test_any_arrow_reader_opens_a_recording_with_checkpoints(tmp_path):
         assert reader.read_all()["step"].to_pylist() == list(range(1, 36))
 
 
+@pytest.mark.slow
 def test_the_file_does_not_grow_with_the_square_of_the_run(tmp_path):
     sizes = []
     model = FireFighting(n_robots=2, history_every=1, rng=1)

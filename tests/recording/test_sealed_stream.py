@@ -158,6 +158,7 @@ def flip(short, path, seed, count):
         check_prefix(path, bytes(damaged), whole)
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_never_makes_a_wrong_frame(short, tmp_path):
     flip(short, tmp_path / "flipped.arrow", seed=1, count=200)
 
@@ -206,6 +207,7 @@ def check_killed(path, seconds, flushes=0):
     return recording
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGKILL")
 def test_a_killed_run_keeps_all_chunks_that_were_written(tmp_path):
     recording = check_killed(tmp_path / "run.arrow", 0.1, flushes=3)

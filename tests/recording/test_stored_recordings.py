@@ -12,6 +12,7 @@ CHECKPOINTS = tuple(range(0, STEPS, CHECKPOINT_EVERY))
 LAST = STEPS + 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_stored_recording_is_verified(name):
     if name == "stored_world" and hasattr(mesa.Model, "schedule_event"):
@@ -20,6 +21,7 @@ def test_a_stored_recording_is_verified(name):
     assert str(verdict) == f"all {STEPS} rows to step {STEPS} are the same"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_stored_recording_resumes_at_its_checkpoints_and_its_end_to_the_same_future(name):
     assert Recording(path_of(name)).checkpoints == CHECKPOINTS

@@ -31,6 +31,7 @@ def recorded(model, path, steps=30, **how):
     return Recording(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", model_names())
 def test_every_model_runs_again_as_it_was_recorded(name, tmp_path):
     model_class = find_model(name)
@@ -141,6 +142,7 @@ def test_ctrl_c_on_the_command_line_keeps_what_was_recorded(tmp_path, capsys, mo
     assert len(Recording(path)) == 12
 
 
+@pytest.mark.slow
 def test_verify_compares_what_is_whole_of_a_damaged_recording_and_ends_with_status_1(recorded_run, tmp_path, capsys):
     content = recorded_run.read_bytes()
     path = tmp_path / "run.arrow"
@@ -159,6 +161,7 @@ def damaged_places(path):
     return (second.batch + second.seal) // 2, second.batch + 5
 
 
+@pytest.mark.slow
 def test_verify_compares_the_whole_rows_of_a_recording_that_was_not_closed(recorded_run, tmp_path, capsys):
     path = tmp_path / "run.arrow"
     path.write_bytes(recorded_run.read_bytes()[:-200])
@@ -175,6 +178,7 @@ def test_a_damaged_state_is_reported_though_all_rows_are_whole(recorded_run, tmp
     assert verification.text.endswith("is damaged at the piece of step 0: 600 rows are whole")
 
 
+@pytest.mark.slow
 def test_a_recording_is_verified_by_its_path_and_by_any_class_above_its_model(recorded):
     verdicts = [
         verify(str(recorded), FireFighting),

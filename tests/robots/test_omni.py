@@ -98,6 +98,7 @@ def test_a_robot_against_a_wall_slips_on_the_wheels_that_would_go_on(engine):
     assert robot.slip == pytest.approx([1.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 def test_each_wheel_is_limited_alone_and_a_sum_of_layers_as_a_whole():
     model, robot = only()
     model.control = Subsumption(sideways)

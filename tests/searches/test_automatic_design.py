@@ -82,6 +82,7 @@ def test_a_search_finds_the_machine_that_is_worth_most():
     assert found.scores.shape == (40, 12)
 
 
+@pytest.mark.slow
 def test_a_design_is_the_same_when_it_was_interrupted_and_with_other_settings_is_refused(tmp_path):
     file = tmp_path / "search.json"
     whole = design_machine(BRIEF, generations=3, rng=5, **SMALL)

@@ -217,6 +217,7 @@ def test_whole_numbers_may_be_written_as_floats():
     assert Trial(robots=3.0, steps=15.0, units=2.0).genes == 52
 
 
+@pytest.mark.slow
 def test_a_single_map_is_one_map():
     wanted = evolve(BRIEF, **SMALL, maps=["sparse"], final_maps=[Map.load("openspace")])
     for maps in ("sparse", Map.load("sparse")):

@@ -91,6 +91,7 @@ def test_effects_on_a_linear_function_are_its_slopes_times_the_ranges(tmp_path):
     assert found.indices["mu*"]["x2"].estimate == pytest.approx(2.0)
 
 
+@pytest.mark.slow
 def test_a_difference_is_taken_between_runs_of_the_same_seed(tmp_path):
     # The noise of a seed is the same with both values, so that the difference is -6 x1 without any.
     how = {"method": "morris", "points": 3, "seeds": 2, "settings": {"noise": 5.0}}

@@ -100,6 +100,7 @@ def test_training_is_repeated_with_derived_seeds_until_one_passes():
     assert again.seeds == tuple(seeds[:2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("least_ahead", [0.98, 0.6, -1.0])
 def test_where_none_passes_the_one_is_chosen_that_meets_most_criteria_and_then_collides_least(least_ahead):
     gate = gate_of(1, least_ahead, 1.5, steps=300)

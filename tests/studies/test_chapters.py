@@ -127,6 +127,7 @@ def test_a_bar_in_a_cell_is_escaped():
     assert table_of(("a", "b"), [("1", "x|y")]) == "| a | b |\n|---|---|\n| 1 | x\\|y |"
 
 
+@pytest.mark.slow
 def test_runs_of_swarms_measure_what_their_figures_show():
     assert set(exploration_run(1, steps=100)) == {"areas", "collisions", "coverage"}
     assert agglomeration_run(1, n_robots=5)["spacing at 1000"] > 0

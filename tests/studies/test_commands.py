@@ -30,6 +30,7 @@ def pretended(monkeypatch):
     monkeypatch.setattr(bench, "MEASUREMENTS", PRETENDED)
 
 
+@pytest.mark.slow
 def test_bench_prints_its_report_and_the_paths(typed, tmp_path, pretended):
     status, out, _ = typed("bench --quick")
     assert status == 0
@@ -38,6 +39,7 @@ def test_bench_prints_its_report_and_the_paths(typed, tmp_path, pretended):
     assert names == {"step.csv", "goals.csv", "complexity.png"}
 
 
+@pytest.mark.slow
 def test_bench_prints_value_and_goal_of_each_measurement_or_why_it_has_none(typed, tmp_path, pretended):
     _, out, _ = typed("bench")
     assert "ten, ms: 11 (required: at most 12.0, passed)" in out
@@ -96,6 +98,7 @@ def test_reproduce_lists_the_state_of_every_item_or_writes_their_page(typed, tmp
     assert (tmp_path / "page.md").read_text() == differences.page()
 
 
+@pytest.mark.slow
 def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(typed, tmp_path):
     status, out, err = typed("reproduce --figure D.3 --figure 8.1 --quick --quiet --jobs 1")
     assert (status, err) == (0, "")
@@ -107,6 +110,7 @@ def test_a_figure_is_written_as_pictures_and_a_table_and_its_verdict_is_printed(
     assert verdicts == ["8.1   confirmed with limits (quick)", "D.3   confirmed (quick)"]
 
 
+@pytest.mark.slow
 def test_the_same_figure_gives_the_same_files(typed, tmp_path):
     for folder in ("a", "b"):
         typed(f"reproduce --figure D.1 --quick --quiet --out {folder}")

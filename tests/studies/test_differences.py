@@ -112,6 +112,7 @@ def defined_in(path):
     return {name for name in named if name.rsplit("::", 1)[1].startswith("test_")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("test", TESTS)
 def test_a_test_that_is_named_as_a_proof_exists(test):
     assert test in defined_in(test.split("::")[0])

@@ -38,6 +38,7 @@ def test_a_robot_begins_in_sight_of_the_large_fire_and_goes_to_it():
     assert model.swarm.fire.tolist() == [LARGEST]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["A", "B"])
 def test_where_fires_need_two_robots_one_puts_none_out(strategy):
     assert fire_run(10_000, strategy=strategy, robots=1, alone=False, steps=6_000)["out"] == 0

@@ -23,6 +23,7 @@ def outcomes(result, begins):
     return [check.outcome for check in result.checks if check.claim.startswith(begins)]
 
 
+@pytest.mark.slow
 def test_that_the_switching_distance_grows_with_gamma_is_refuted_by_exact_values_with_a_reason(result):
     assert result.verdict == REFUTED
     assert outcomes(result, "gamma 0, exact") == [PASSED]

@@ -103,6 +103,7 @@ class TestPower:
         passed = [judging.placed(mean_interval(sample), low=0.0) == "passed" for sample in samples]
         assert 0.76 < np.mean(passed) < 0.86
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("runs", "low", "high"), [(40, 0.5, 1.0), (200, 0.8, 1.0), (60, 0.0, 0.2)])
     def test_the_share_that_is_detectable_passes_in_four_of_five_repetitions_and_a_nearer_one_does_not(
         self, runs, low, high

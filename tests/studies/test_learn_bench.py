@@ -91,6 +91,7 @@ def test_no_map_is_in_two_of_the_blocks_to_train_to_choose_to_validate_and_to_te
     assert len(TEST) == 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", benchmark_tasks())
 def test_every_task_measures_a_rule_and_numbers_from_outside_in_the_same_world(name):
     setting = benchmark_tasks()[name]
@@ -117,6 +118,7 @@ def test_the_target_is_few_collisions_a_speed_and_the_coverage_of_the_rule(measu
     assert all(benchmark_tasks()["avoid"].target.met(found, {"coverage": 0.8})) is is_met
 
 
+@pytest.mark.slow
 def test_a_linear_controller_is_evolved_to_the_same_weights_each_time():
     seen = np.random.default_rng(1).random((3, 36), np.float32)
     found = [evolved_linear("aggregation", 1, 0.02) for _ in range(2)]
@@ -162,6 +164,7 @@ def test_within_reach_leaves_out_what_stands_there():
     assert cells[2:8, 2:8].all()
 
 
+@pytest.mark.slow
 def test_learners_are_measured_frozen_and_still_learning_and_others_only_frozen(runs):
     assert [(run.name, run.seed) for run in runs] == [("random", 1), ("Q (b)", 1), ("random", 2), ("Q (b)", 2)]
     modes = {run.name: {mode for _, mode, _, _ in run.rows()} for run in runs}
@@ -171,6 +174,7 @@ def test_learners_are_measured_frozen_and_still_learning_and_others_only_frozen(
     assert runs[1].results["robot-steps"] == 40 * 15
 
 
+@pytest.mark.slow
 def test_an_interrupted_benchmark_goes_on_to_the_same_results(tmp_path, monkeypatch):
     calls = []
     usual = bench.measured
@@ -234,6 +238,7 @@ def test_tables_hold_all_contestants_and_are_read_back(runs):
     assert (summary["seeds"], len(summary["lines"])) == (2, 2 * 3)
 
 
+@pytest.mark.slow
 def test_the_command_writes_tables_pictures_and_a_page(tmp_path):
     line = "learn-bench --task avoid --only random;Hebbian --seeds 1 --steps 5 --evaluation-steps 3 --maps 1 --jobs 1"
     done = CliRunner().invoke(app, [*line.split(), "--quiet", "--out", tmp_path, "--report", tmp_path / "page.md"])

@@ -22,6 +22,7 @@ def policy():
     return trained("b", 4, 1, steps=50, n_robots=3)
 
 
+@pytest.mark.slow
 def test_each_watched_scene_has_both_measures_at_its_temperature():
     watched = [[scene, COLD] for scene in SCENES]
     run = oscillation_run(1, reward="a", actions=4, watched=watched, learned=20)
@@ -39,6 +40,7 @@ def test_the_robot_that_is_shown_is_one_of_those_that_are_measured(policy, scene
     assert {len(shown[name]) for name in ("x", "y", "left", "right")} == {60}
 
 
+@pytest.mark.slow
 def test_the_way_of_a_robot_of_choice_begins_where_it_does_with_other_commands():
     first, second = (
         trace_run(1, reward=reward, actions=actions, scene=BESIDE, temperature=COLD, measure=TURNS, robot=2, learned=20)

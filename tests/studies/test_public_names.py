@@ -54,6 +54,7 @@ def test_a_study_uses_public_names_only(path):
     assert inner_attributes(source) == set()
 
 
+@pytest.mark.slow
 def test_the_package_does_not_import_its_studies():
     found = {path: imports(path.read_text(encoding="utf-8")) for path in PACKAGE}
     assert len(found) > 200

@@ -360,12 +360,14 @@ def compared(result):
     return [check for check in result.checks if "includes the theory" in check.criterion]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_an_item_is_confirmed_where_runs_are_as_predicted(name, at_theory):
     assert at_theory[name].verdict == "confirmed"
     assert all(all(check.row) for check in at_theory[name].checks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "vicsek_transition"])
 @pytest.mark.parametrize("off", [-0.05, 0.05])
 def test_an_item_is_not_confirmed_where_runs_are_off_by_a_twentieth(name, off):

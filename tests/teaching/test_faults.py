@@ -159,6 +159,7 @@ CHECKS_THAT_FAIL = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("answer", "check", "lines"), CHECKS_THAT_FAIL.values(), ids=CHECKS_THAT_FAIL)
 def test_an_error_of_the_check_is_named_as_such_with_what_to_send_to_the_teacher(desk, answer, check, lines):
     verdict = desk.verdict(answer, check)

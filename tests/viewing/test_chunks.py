@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -113,6 +114,7 @@ def test_chunks_hold_rows_to_the_stated_precision_also_when_robots_come_and_go(r
     check(rows, unpacked_chunk(packed_rows(rows, WORLD), WORLD), WORLD)
 
 
+@pytest.mark.slow
 def test_chunks_of_recordings_hold_their_frames(fires, transport):
     for path in (fires, transport):
         recording = Recording(path)
@@ -121,6 +123,7 @@ def test_chunks_of_recordings_hold_their_frames(fires, transport):
         check(rows, unpacked_chunk(packed_chunk(recording, scene), scene.world()), scene.world())
 
 
+@pytest.mark.slow
 def test_positions_are_right_to_the_promised_fraction_of_the_map_after_any_number_of_steps():
     model = SwarmModel(rng=1)
     model.add_robots(AGENT9, poses=[(33.337, 44.441, 3.1415)])

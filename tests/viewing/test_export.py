@@ -21,6 +21,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_one_still_has_the_name_that_was_asked_for_and_several_their_steps_too(run, tmp_path):
     assert export(run, tmp_path / "a.svg") == [tmp_path / "a.svg"]
     written = export(run, tmp_path / "b.svg", steps=[300, 0])
@@ -31,6 +32,7 @@ def test_one_still_has_the_name_that_was_asked_for_and_several_their_steps_too(r
         assert f"step {step}".encode() in (tmp_path / "c.svg").read_bytes()
 
 
+@pytest.mark.slow
 def test_the_same_recording_gives_the_same_bytes(run, tmp_path):
     for ending in ("svg", "gif", "mp4", "parquet"):
         more = {"steps": [7]} if ending in ("svg", "parquet") else {"last": 4}
@@ -91,6 +93,7 @@ def test_files_that_are_there_are_replaced_only_if_asked(run, tmp_path):
     assert (tmp_path / "a.csv").read_text().startswith("step,fire,")
 
 
+@pytest.mark.slow
 def test_the_names_of_several_stills_sort_as_their_steps_do(run, tmp_path):
     export(run, tmp_path / "a.svg", steps=[9, 10, 100])
     assert names(tmp_path) == ["a_009.svg", "a_010.svg", "a_100.svg"]

@@ -86,6 +86,7 @@ def drawn(frame, scene):
     return {**columns, **{name: world[name] for name in ("shapes", "layers", "leave")}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 2])
 def test_what_comes_and_goes_is_replayed_as_it_was_seen(every, tmp_path):
     model, live = FireFighting(n_robots=6, strategy="A", rng=2), {}

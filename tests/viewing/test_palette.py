@@ -351,6 +351,7 @@ SOURCES = sorted(
 )
 
 
+@pytest.mark.slow
 def test_no_colour_is_written_outside_of_the_palette():
     assert len(SOURCES) > 100
     assert {path.suffix for path in SOURCES} == {".py", ".js", ".css", ".html"}
@@ -432,6 +433,7 @@ def test_bodies_have_the_same_colours_in_pictures_and_thumbnails(model):
     assert picture["robots"] == {LIGHT.robot_hot if one else LIGHT.robot for one in hot}
 
 
+@pytest.mark.slow
 def test_marks_and_loads_have_the_same_colours_in_pictures_films_animated_drawings_and_thumbnails(transport, tmp_path):
     recording = Recording(transport)
     (drawing,) = export(recording, tmp_path / "a.svg", animate=True, every=60)

@@ -137,6 +137,7 @@ def test_sensor_sectors_are_drawn_only_if_asked_and_reach_as_far_as_the_sensors(
     assert near(at(77, 50), GROUND)
 
 
+@pytest.mark.slow
 def test_a_frame_draws_what_its_model_draws():
     model = FIRE(rng=1).run(50)
     before, state, now = (frame_of(model), scene_of(model)), final_state_of(model), png(world_figure({"now": model}))
@@ -168,6 +169,7 @@ def test_the_history_of_fires_ends_with_the_present():
     assert (history["temperature"][-1] == model.fires.temperature).all()
 
 
+@pytest.mark.slow
 def test_each_strip_shows_the_robots_at_its_fire_and_minus_one_once_it_is_out():
     model = FIRE(rng=1).run(600)
     final = final_state_of(model)
@@ -186,6 +188,7 @@ def test_each_strip_shows_the_robots_at_its_fire_and_minus_one_once_it_is_out():
     assert {axes.get_xlim() for axes in strips} == {(0.0, 600.0)}
 
 
+@pytest.mark.slow
 def test_the_block_of_the_first_value_is_above_the_second():
     final = final_state_of(FIRE(rng=1).run(30))
     figure = fires_figure({"A": final, "B": final})
@@ -254,6 +257,7 @@ def test_complexity_curves_have_a_panel_each_with_axes_and_legend():
     assert figure.axes[0].lines[1].get_ydata() == pytest.approx([0.02, 0.3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a$\\frac{$b", "{n$^$}"])
 def test_dollars_in_names_are_shown_as_they_are_in_all_pictures(name):
     gap = Gap(model=name, measure=name, preset=name, dial=(0.0, 1.0), seeds=[1], steps=1, scores={0.0: [1], 1.0: [2]})

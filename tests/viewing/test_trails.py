@@ -250,6 +250,7 @@ def test_a_trace_crosses_no_wall_however_few_points_are_asked_for(every):
     assert not crosses(lines)
 
 
+@pytest.mark.slow
 @given(
     radius=st.floats(0.5, 50), speed=st.floats(0.01, 20), turns=st.lists(st.floats(-3, 3), min_size=200, max_size=200)
 )

@@ -263,6 +263,7 @@ def test_the_agents_of_a_model_may_be_indexed_and_sliced():
     assert (model.robots[0], model.robots[-1], model.robots[1:3]) == (robots[0], robots[3], robots[1:3])
 
 
+@pytest.mark.slow
 def test_the_agents_of_a_model_to_which_nothing_else_refers_stay():
     def robots_of_a_model():
         model = SwarmModel(rng=1)
@@ -377,6 +378,7 @@ def test_a_removed_obstacle_is_neither_met_nor_seen():
     assert model.swarm.kind[0, 0] == -1
 
 
+@pytest.mark.slow
 def test_a_model_without_references_is_forgotten():
     model = SwarmModel(map="openspace_fire", rng=1)
     model.add_robots(AGENT9, 4)
@@ -388,6 +390,7 @@ def test_a_model_without_references_is_forgotten():
     assert watch() is None
 
 
+@pytest.mark.slow
 def test_a_mesa_model_that_was_there_before_the_package_was_imported_keeps_counting():
     program = """if True:
         import mesa
@@ -420,6 +423,7 @@ def registers(model):
     )
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.sampled_from("abod"), st.integers(1, 9)), max_size=6))
 @settings(max_examples=30)
 def test_robots_made_together_are_in_the_same_registers_as_robots_made_one_by_one(acts):
@@ -509,6 +513,7 @@ def test_many_robots_are_removed_at_once_and_the_others_keep_their_contacts():
     assert [robot.row for robot in robots] == [-1 if k % 2 == 0 else k // 2 for k in range(300)]
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(st.sampled_from(["look", "add", "remove", "drop", "shuffle"]), st.integers(0, 9)), max_size=12)
 )

@@ -30,6 +30,7 @@ def random_shapes(seed):
         yield disc((x, y), size) if rng.random() < 0.5 else rectangle((x, y), (x + size, y + rng.uniform(0.5, 60)))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 10_000), st.floats(0, 500), st.floats(3, 60), st.booleans())
 def test_without_evaporation_nothing_is_lost_whatever_is_built_meanwhile(seed, diffusion, cell, walls):

@@ -190,6 +190,7 @@ WITHIN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", WITHIN)
 def test_values_are_accepted_up_to_their_limits_and_refused_beyond(what):
     right, wrong, words = WITHIN[what]

@@ -165,6 +165,7 @@ def test_the_state_hash_depends_on_where_loads_are_and_which_way_they_point():
     assert model.state_hash() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["compiled", "shapely"])
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda model: pickle.loads(pickle.dumps(model))])
 def test_a_copied_model_with_loads_goes_on_as_the_model_does(duplicate, engine):

@@ -141,6 +141,7 @@ def test_among_robots_that_are_there_already_a_place_is_drawn_as_if_they_were_no
     assert all(place in among.tolist() for place in first)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     width=st.floats(11, 200), height=st.floats(11, 200), radius=st.floats(2, 20), seed=st.integers(0, 1000),
@@ -300,6 +301,7 @@ def test_a_crowd_that_leaves_no_room_is_refused():
         place_apart(2, 2.0, space, np.empty((0, 2)), np.empty(0), np.random.default_rng(1))
 
 
+@pytest.mark.slow
 def test_lines_that_cross_too_often_are_a_crowd_however_few_they_are():
     ends = np.random.default_rng(1).random((500, 2, 2)) * 100
     shapes = [polygon([a, b, (a + b) / 2 + 0.01]) for a, b in ends]
