@@ -334,8 +334,8 @@ class Comparing(Linkable):
 
     def plan(self) -> ComparisonPlan:
         """Return the plan of the comparison over many seeds."""
-        how = {"steps": self.steps, "settings": self.shared_settings}
-        return checked_plan(self.model_class, self.parameter, self._find_values(), self.seeds, **how)
+        values, settings = self._find_values(), self.shared_settings
+        return checked_plan(self.model_class, self.parameter, values, self.seeds, steps=self.steps, settings=settings)
 
     def start(self) -> None:
         """Begin to compare over many seeds, in the background."""

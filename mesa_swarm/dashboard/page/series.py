@@ -372,8 +372,8 @@ def measure(model: SwarmModel) -> tuple[dict[str, Sequence[float] | np.ndarray],
 
 def percent_by_layer(layer: np.ndarray, layers: int) -> np.ndarray:
     """Return the percentage of robots that each of these layers drives, and last of those that none drives."""
-    counts = np.bincount(np.clip(layer, -1, layers - 1) + 1, minlength=layers + 1)
-    return 100.0 * np.roll(counts, -1) / max(len(layer), 1)
+    counts = np.bincount(layer + 1, minlength=layers + 1)
+    return 100.0 * np.concatenate((counts[1:], counts[:1])) / max(len(layer), 1)
 
 
 def agent_means(model: SwarmModel) -> dict[str, float]:
@@ -527,7 +527,8 @@ class RecordedSeries(ChartTable):
         names, curves = number_names(tuple(self.scene.world(frame.step)["layers"])), self._charts["layers"].names
         shares = np.zeros(len(curves))
         places = [curves.index(name) for name in (*names, NO_LAYER)]
-        shares[places] = percent_by_layer(frame["layer"].astype(np.int64), len(names))
+        layer = np.clip(frame["layer"].astype(np.int64), -1, len(names) - 1)  # a file may contain anything
+        shares[places] = percent_by_layer(layer, len(names))
         return shares
 
 
