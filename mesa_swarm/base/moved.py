@@ -65,15 +65,16 @@ MOVED = {
 FOLDERS = {
     " > base": "composer extras files lazy moved progress streams trigger wording work_done:work_line",
     " > model": "about:info looks odd parameters reporters scattering",
-    "dashboard > dashboard.compare": "compare_view comparing pair",
+    "dashboard > dashboard": "events_view:app",
+    "dashboard > dashboard.compare": "compare_view comparing pair:comparing",
     "dashboard > dashboard.experiment": "experiment_results experiment_view experimenting many_runs",
     "dashboard > dashboard.gallery": "gallery_pictures gallery_view",
-    "dashboard > dashboard.info": "info_view",
     "dashboard > dashboard.page": (
-        "addresses controls edits inputs layout live_run navigation robot_columns series session widgets"
+        "addresses:navigation controls edits inputs:session layout:widgets live_run:edits navigation "
+        "recorded_series:series robot_columns series session widgets"
     ),
-    "dashboard > dashboard.replay": "listed_recordings:replaying recorded_series replay_view replaying",
-    "dashboard > dashboard.run": "chart_content:charts charts editing events_view:event_list exporting inspector",
+    "dashboard > dashboard.replay": "listed_recordings:replaying replay_view replaying",
+    "dashboard > dashboard.run": "chart_content:charts charts editing exporting info_view inspector",
     "environments > environments": "camera:rendering",
     "experiments > experiments": "pool:worker_pool workers:worker_tasks",
     "experiments > searches": (

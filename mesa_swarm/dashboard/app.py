@@ -22,19 +22,26 @@ from mesa_swarm.dashboard.compare.comparing import Comparing
 from mesa_swarm.dashboard.experiment.experiment_view import ExperimentTab
 from mesa_swarm.dashboard.experiment.experimenting import Experimenting
 from mesa_swarm.dashboard.gallery.gallery_view import Gallery, title
-from mesa_swarm.dashboard.info.info_view import Info
-from mesa_swarm.dashboard.page.addresses import WATCH
 from mesa_swarm.dashboard.page.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.page.layout import LEFT, PRODUCT, RIGHT, ColumnFold, ScreenButtons, page_title
-from mesa_swarm.dashboard.page.navigation import Navigation, PageBar, PageLink
+from mesa_swarm.dashboard.page.navigation import WATCH, Companions, Navigation, PageBar, PageLink
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Button, Linked, TroubleCard
+from mesa_swarm.dashboard.page.widgets import (
+    LEFT,
+    PRODUCT,
+    RIGHT,
+    Button,
+    ColumnFold,
+    Linked,
+    ScreenButtons,
+    TroubleCard,
+    page_title,
+)
 from mesa_swarm.dashboard.replay.replay_view import Replay
 from mesa_swarm.dashboard.replay.replaying import Replaying
 from mesa_swarm.dashboard.run.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.run.editing import Editing, Editor
-from mesa_swarm.dashboard.run.event_list import EventList
 from mesa_swarm.dashboard.run.exporting import ExportDesk, Exporter
+from mesa_swarm.dashboard.run.info_view import Info
 from mesa_swarm.dashboard.run.inspector import Inspecting, Inspector
 from mesa_swarm.model.gallery import description, find_model
 from mesa_swarm.model.looks import looks_of
@@ -77,11 +84,10 @@ STYLES = tuple(
     for name in (
         "page/style",
         "gallery/gallery",
-        "info/info",
+        "run/info",
         "run/charts",
         "run/editing",
         "experiment/experiment",
-        "page/frame",
         "page/layout",
     )
 )
@@ -90,7 +96,13 @@ MODELS = "models"
 # More tabs: names, and components that are called with the session.
 MORE_TABS: dict = {"compare": Compare, "experiment": ExperimentTab, "replay": Replay}
 # The state of tabs that is written into links.
-COMPANIONS: dict = {WATCH: None, MODELS: None, "compare": Comparing, "experiment": Experimenting, "replay": Replaying}
+COMPANIONS: Companions = {
+    WATCH: None,
+    MODELS: None,
+    "compare": Comparing,
+    "experiment": Experimenting,
+    "replay": Replaying,
+}
 
 PLACES = Places()
 
@@ -254,3 +266,74 @@ def SessionFault(session: Session, faults: tuple[str, ...]) -> None:
         way_out = "Continue", lambda: leave(True)
         head = "Still running" if session.goal and not faults else "Parts of the link were ignored"
         TroubleCard(head, *problems, way_out=way_out).key("fault")
+
+
+# Of the last events, and of names.
+MOST_LISTED, MOST_NAMES = 8, 12
+
+
+class EventNews(Beat):
+    """Notifies when the events of a session are others, or are stored for other steps."""
+
+    _state = (0, 0)
+
+    def push(self, number: int, frame: PackedFrame) -> None:
+        """Notify, if there is something new."""
+        model = self._session.model
+        state = (id(model), 0 if model is None else len(model.events))
+        if state != self._state:
+            self._state = state
+            self.changed.notify()
+
+
+def go_to(session: Session, step: int) -> None:
+    """Display the first stored step that is not before this one."""
+    session.pause()
+    with session.lock:
+        past = session.recent
+        past.look_at(step)
+        moment = past.shown
+        if moment is not None and moment.step < step:
+            past.look(past.index + 1)
+    session.rest()
+
+
+@solara.component
+def EventList(session: Session) -> None:
+    """Show how many events of each name there were, and the last ones; nothing for models without events."""
+    use_changes(session.changed)
+    news = solara.use_memo(lambda: EventNews(session), [])
+    solara.use_effect(news.begin, [])
+    use_changes(news.changed)
+    with session.lock:
+        model, past = session.model, session.past
+        if model is None or not len(model.events):
+            return
+        counts = model.events.counts
+        last = model.events.rows(max(0, len(model.events) - MOST_LISTED))[::-1]
+        first_step, last_step = past.first_step, past.last_step
+    with solara.Div(classes=["swarm-happened"]):
+        solara.HTML(tag="h2", unsafe_innerHTML="Events")
+        names = [f"{name} {count:,}" for name, count in list(counts.items())[:MOST_NAMES]]
+        more = f", and {len(counts) - MOST_NAMES} more names" if len(counts) > MOST_NAMES else ""
+        rv.Html(tag="p", children=[", ".join(names) + more])
+        with solara.Div(classes=["swarm-list"]):
+            for place, (step, name, robot, value) in enumerate(last):
+                text = event_text(name, robot, value)
+                is_stored = first_step <= step <= last_step
+                Button(f"step {step:,}", partial(go_to, session, step), more=text, enabled=is_stored).key(f"{place}")
+        if last[-1][0] < first_step:
+            text = f"Steps {first_step:,} to {last_step:,} are in memory."
+            rv.Html(tag="p", class_="swarm-hint", children=[text])
+
+
+def event_text(name: str, robot: int, value: float) -> str:
+    """Return an event in words.
+
+    Examples
+    --------
+    >>> event_text("delivered", 7, 2.0), event_text("opened", -1, 1.0)
+    ('delivered: robot 7, value 2', 'opened')
+    """
+    parts = [*([f"robot {robot}"] if robot >= 0 else []), *([f"value {value:g}"] if value != 1.0 else [])]
+    return f"{name}: {', '.join(parts)}" if parts else name

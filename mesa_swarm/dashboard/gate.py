@@ -7,7 +7,7 @@ import gzip
 import hashlib
 import hmac
 import re
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from functools import cache
 from http.cookies import CookieError, SimpleCookie
 from ipaddress import IPv6Address
@@ -24,6 +24,7 @@ Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Scope]]
 Send = Callable[[Scope], Awaitable[None]]
 Application = Callable[[Scope, Receive, Send], Awaitable[None]]
+Headers = Sequence[tuple[bytes, bytes]]
 
 COOKIE = "mesa_swarm_token"
 # Vue 2 compiles templates in the browser, Solara's page starts from a script in its text, and every widget's script
@@ -115,7 +116,8 @@ class Gate:
             await _refuse(scope, send, 404, "File not found.")
             return
         if scope["path"].startswith(ASSETS) and scope["path"].endswith(FONTS) and _takes_gzip(scope):
-            await _send_fonts(send, lean_fonts(self._path(scope["path"].removeprefix(ASSETS))))
+            kind = b"text/css; charset=utf-8"
+            await _send(send, 200, kind, FOR_GOOD, lean_fonts(self._path(scope["path"].removeprefix(ASSETS))), PACKED)
             return
         headers = [(name, value) for name, value in scope["headers"] if not PROXY.fullmatch(name.lower())]
         if _asks_for_page(scope):  # which comes as it is written, since it is completed
@@ -279,12 +281,6 @@ def _takes_gzip(scope: Scope) -> bool:
     return any(name.lower() == b"accept-encoding" and b"gzip" in value for name, value in scope["headers"])
 
 
-async def _send_fonts(send: Send, content: bytes) -> None:
-    headers = [(b"content-type", b"text/css; charset=utf-8"), (b"cache-control", FOR_GOOD), *PACKED]
-    await send({"type": "http.response.start", "status": 200, "headers": headers})
-    await send({"type": "http.response.body", "body": content})
-
-
 async def _show(scope: Scope, send: Send) -> None:
     """Send a picture of the gallery; its address changes with it, so that browsers may store it."""
     found = picture_at(scope["path"])
@@ -292,13 +288,8 @@ async def _show(scope: Scope, send: Send) -> None:
         await _refuse(scope, send, 404 if found is None else 405, "There is no such picture.")
         return
     content, kind = found
-    headers = [
-        (b"content-type", kind.encode()),
-        (b"content-length", str(len(content)).encode()),
-        (b"cache-control", STORED),
-    ]
-    await send({"type": "http.response.start", "status": 200, "headers": headers})
-    await send({"type": "http.response.body", "body": b"" if scope["method"] == "HEAD" else content})
+    length = [(b"content-length", b"%d" % len(content))]
+    await _send(send, 200, kind.encode(), STORED, b"" if scope["method"] == "HEAD" else content, length)
 
 
 async def _refuse(scope: Scope, send: Send, status: int, text: str) -> None:
@@ -308,8 +299,13 @@ async def _refuse(scope: Scope, send: Send, status: int, text: str) -> None:
         await _answer(send, status, text)
 
 
-async def _answer(send: Send, status: int, text: str, more: list[tuple[bytes, bytes]] | None = None) -> None:
+async def _answer(send: Send, status: int, text: str, more: Headers = ()) -> None:
     kind = b"text/html; charset=utf-8" if text.startswith("<!") else b"text/plain; charset=utf-8"
-    headers = [(b"content-type", kind), (b"cache-control", b"no-store"), *(more or [])]
+    await _send(send, status, kind, b"no-store", text.encode(), more)
+
+
+async def _send(send: Send, status: int, kind: bytes, stored: bytes, body: bytes, more: Headers = ()) -> None:
+    """Send an answer of this kind, which browsers store for this long."""
+    headers = [(b"content-type", kind), (b"cache-control", stored), *more]
     await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": text.encode()})
+    await send({"type": "http.response.body", "body": body})

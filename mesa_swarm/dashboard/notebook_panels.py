@@ -70,21 +70,6 @@ class NotebookSession(Session):
         """Drop nothing: the rows are the user's."""
 
 
-class ChosenControls(Panel):
-    """The controls of these parameters, of all by default."""
-
-    def __init__(self, widget: ControlPanel, session: Session, names: Sequence[str] | None = None) -> None:
-        self._names = names
-        super().__init__(widget, session)
-
-    def refresh(self) -> None:
-        """Show all values."""
-        with self.widget.hold_sync():
-            super().refresh()
-            if self._names is not None:
-                self.widget.groups = select_controls(self.widget.groups, self._names)
-
-
 class NotebookView(ipywidgets.Box):
     """A model with panels beside its canvas.
 
@@ -151,7 +136,7 @@ def _panels(session: Session, beside: Beside) -> Sequence[anywidget.AnyWidget]:
 
     if beside.controls:
         names = None if beside.controls is True else check_known("parameter", beside.controls, session.parameters)
-        connect(ControlPanel(bare=names is not None), ChosenControls, names)
+        connect(ControlPanel(bare=names is not None), Panel, names)
     if beside.inspector:
         connect(Inspector(), Inspecting)
     if beside.charts:
@@ -169,12 +154,6 @@ def check_known(what: str, names: Any, choices: Any) -> list[str]:
         if name not in choices:
             raise UnknownNameError(unknown_name(what, name, choices))
     return list(names)
-
-
-def select_controls(groups: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
-    """Return groups of controls with only those of these names."""
-    chosen = [{**group, "fields": [f for f in group["fields"] if f["name"] in names]} for group in groups]
-    return [group for group in chosen if group["fields"]]
 
 
 def is_made_by_hand(model: SwarmModel) -> bool:

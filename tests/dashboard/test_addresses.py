@@ -10,8 +10,8 @@ from mesa_swarm.dashboard.compare.compare_view import comparison_groups as compa
 from mesa_swarm.dashboard.compare.comparing import Comparing
 from mesa_swarm.dashboard.experiment.experimenting import Experimenting
 from mesa_swarm.dashboard.gallery.gallery_view import _drawing_thread, card_of, thumbnail, title
-from mesa_swarm.dashboard.page.addresses import address_from, query_of
 from mesa_swarm.dashboard.page.controls import control_groups, control_values
+from mesa_swarm.dashboard.page.navigation import address_from, query_of
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.replay.replaying import Replaying
 from mesa_swarm.experiments.jobs import read_job
@@ -110,7 +110,7 @@ def test_a_recording_of_the_page_s_own_model_can_be_continued(folder):
     session = Session("boids")
     replaying = session.companion(Replaying)
     replaying._open(folder / "run.arrow", "run.arrow")
-    assert replaying.model_name == ADDRESS
+    assert replaying.model_shown == ADDRESS
     assert replaying.parameters == {"n_robots": 3, "noise": 0.0, "slip": 0.0, "imperfections": 0.0}
     session.close()
 

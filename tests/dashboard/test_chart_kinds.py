@@ -23,12 +23,7 @@ from mesa_swarm.dashboard.run.charts import (
     HistogramContent,
     PhaseContent,
     TimeContent,
-    figure_of,
-    histogram_csv,
-    histogram_figure,
     message_of,
-    phase_csv,
-    phase_figure,
     thin_places,
 )
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
@@ -224,15 +219,15 @@ def test_pictures_have_the_axes_of_the_page(flock, session):
     phase = ChosenChart(PHASE_PLOT, "Layers that drive: Avoid", "Alignment", "xy")
     scales = {True: "log", False: "linear"}
     (about,), _ = message_of(flock, [ChosenChart(OVER_TIME, "alignment", log="y")], robots, None)
-    axes = figure_of(flock, "alignment", "y").axes[0]
+    axes = TimeContent.of(flock, ChosenChart(OVER_TIME, "alignment", log="y")).figure().axes[0]
     assert (axes.get_yscale(), axes.get_ylabel()) == (scales[about["y"]["log"]], "Alignment")
     (about,), _ = message_of(flock, [logarithmic], robots, None)
-    histogram = histogram_figure(HistogramContent.of(robots, logarithmic))
+    histogram = HistogramContent.of(robots, logarithmic).figure()
     assert about["x"] == {"label": "smallest distance reading (map units)", "log": True}
     assert (histogram.axes[0].get_xlabel(), histogram.axes[0].get_xscale()) == (about["x"]["label"], "log")
     assert histogram.axes[0].get_ylabel() == about["y"]["label"] == "robots"
     (about,), _ = message_of(flock, [phase], robots, None)
-    axes = phase_figure(flock, phase).axes[0]
+    axes = PhaseContent.of(flock, phase).figure().axes[0]
     assert axes.get_xlabel() == about["x"]["label"] == "Alignment"
     assert axes.get_ylabel() == about["y"]["label"] == "Layers that drive: Avoid (% of robots)"
     assert (axes.get_xscale(), axes.get_yscale()) == tuple(scales[about[axis]["log"]] for axis in "xy")
@@ -242,20 +237,20 @@ def test_pictures_have_the_axes_of_the_page(flock, session):
 def test_pictures_can_be_drawn_before_anything_was_measured():
     series = followed(FireFighting(rng=1))
     phase = ChosenChart(PHASE_PLOT, "Collisions in all", "Collisions in a step")
-    FigureCanvasAgg(phase_figure(series, phase)).draw()
-    FigureCanvasAgg(histogram_figure(HistogramContent.of(RobotValues(0), ChosenChart(HISTOGRAM, "x")))).draw()
-    assert phase_csv(series, phase).decode().count("\n") == 1
+    FigureCanvasAgg(PhaseContent.of(series, phase).figure()).draw()
+    FigureCanvasAgg(HistogramContent.of(RobotValues(0), ChosenChart(HISTOGRAM, "x")).figure()).draw()
+    assert PhaseContent.of(series, phase).csv().decode().count("\n") == 1
 
 
 def test_tables_have_all_points_and_all_bins(flock, session):
     chosen = ChosenChart(PHASE_PLOT, "Polarization", "Collisions in all")
-    table = pd.read_csv(io.BytesIO(phase_csv(flock, chosen)))
+    table = pd.read_csv(io.BytesIO(PhaseContent.of(flock, chosen).csv()))
     assert table["step"].tolist() == list(range(1, 301))
     assert table["Polarization"].tolist() == flock.rows("polarization")[1][:, 0].tolist()
     assert table["Collisions in all (collisions)"].tolist() == flock.rows("total_collisions")[1][:, 0].tolist()
     session.step()
     content = HistogramContent.of(values_of_session(session), ChosenChart(HISTOGRAM, "heading"))
-    table = pd.read_csv(io.BytesIO(histogram_csv(content)))
+    table = pd.read_csv(io.BytesIO(content.csv()))
     assert table["robots"].sum() == len(session.model.swarm)
     assert table["heading (degrees) from"].tolist() == list(range(-180, 180, 15))
     assert table["heading (degrees) to"].tolist() == list(range(-165, 181, 15))

@@ -20,14 +20,17 @@ from mesa_swarm.dashboard.run.charts import (
     ChartBoard,
     Charting,
     ChosenChart,
-    csv_of,
-    figure_of,
+    TimeContent,
     message_of,
 )
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.swarm_model import SwarmModel
 from support.clock import Clock
 from support.waiting import threads, wait_until
+
+
+def over_time(series: Series, key: str) -> TimeContent:
+    return TimeContent.of(series, ChosenChart(OVER_TIME, key))
 
 
 @pytest.fixture
@@ -189,12 +192,12 @@ def test_a_csv_has_the_whole_series_with_units_in_the_header():
     series, model = Series(), FireFighting(rng=2)
     series.follow(model)
     model.run(700)
-    table = pd.read_csv(io.BytesIO(csv_of(series, "at_fires")))
+    table = pd.read_csv(io.BytesIO(over_time(series, "at_fires").csv()))
     assert table["step"].tolist() == list(range(1, 701))
     assert list(table)[1] == "fire 1 (robots)"
     history = model.fires.history
     assert table.to_numpy()[9::10, 1:].tolist() == np.maximum(history.robots[-70:], 0).tolist()
-    last = csv_of(series, "fire_temperature").decode().splitlines()[-1].split(",")
+    last = over_time(series, "fire_temperature").csv().decode().splitlines()[-1].split(",")
     assert [float(word) for word in last[1:]] == model.fires.temperature.tolist()
 
 
@@ -203,7 +206,7 @@ def test_a_csv_of_a_reporter_has_its_numbers_infinity_too_and_gaps_where_there_i
     series, model = Series(), SwarmModel(rng=1, model_reporters={"x": lambda model: rows[model.steps - 1]})
     series.follow(model)
     model.run(len(rows))
-    numbers = pd.read_csv(io.BytesIO(csv_of(series, "x")))["X"].tolist()
+    numbers = pd.read_csv(io.BytesIO(over_time(series, "x").csv()))["X"].tolist()
     assert numbers[:2] + numbers[-2:] == [1.0, math.inf, 1e300, 2.0]
     assert np.isnan(numbers[2:-2]).all()
 
@@ -236,7 +239,7 @@ def test_files_are_handed_over(charting):
 def test_a_figure_is_drawn_before_anything_was_measured():
     series = Series()
     series.follow(FireFighting(rng=1))
-    assert figure_of(series, "layers").axes[0].get_xlabel() == "step"
+    assert over_time(series, "layers").figure().axes[0].get_xlabel() == "step"
 
 
 def test_files_go_in_pieces_as_they_are_asked_for(tmp_path):

@@ -24,8 +24,7 @@ from mesa_swarm.dashboard.compare.compare_view import (
     main_reports,
     series_of_pair,
 )
-from mesa_swarm.dashboard.compare.comparing import ComparedRuns, Comparing, two_values
-from mesa_swarm.dashboard.compare.pair import Pair
+from mesa_swarm.dashboard.compare.comparing import ComparedRuns, Comparing, Pair, two_values
 from mesa_swarm.dashboard.experiment import many_runs
 from mesa_swarm.dashboard.experiment.many_runs import MOST_AT_ONCE, ManyRuns, do_task, workers_for
 from mesa_swarm.dashboard.page.controls import ControlPanel

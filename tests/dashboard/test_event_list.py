@@ -5,8 +5,8 @@ import pytest
 import solara
 
 from mesa_swarm import AGENT9, SwarmModel
+from mesa_swarm.dashboard.app import MOST_LISTED, EventList, EventNews, go_to
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.run.event_list import MOST_LISTED, EventList, EventNews, go_to
 
 
 class Delivering(SwarmModel):

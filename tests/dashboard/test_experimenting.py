@@ -167,6 +167,13 @@ def test_the_runs_on_an_uploaded_map_are_repeated_from_the_command_line(experime
     assert experimenting.preview().job_file("fires out")[0].endswith(".zip")
 
 
+def test_a_value_with_the_name_of_an_uploaded_map_is_replaced_in_the_parameter_map_only(experimenting, session):
+    session.uploads["A"] = Map(name="A", bounds=(0, 0, 800, 600))
+    experimenting.set("p", "strategy")
+    assert experimenting.values[0] == "A"
+    assert list(experimenting._experiment().points) == [{"strategy": value} for value in experimenting.values]
+
+
 def test_an_experiment_that_was_stopped_goes_on_with_the_runs_that_are_left(experimenting, tmp_path):
     choose(experimenting)
     found, _ = done_here(experimenting, tmp_path, most=5)

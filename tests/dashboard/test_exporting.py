@@ -20,15 +20,18 @@ PNG = b"\x89PNG"
 
 @pytest.fixture
 def desk():
-    """An exporting of a session after 30 steps; what it delivers is in `made`."""
+    """An exporting of a session after 30 steps; its files are in `made`, which `take_all` puts there."""
     session = Session("fire_fighting", steps=30)
     made = {}
 
-    def deliver(name, content):
-        made[name] = content if isinstance(content, bytes) else content.read_bytes()
-
     exporting = session.companion(Exporting)
-    exporting.connect(deliver, lambda: None)
+
+    def take_all():
+        for name, content in exporting.take_files():
+            made[name] = content if isinstance(content, bytes) else content.read_bytes()
+
+    exporting.changed.add(take_all)
+    exporting.take_all = take_all
     exporting.made = made
     yield exporting
     session.close()
@@ -239,12 +242,12 @@ def test_a_file_can_be_wanted_while_the_page_is_still_notified_that_the_one_befo
             notified.set()
             go_on.wait(30)
 
-    desk.connect(desk._deliver, notify)
+    leave = desk.changed.add(notify)
     desk.start(kind="png")
     first = desk._thread
     assert notified.wait(30)
     assert first.is_alive()
-    desk.connect(desk._deliver, lambda: None)
+    leave()
     make(desk, kind="svg")
     assert desk.fault == ""
     assert b"<svg" in desk.made["fire_fighting_30.svg"]
@@ -271,12 +274,12 @@ def test_constants_that_were_set_before_the_first_step_are_in_the_run_that_is_ma
 
 
 def test_what_was_made_while_another_page_was_shown_is_handed_over_when_one_comes_back(desk):
-    desk.disconnect()
+    desk.changed.clear()
     desk.record(True)
     make(desk, kind="png")
     assert desk.made == {}
     desk.session.step()
-    desk.connect(desk.made.__setitem__, lambda: None)
+    desk.take_all()
     assert list(desk.made) == ["fire_fighting_30.png"]
     assert desk.switch.words == "steps 31 to 31"
 

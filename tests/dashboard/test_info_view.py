@@ -6,8 +6,9 @@ import ipyvuetify
 import pytest
 import solara
 
-from mesa_swarm.dashboard.info import info_view
-from mesa_swarm.dashboard.info.info_view import (
+from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.run import info_view
+from mesa_swarm.dashboard.run.info_view import (
     SCROLLED,
     Info,
     draw_equation,
@@ -16,7 +17,6 @@ from mesa_swarm.dashboard.info.info_view import (
     play_with,
     prose,
 )
-from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.model.info import Equation, Listing, Preset, model_info
 from support.names import HOSTILE_NAMES
 

@@ -8,8 +8,8 @@ import pytest
 from mesa_swarm import AGENT9, SwarmModel, disc
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.control import Subsumption
-from mesa_swarm.dashboard.page.addresses import query_of
 from mesa_swarm.dashboard.page.edits import apply_edit
+from mesa_swarm.dashboard.page.navigation import query_of
 from mesa_swarm.dashboard.page.session import MOST_WATCHED_BYTES, WATCHED, Session, watch_closely
 from mesa_swarm.dashboard.run.inspector import Inspecting, Inspector, inspect
 from mesa_swarm.learning import WireFittedQ

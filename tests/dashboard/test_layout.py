@@ -8,7 +8,7 @@ import pytest
 from solara.server import server
 
 from mesa_swarm.dashboard.gate import Gate, complete_page
-from mesa_swarm.dashboard.page.layout import LEFT, ColumnFold, ScreenButtons, page_title
+from mesa_swarm.dashboard.page.widgets import LEFT, ColumnFold, ScreenButtons, page_title
 
 BARE = b'<!doctype html>\n<html>\n<head><meta name="viewport" content="width=device-width, user-scalable=no"></head>'
 WHOLE = (

@@ -4,7 +4,7 @@ import pytest
 
 from mesa_swarm.base.errors import RecordingError, SwarmError
 from mesa_swarm.dashboard.page.controls import ControlPanel, Panel
-from mesa_swarm.dashboard.page.live_run import LiveRun
+from mesa_swarm.dashboard.page.edits import LiveRun
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.run.exporting import Exporting
 from mesa_swarm.model.gallery import find_model, gallery_names

@@ -7,8 +7,7 @@ import pytest
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.app import COMPANIONS, MORE_TABS
 from mesa_swarm.dashboard.compare.comparing import Comparing
-from mesa_swarm.dashboard.page.addresses import Linkable, address_from, query_of
-from mesa_swarm.dashboard.page.navigation import KEYS, Navigation
+from mesa_swarm.dashboard.page.navigation import KEYS, Linkable, Navigation, address_from, query_of
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.replay.replaying import Replaying
 from mesa_swarm.model.info import model_info

@@ -14,7 +14,7 @@ from mesa_swarm.dashboard.experiment.experimenting import Experimenting
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.replay.replay_view import Replay
 from mesa_swarm.dashboard.replay.replaying import Replaying
-from mesa_swarm.dashboard.run.charts import ChosenChart, TimeContent, curves_message
+from mesa_swarm.dashboard.run.charts import ChosenChart, TimeContent
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.viewing.canvas_widget import SwarmCanvas
 from mesa_swarm.viewing.error_lines import reported
@@ -104,7 +104,7 @@ def test_a_chart_whose_function_fails_states_in_which_step_and_where(own, capfd)
     assert session.error == ""
     fault = f"no number in step 3: {PLACE.format('chart')}"
     assert session.series.faults == {"own score": fault}
-    about, _ = curves_message(TimeContent.of(session.series, ChosenChart("over time", "own score")), session.series)
+    about, _ = TimeContent.of(session.series, ChosenChart("over time", "own score")).message()
     assert about["note"] == fault
     assert tracebacks(capfd) == ["KeyError: 'chart'"]
     find_model("./of_chart.py:Mine").looks.charts[0].source.__globals__["wrong"].__code__ = (lambda *_: 2.0).__code__
@@ -202,7 +202,7 @@ def test_the_replay_tab_opens_for_a_model_by_address(model_folder, monkeypatch):
     monkeypatch.setenv(MODEL_VARIABLE, "./replayed_one.py:Foraging")
     session = Session("./replayed_one.py:Foraging")
     replaying = session.companion(Replaying)
-    assert (replaying.model_name, replaying.parameters, replaying.words()) == ("", {}, {})
+    assert (replaying.model_shown, replaying.parameters, replaying.words()) == ("", {}, {})
     _, context = solara.render(Replay(session), handle_error=False)
     context.close()
     session.close()

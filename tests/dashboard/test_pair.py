@@ -2,7 +2,7 @@
 
 import re
 
-from mesa_swarm.dashboard.compare.pair import Pair
+from mesa_swarm.dashboard.compare.comparing import Pair
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.viewing.play_loop import AS_FAST_AS_IT_GOES

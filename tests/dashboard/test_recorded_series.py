@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT9, SwarmModel
-from mesa_swarm.dashboard.page.series import Series
+from mesa_swarm.dashboard.page.series import WITHOUT_REPORTERS, RecordedSeries, Series, collected_reporters
 from mesa_swarm.dashboard.page.session import WATCHED
 from mesa_swarm.dashboard.replay import replaying as listed_recordings
-from mesa_swarm.dashboard.replay.recorded_series import WITHOUT_REPORTERS, RecordedSeries, collected_reporters
 from mesa_swarm.dashboard.replay.replaying import ReplayPlayer, is_recording, recordings_in
 from mesa_swarm.dashboard.run.charts import HISTOGRAM, OVER_TIME, ChartBoard, Charting, ChosenChart, HistogramContent
 from mesa_swarm.dashboard.run.inspector import Inspector, ReplayInspecting, inspect
@@ -152,7 +151,7 @@ def test_charts_in_replay_are_those_that_were_chosen_on_watch(fires):
     sent = []
     board.send = lambda content, buffers=(): sent.append(content)
     player.chosen_charts["fire_fighting"] = ["layers", ChosenChart(HISTOGRAM, "heading").text]
-    charting = Charting(board, player, player.robots_shown, clock=Clock(100.0))
+    charting = Charting(board, player, clock=Clock(100.0))
     charting.act({"do": "look", "value": True})
     player.look_at(10)
     charting.act({"do": "drawn"})

@@ -12,9 +12,9 @@ import pytest
 from mesa_swarm.base.errors import RecordingError
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE
 from mesa_swarm.dashboard.page.controls import ControlPanel
+from mesa_swarm.dashboard.page.series import RecordedSeries
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.page.widgets import FilePicker, Incoming
-from mesa_swarm.dashboard.replay.recorded_series import RecordedSeries
 from mesa_swarm.dashboard.replay.replay_view import BranchPanel, Upload
 from mesa_swarm.dashboard.replay.replaying import LARGEST_RECORDING, Replaying, ReplayPlayer
 from mesa_swarm.models.boids import Boids
@@ -335,10 +335,10 @@ def test_the_panel_of_a_recording_does_not_affect_the_next_one(replaying, names)
 def test_what_is_known_of_a_recording_can_be_asked_for_while_it_is_being_closed(replaying):
     replaying.open_listed("fires.arrow")
     replaying.player.close()
-    assert (replaying.model_name, replaying.notes) == ("fire_fighting", [])
+    assert (replaying.model_shown, replaying.notes) == ("fire_fighting", [])
     assert replaying.parameters["strategy"] == "A"
     replaying.open_listed("boids.arrow")
-    assert replaying.model_name == "boids"
+    assert replaying.model_shown == "boids"
 
 
 def test_a_change_that_makes_another_world_is_refused_in_words(replaying):
@@ -352,7 +352,7 @@ def test_a_change_that_makes_another_world_is_refused_in_words(replaying):
 
 def test_a_model_that_is_not_of_the_gallery_can_be_looked_at_only(replaying):
     opened(replaying, "own.arrow")
-    assert (replaying.model_name, replaying.parameters) == ("", {})
+    assert (replaying.model_shown, replaying.parameters) == ("", {})
     replaying.branch()
     wait_until(lambda: not replaying.busy)
     assert "SwarmModel is not a model of this page" in replaying.fault
@@ -431,7 +431,7 @@ def test_recorded_parameters_that_no_model_takes_do_not_reach_the_controls(repla
         facts = changed(whole.facts, ("parameters", name), value)
         put_together(replace(whole, facts=facts), folder / "odd.arrow")
         opened(replaying, "odd.arrow")
-        assert (replaying.model_name, replaying.parameters) == ("", {})
+        assert (replaying.model_shown, replaying.parameters) == ("", {})
     (folder / "odd.arrow").unlink()
 
 

@@ -6,7 +6,7 @@ import pytest
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.base.errors import UnknownNameError
 from mesa_swarm.control import Avoid, Explore, Subsumption
-from mesa_swarm.dashboard.compare.pair import Pair
+from mesa_swarm.dashboard.compare.comparing import Pair
 from mesa_swarm.dashboard.page.series import MOST_NUMBERS, Series, charts_of, group_rows
 from mesa_swarm.dashboard.page.session import MOST_WATCHED_STEPS, Session
 from mesa_swarm.models.collision_avoidance import CollisionAvoidance

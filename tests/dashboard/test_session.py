@@ -7,7 +7,7 @@ import pytest
 
 from mesa_swarm.dashboard.compare.comparing import Comparing
 from mesa_swarm.dashboard.page import session as module
-from mesa_swarm.dashboard.page.addresses import address_from, query_of
+from mesa_swarm.dashboard.page.navigation import address_from, query_of
 from mesa_swarm.dashboard.page.session import READER, Session
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.info import model_info

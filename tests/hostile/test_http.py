@@ -13,7 +13,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from mesa_swarm.base.errors import SwarmError
-from mesa_swarm.dashboard.page.addresses import COUNTS, Address, address_from
+from mesa_swarm.dashboard.page.navigation import COUNTS, Address, address_from
 from mesa_swarm.model.gallery import find_model, model_names
 from mesa_swarm.model.parameters import parameters_of
 from mesa_swarm.models.fire_fighting import FireFighting

@@ -14,7 +14,7 @@ from mesa_swarm import AGENT9, E_PUCK, I_SWARM, KILOBOT, REAL_ROBOTS, RealRobot,
 from mesa_swarm.base.errors import InvalidValueError, RecordingError
 from mesa_swarm.control import Avoid, Explore, Subsumption
 from mesa_swarm.dashboard.page.series import Series
-from mesa_swarm.dashboard.run.charts import csv_of, figure_of
+from mesa_swarm.dashboard.run.charts import OVER_TIME, ChosenChart, TimeContent
 from mesa_swarm.models.collision_avoidance import DESIGNS, CollisionAvoidance
 from mesa_swarm.recording.provenance import scenery_of
 from mesa_swarm.recording.schema import checked_scenery
@@ -121,10 +121,11 @@ def test_charts_and_ethograms_are_in_seconds():
     model.watch(last=None)
     model.run(20)
     assert ethogram(model).axes[1].get_xlabel() == "time (s)"
-    axes = figure_of(series, "collisions").axes[0]
+    content = TimeContent.of(series, ChosenChart(OVER_TIME, "collisions"))
+    axes = content.figure().axes[0]
     assert axes.get_xlabel() == "time (s)"
     assert axes.lines[0].get_xdata()[-1] == 10.0
-    assert pd.read_csv(io.BytesIO(csv_of(series, "collisions")))["time (s)"].iloc[-1] == 10.0
+    assert pd.read_csv(io.BytesIO(content.csv()))["time (s)"].iloc[-1] == 10.0
 
 
 def test_recordings_store_the_scale_and_tables_pictures_and_animations_of_them_show_it(tmp_path):

@@ -15,7 +15,7 @@ from matplotlib.colors import CSS4_COLORS, to_hex
 import mesa_swarm
 from mesa_swarm.dashboard.app import CSS
 from mesa_swarm.dashboard.page.series import Series
-from mesa_swarm.dashboard.run.charts import ChartBoard, figure_of
+from mesa_swarm.dashboard.run.charts import OVER_TIME, ChartBoard, ChosenChart, TimeContent
 from mesa_swarm.environments import FindFires
 from mesa_swarm.environments.rendering import Camera
 from mesa_swarm.environments.task_world import TaskWorld
@@ -409,7 +409,7 @@ def test_a_layer_has_the_same_colour_on_the_canvas_in_charts_and_in_the_ethogram
 def test_the_chart_of_layers_has_their_colours(model):
     series = Series()
     series.follow(model)
-    lines = figure_of(series, "layers").axes[0].lines
+    lines = TimeContent.of(series, ChosenChart(OVER_TIME, "layers")).figure().axes[0].lines
     layers = len(model.control.layers)
     assert [line.get_color() for line in lines] == [*map(layer_colour, range(layers)), LIGHT.no_layer]
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mesa_swarm import AGENT9
-from mesa_swarm.dashboard.compare.pair import Pair
+from mesa_swarm.dashboard.compare.comparing import Pair
 from mesa_swarm.dashboard.page.session import Session
 from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.recording.recording import Recording

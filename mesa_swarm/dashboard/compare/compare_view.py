@@ -16,21 +16,23 @@ from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard import page_models
-from mesa_swarm.dashboard.compare.comparing import FEWEST_SEEDS, Comparing, Report
-from mesa_swarm.dashboard.compare.pair import NAMES, Pair, Side
+from mesa_swarm.dashboard.compare.comparing import FEWEST_SEEDS, NAMES, Comparing, Pair, Report, Side
 from mesa_swarm.dashboard.page.controls import (
     LARGEST_RANDOM_SEED,
+    MOST_SLID,
     ControlPanel,
+    PanelLink,
+    choice_field,
     field_of,
     parameter_label,
+    run_fields,
     value_at,
     value_of,
     value_text,
     with_faults,
 )
-from mesa_swarm.dashboard.page.layout import LEFT, ColumnFold
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Button, Link, Linked, TroubleCard
+from mesa_swarm.dashboard.page.widgets import LEFT, Button, ColumnFold, Linked, TroubleCard
 from mesa_swarm.experiments.figures import window_means
 from mesa_swarm.model.parameters import Slider
 from mesa_swarm.viewing.canvas_widget import PlayerView, SwarmCanvas, extent_of
@@ -154,27 +156,13 @@ class CurveThread:
             self._stop.wait(EVERY)
 
 
-# The end of the slider; more seeds can be typed.
-MOST_SLID = 100
-
-
-class ComparePanel(Link):
+class ComparePanel(PanelLink):
     """Connects a control panel and a comparison."""
 
     def __init__(self, widget: ControlPanel, comparing: Comparing) -> None:
-        self.widget, self.comparing = widget, comparing
-        self._content: tuple = ()
-        self.connect(widget, comparing.pair.changed.add(self.refresh))
-        self.refresh()
-
-    def refresh(self) -> None:
-        """Show all values."""
-        comparing = self.comparing
-        content = comparing.name, comparing.parameter, tuple(comparing.session.map_names())
-        if content != self._content:
-            self._content = content
-            self.widget.groups = comparison_groups(comparing)
-        self.widget.values = comparison_values(comparing)
+        self.comparing = comparing
+        sources = partial(comparison_groups, comparing), partial(comparison_values, comparing)
+        super().__init__(widget, comparing.pair.changed, *sources)
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
@@ -205,16 +193,14 @@ class ComparePanel(Link):
 
 def comparison_groups(comparing: Comparing) -> list[dict[str, Any]]:
     """Return all controls in groups, in the format of the panel."""
-    choice = {"kind": "choice", "live": True}
     text = "differs between A and B; all others are as on the Watch page"
     fields = [
-        {**choice, "name": "model", "label": "model", "help": "", "options": page_models()},
-        {**choice, "name": "parameter", "label": "parameter", "help": text, "options": list(comparing.choices)},
+        choice_field("model", "model", page_models()),
+        choice_field("parameter", "parameter", list(comparing.choices), text),
+        *(_value_field(comparing, name) for name in NAMES),
     ]
-    return [
-        {"title": "Two worlds", "fields": [*fields, *(_value_field(comparing, name) for name in NAMES)]},
-        {"title": "Many seeds", "fields": _run_fields()},
-    ]
+    runs = run_fields(FEWEST_SEEDS, "each is run with A and with B")
+    return [{"title": "Two worlds", "fields": fields}, {"title": "Many seeds", "fields": runs}]
 
 
 def _value_field(comparing: Comparing, name: str) -> dict[str, Any]:
@@ -225,15 +211,6 @@ def _value_field(comparing: Comparing, name: str) -> dict[str, Any]:
     label = f"{parameter_label(parameter.name)} in {name}"
     text = parameter.help if name == NAMES[0] else ""
     return {**field, "name": name, "label": label, "help": text, "upload": False, "live": at_once}
-
-
-def _run_fields() -> list[dict[str, Any]]:
-    seeds = {"name": "seeds", "label": "seeds", "help": "1, 2, 3 ...: each is run with A and with B"}
-    steps = {"name": "steps", "label": "steps", "help": "of each run, unless the model ends earlier"}
-    return [
-        {**seeds, "kind": "slider", "low": FEWEST_SEEDS, "high": MOST_SLID, "live": True},
-        {**steps, "kind": "text", "live": True},
-    ]
 
 
 def comparison_values(comparing: Comparing) -> dict[str, dict[str, Any]]:

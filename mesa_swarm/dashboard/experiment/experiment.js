@@ -6,14 +6,6 @@ const FONT = "system-ui, sans-serif";
 const PAPER = { width: 1000, height: 620, scale: 2 };
 const MOST_LINES = 8;
 
-/** Round numbers that divide a range into about this number of parts, and their distance. */
-function roundNumbers(low, high, parts) {
-  const rough = (high - low) / parts || 1, power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough * 0.999), found = [];
-  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + step * 1e-9; k++) found.push(k * step + 0);
-  return [found, step];
-}
-
 /** Return a number with the decimals that a distance between ticks needs. */
 function withDecimals(value, step) {
   const digits = Math.min(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), 8);
@@ -258,24 +250,21 @@ class Plot {
   }
 }
 
-class ExperimentView {
-  #model; #root; #files; #leave = []; #asLines = false; #places = []; #pointed = -1; #filled = null;
+class ExperimentView extends View {
+  #asLines = false; #places = []; #pointed = -1; #filled = null;
 
   constructor(model, root) {
-    [this.#model, this.#root, this.#files] = [model, root, new ReceivedFiles(model)];
-    root.classList.add("swarm-experiment");
+    super(model, root, "swarm-experiment");
     this.#build();
-    const draw = () => this.#draw(), receive = (message, buffers) => this.#files.receive(message, buffers);
-    const sizes = new ResizeObserver(draw);
+    const draw = () => this.#draw(), sizes = new ResizeObserver(draw);
     sizes.observe(this.plot);
-    model.on("change:picture", draw);
-    model.on("msg:custom", receive);
-    this.#leave = [() => sizes.disconnect(), () => model.off("change:picture", draw), () => model.off("msg:custom", receive), watchTheme(root, draw)];
+    this.listen(model, "change:picture", draw);
+    this.receive();
+    this.atEnd(() => sizes.disconnect());
+    this.atEnd(watchTheme(root, draw));
   }
 
-  destroy() { this.#leave.forEach((leave) => leave()); }
-
-  get #about() { return this.#model.get("picture"); }
+  get #about() { return this.model.get("picture"); }
   get #isMap() { return this.#about.axes.length > 1 && !this.#asLines; }
 
   #build() {
@@ -293,14 +282,14 @@ class ExperimentView {
     this.note = make("p", { class: "swarm-hint" });
     this.fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
     this.kind = button("Curves", "Show curves instead of the map, or the map", () => ((this.#asLines = !this.#asLines), this.#draw()));
-    this.csv = button("All runs as CSV", "One line for each run", () => this.#model.send({ do: "csv" }));
+    this.csv = button("All runs as CSV", "One line for each run", () => this.send({ do: "csv" }));
     this.png = button("Picture as PNG", "On white paper", () => this.#savePicture());
-    this.job = button("Job file", "Repeats the experiment from the command line", () => this.#model.send({ do: "job" }));
+    this.job = button("Job file", "Repeats the experiment from the command line", () => this.send({ do: "job" }));
     this.command = make("code");
     const files = make("div", { class: "swarm-files" }, this.kind, this.csv, this.png, this.job, this.command);
     this.table = make("table");
     this.details = make("details", { toggle: () => this.#fill() }, make("summary", {}, "Table"), make("div", { class: "swarm-scroll" }, this.table));
-    this.#root.append(make("header", {}, this.title, this.of, this.stale), this.plot, this.note, this.fault, files, this.details);
+    this.root.append(make("header", {}, this.title, this.of, this.stale), this.plot, this.note, this.fault, files, this.details);
   }
 
   #draw() {
@@ -308,10 +297,8 @@ class ExperimentView {
     if (!about.axes) return;
     this.title.textContent = about.title;
     this.of.textContent = about.about;
-    for (const [element, text] of [[this.stale, about.stale], [this.fault, about.fault]]) {
-      if (element.textContent !== text) element.textContent = text;
-      element.hidden = !text;
-    }
+    showText(this.stale, about.stale);
+    showText(this.fault, about.fault);
     this.note.textContent = about.note;
     const lines = about.axes[1]?.labels.length ?? 0;
     this.kind.hidden = lines < 2 || lines > MOST_LINES;
@@ -320,7 +307,7 @@ class ExperimentView {
     this.csv.disabled = this.png.disabled = !about.runs;
     this.job.textContent = about.packed ? "Job file and maps" : "Job file";
     this.command.textContent = about.command;
-    this.#root.dataset.runs = about.runs;
+    this.root.dataset.runs = about.runs;
     this.canvas.setAttribute("aria-label", `${about.title}: ${this.#isMap ? "heat map" : "curves"} of ${about.cells.length} settings; arrows point, Enter opens a setting on Watch; the table below has all numbers`);
     this.#onScreen();
     if (this.details.open) this.#fill();
@@ -330,14 +317,11 @@ class ExperimentView {
   #onScreen() {
     const { clientWidth: width, clientHeight: height } = this.plot;
     if (!width || !height) return;
-    const ratio = (devicePixelRatio || 1) * (this.canvas.currentCSSZoom ?? 1), context = this.canvas.getContext("2d");
-    this.canvas.width = Math.round(width * ratio);
-    this.canvas.height = Math.round(height * ratio);
-    context.scale(ratio, ratio);
-    this.#places = this.#drawInto(context, PALETTE[themeAround(this.#root)], { x: 0, y: 0, width, height });
+    const context = sizedContext(this.canvas, width, height), colours = PALETTE[themeAround(this.root)];
+    this.#places = this.#drawInto(context, colours, { x: 0, y: 0, width, height });
     const place = this.#places[this.#pointed];
     if (!place || (!this.#isMap && this.#pointed < 0)) return;
-    context.strokeStyle = PALETTE[themeAround(this.#root)].focus;
+    context.strokeStyle = colours.focus;
     context.lineWidth = 2;
     context.strokeRect(place.x + 1, place.y + 1, place.width - 2, place.height - 2);
   }
@@ -400,7 +384,7 @@ class ExperimentView {
   }
 
   #watch(index) {
-    if (index >= 0 && this.#about.runs) this.#model.send({ do: "watch", value: index });
+    if (index >= 0 && this.#about.runs) this.send({ do: "watch", value: index });
   }
 
   #fill() {
@@ -435,9 +419,4 @@ class ExperimentView {
   }
 }
 
-export default {
-  render({ model, el }) {
-    const view = new ExperimentView(model, el);
-    return () => view.destroy();
-  },
-};
+export default shownBy(ExperimentView);

@@ -142,11 +142,8 @@ class GridResults:
 
     def point(self, place: int) -> dict[str, Any]:
         """Return the values of the varied parameters at a point, as the session names them."""
-        point = {}
-        for name, values in reversed(self.values.items()):
-            place, k = divmod(place, len(values))
-            point[name] = values[k]
-        return dict(reversed(point.items()))
+        places = np.unravel_index(place, [len(values) for values in self.values.values()])
+        return {name: values[k] for (name, values), k in zip(self.values.items(), places, strict=True)}
 
     def cells(self, measure: str, summary: str) -> list[GridCell]:
         """Return the estimate of a measure at each point."""
@@ -213,8 +210,8 @@ class GridResults:
             steps=self.experiment.steps,
             seeds=len(self.experiment.seeds),
             measure=[] if columns == self.results else columns,
-            parameters={name: self._to_job_value(value) for name, value in self.settings.items()},
-            grid={name: [self._to_job_value(value) for value in values] for name, values in self.values.items()},
+            parameters={name: self._to_job_value(name, value) for name, value in self.settings.items()},
+            grid={name: [self._to_job_value(name, value) for value in values] for name, values in self.values.items()},
         )
 
     def job_file(self, measure: str) -> tuple[str, bytes]:
@@ -229,9 +226,9 @@ class GridResults:
                 archive.writestr(self._map_file(name), chart.to_toml())
         return f"{self.job_name}.zip", content.getvalue()
 
-    def _to_job_value(self, value: Any) -> Any:
+    def _to_job_value(self, name: str, value: Any) -> Any:
         """Return a value as a job file has it: of an uploaded map the name of its file."""
-        return self._map_file(value) if isinstance(value, str) and value in self.maps else value
+        return self._map_file(value) if name == "map" and value in self.maps else value
 
     def _map_file(self, name: str) -> str:
         return f"map_{list(self.maps).index(name) + 1}.toml"

@@ -4,6 +4,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import anywidget
@@ -14,42 +15,40 @@ from reacton import ipyvuetify as rv
 from mesa_swarm.dashboard import page_models
 from mesa_swarm.dashboard.experiment.experiment_results import MEAN, SHARE, GridCell, GridResults
 from mesa_swarm.dashboard.experiment.experimenting import Experimenting, options_of, values_in_words
-from mesa_swarm.dashboard.page.controls import ControlPanel, parameter_label, value_text, with_faults
-from mesa_swarm.dashboard.page.layout import LEFT, ColumnFold
+from mesa_swarm.dashboard.page.controls import (
+    MOST_SLID,
+    ControlPanel,
+    PanelLink,
+    choice_field,
+    parameter_label,
+    run_fields,
+    value_text,
+    with_faults,
+)
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Button, Downloads, Link, Linked
+from mesa_swarm.dashboard.page.widgets import LEFT, Button, ColumnFold, Link, Linked, view_script
 from mesa_swarm.experiments.reports import OF, REDUCTIONS, notes_on_rows, split_measure
 from mesa_swarm.experiments.statistics import FEWEST, TIME
 from mesa_swarm.experiments.tables import percent, with_limits
 from mesa_swarm.model.parameters import Parameter, parameters_of
-from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.play_loop import use_changes
 
 # Shortest time between updates of the picture, s.
 EVERY = 0.5
-# The end of the slider; more seeds can be typed.
-MOST_SLID = 100
 NO_OTHER = "(no other)"
 EACH_STEP = " (each step)"
 INTERVALS = {MEAN: "bootstrap, BCa", SHARE: "Wilson"}
 LONGEST_LIST = 3
 
 
-class ExperimentPanel(Link):
+class ExperimentPanel(PanelLink):
     """Connects a control panel and an experiment."""
 
     def __init__(self, widget: ControlPanel, experimenting: Experimenting) -> None:
-        self.widget, self.experimenting = widget, experimenting
-        self._groups: list = []
-        self.connect(widget, experimenting.changed.add(self.refresh))
-        self.refresh()
-
-    def refresh(self) -> None:
-        """Show all values."""
-        groups = experiment_groups(self.experimenting)
-        if groups != self._groups:
-            self._groups = self.widget.groups = groups
-        self.widget.values = experiment_values(self.experimenting)
+        self.experimenting = experimenting
+        sources = partial(experiment_groups, experimenting), partial(experiment_values, experimenting)
+        super().__init__(widget, experimenting.changed, *sources)
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
@@ -88,25 +87,18 @@ def experiment_groups(experimenting: Experimenting) -> list[dict[str, Any]]:
     names = [name for name in experimenting.choices if name != experimenting.p]
     all_others = "all other parameters are as on the Watch page"
     grid = [
-        _choice("model", "model", page_models()),
-        _choice("p", "parameter", list(experimenting.choices)),
+        choice_field("model", "model", page_models()),
+        choice_field("p", "parameter", list(experimenting.choices)),
         _values_field("values", experimenting.p, experimenting),
-        _choice("q", "second parameter", [NO_OTHER, *names], all_others),
+        choice_field("q", "second parameter", [NO_OTHER, *names], all_others),
     ]
     if experimenting.q:
         grid.append(_values_field("q_values", experimenting.q, experimenting))
-    seeds = {"name": "seeds", "label": "seeds", "help": "1, 2, 3 ...: the same at each setting", "live": True}
-    steps = {"name": "steps", "label": "steps", "help": "of each run, unless the model ends earlier", "live": True}
-    runs = [{**seeds, "kind": "slider", "low": 1, "high": MOST_SLID}, {**steps, "kind": "text"}]
     return [
         {"title": "Grid", "fields": grid},
-        {"title": "Runs", "fields": runs},
+        {"title": "Runs", "fields": run_fields(1, "the same at each setting")},
         {"title": "Measure", "fields": _measure_fields(experimenting)},
     ]
-
-
-def _choice(name: str, label: str, options: list[str], help_text: str = "") -> dict[str, Any]:
-    return {"name": name, "label": label, "help": help_text, "kind": "choice", "options": options, "live": True}
 
 
 def _values_field(name: str, parameter_name: str, experimenting: Experimenting) -> dict[str, Any]:
@@ -128,11 +120,11 @@ def _measure_fields(experimenting: Experimenting) -> list[dict[str, Any]]:
     reports = [split_measure(name) for name in experimenting.measures]
     measures = [name for name, parts in zip(experimenting.measures, reports, strict=True) if not parts]
     reporters = dict.fromkeys(f"{parts[1]}{EACH_STEP}" for parts in reports if parts)
-    fields = [_choice("measure", "measure", [*measures, *reporters], "may be changed after the runs")]
+    fields = [choice_field("measure", "measure", [*measures, *reporters], "may be changed after the runs")]
     if split_measure(experimenting.measure):
-        fields.append(_choice("reduction", "over the run", list(REDUCTIONS)))
+        fields.append(choice_field("reduction", "over the run", list(REDUCTIONS)))
     if experimenting.can_be_missing:
-        fields.append(_choice("summary", "over the seeds", [MEAN, SHARE]))
+        fields.append(choice_field("summary", "over the seeds", [MEAN, SHARE]))
     return fields
 
 
@@ -162,9 +154,7 @@ def experiment_values(experimenting: Experimenting) -> dict[str, dict[str, Any]]
 class ExperimentPicture(anywidget.AnyWidget):
     """A heat map or curves drawn in the browser, with a table and files."""
 
-    _esm = palette.palette_script() + text_of(
-        "viewing/elements.js", "dashboard/page/downloads.js", "dashboard/experiment/experiment.js"
-    )
+    _esm = palette.palette_script() + view_script("dashboard/experiment/experiment.js")
     picture = traitlets.Dict().tag(sync=True)
 
 
@@ -175,11 +165,10 @@ class PictureLink(Link):
         self, widget: ExperimentPicture, experimenting: Experimenting, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.widget, self.experimenting, self._clock = widget, experimenting, clock
-        self._downloads = Downloads(widget)
         self._sent_at = 0.0
         self._lock = threading.Lock()
         leave = [experimenting.changed.add(self.refresh), experimenting.runs.changed.add(self._on_run)]
-        self.connect(widget, *leave, self._downloads.close)
+        self.connect(widget, *leave)
         self.refresh()
 
     def refresh(self) -> None:
@@ -195,11 +184,9 @@ class PictureLink(Link):
             case "watch":
                 experimenting.watch(int(message.get("value", -1)))
             case "csv" if results is not None:
-                self._downloads.send(f"{results.job_name}.csv", results.csv(shown_measure(experimenting)).encode())
+                self.downloads.send(f"{results.job_name}.csv", results.csv(shown_measure(experimenting)).encode())
             case "job":
-                self._downloads.send(*shown_results(experimenting).job_file(shown_measure(experimenting)))
-            case _:
-                self._downloads.hear(message)
+                self.downloads.send(*shown_results(experimenting).job_file(shown_measure(experimenting)))
 
     def _on_run(self) -> None:
         if not self.experimenting.runs.running or self._clock() - self._sent_at >= EVERY:

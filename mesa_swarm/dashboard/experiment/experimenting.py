@@ -1,7 +1,7 @@
 """Experiments of the page: a grid over one or two parameters with seeds, done in the background by a sweep."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,11 +14,11 @@ from mesa_swarm.base.wording import quantity
 from mesa_swarm.dashboard import check_page_model
 from mesa_swarm.dashboard.experiment.experiment_results import MEAN, SHARE, GridResults, GridRuns, SeedBySeed
 from mesa_swarm.dashboard.experiment.many_runs import ManyRuns
-from mesa_swarm.dashboard.page.session import Session, checked_setting, whole_number
+from mesa_swarm.dashboard.page.navigation import Linkable
+from mesa_swarm.dashboard.page.session import Session, checked_setting, noted_faults, whole_number
 from mesa_swarm.experiments.experiment import DEFAULT_STEPS, Experiment, checked_experiment
 from mesa_swarm.experiments.reports import all_reports
 from mesa_swarm.experiments.statistics import TIME
-from mesa_swarm.maps.map import Map
 from mesa_swarm.maps.toml import number_text
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.model.parameters import Choice, Parameter, Slider, parameters_of
@@ -38,7 +38,7 @@ ONLY_ONE = ""
 LINKED = ("model", "p", "values", "q", "q_values", "seeds", "steps", "measure")
 
 
-class Experimenting:
+class Experimenting(Linkable):
     """An experiment that one user chooses, starts, stops and continues.
 
     All other parameters are those set for the same model on the Watch page. A link may set the choices in `LINKED` by
@@ -65,7 +65,7 @@ class Experimenting:
 
     def __init__(self, session: Session) -> None:
         self.session, self.runs = session, ManyRuns("experiment")
-        self.changed = Listeners()
+        self.changed = self.linked = Listeners()
         # Seconds a run by model and steps.
         self._paces: dict[tuple[str, int], float] = {}
         self.runs.changed.add(self._note_pace)
@@ -82,22 +82,12 @@ class Experimenting:
         """The parameters that can be varied, by name."""
         return {name: p for name, p in self.parameters.items() if p.control or p.kind in (bool, int, float, str)}
 
-    @property
-    def linked(self) -> Listeners:
-        """Notified when the words of a link change."""
-        return self.changed
-
     def show_words(self, words: dict[str, str]) -> list[str]:
         """Choose what the words of a link describe; return why some were ignored."""
         for name in LINKED:
             if name in words:
                 self.set(name, words[name])
         return [self.faults[name] for name in LINKED if name in words and name in self.faults]
-
-    @property
-    def model_shown(self) -> str:
-        """The name of the model of the experiment."""
-        return self.name
 
     def words(self) -> dict[str, str]:
         """Return the choices as text, which `set` reads back."""
@@ -121,14 +111,7 @@ class Experimenting:
     @property
     def settings(self) -> dict[str, Any]:
         """All parameters that differ from the model's defaults, except for the varied ones."""
-        session = self.session
-        if session.name != self.name:
-            return {}
-        return {
-            name: value
-            for name, value in session.settings.items()
-            if value != self.parameters[name].default and name not in self.varied
-        }
+        return self.session.settings_for(self.name, self.varied)
 
     @property
     def points(self) -> int:
@@ -187,11 +170,8 @@ class Experimenting:
 
     def set(self, name: str, text: str) -> None:
         """Set a choice as typed, or as in a link; one that is refused is noted in `faults`."""
-        try:
+        with noted_faults(self.faults, name):
             self._set(name, text)
-            self.faults.pop(name, None)
-        except Exception as problem:  # shown beside the control
-            self.faults[name] = reported(problem)
         self._note_size()
         self.changed.notify()
 
@@ -220,12 +200,9 @@ class Experimenting:
     def space(self, name: str, low: str, high: str, number: str) -> None:
         """Set a number of values at equal distances."""
         parameter = self.choices[self.p if name == "values" else self.q]
-        try:
+        with noted_faults(self.faults, name):
             count = whole_number("number of values", number, 1, MOST_VALUES)
             self.set_values(name, space_values(parameter, low, high, count))
-            self.faults.pop(name, None)
-        except Exception as problem:  # as in `set`
-            self.faults[name] = reported(problem)
         self._note_size()
         self.changed.notify()
 
@@ -236,7 +213,7 @@ class Experimenting:
 
     def start(self) -> None:
         """Do all runs, or those that are left, or after the last one those that failed, in the background."""
-        try:
+        with noted_faults(self.faults, "runs"):
             self._check_size()
             results = self.grid if self.grid is not None and self.is_current else self._results(self._experiment())
             self._folder = self._folder or TemporaryDirectory(prefix="mesa_swarm_", ignore_cleanup_errors=True)
@@ -248,9 +225,6 @@ class Experimenting:
                 results.outcomes |= retried
                 raise
             self.grid = results
-            self.faults.pop("runs", None)
-        except Exception as problem:  # a model may raise anything
-            self.faults["runs"] = reported(problem)
         self.changed.notify()
 
     def stop(self) -> None:
@@ -310,13 +284,13 @@ class Experimenting:
         return self._results(None)
 
     def _experiment(self) -> SeedBySeed:
-        uploads = self.session.uploads
+        find_map = self.session.find_map
         experiment = checked_experiment(
             self.model_class,
-            {name: [_find_map(value, uploads) for value in values] for name, values in self.varied.items()},
+            {name: [find_map(name, value) for value in values] for name, values in self.varied.items()},
             seeds=self.seeds,
             steps=self.steps,
-            settings={name: _find_map(value, uploads) for name, value in self.settings.items()},
+            settings={name: find_map(name, value) for name, value in self.settings.items()},
             measure=self.measures,
         )
         return SeedBySeed(**{name: getattr(experiment, name) for name in Experiment.__dataclass_fields__})
@@ -433,8 +407,7 @@ def checked_values(parameter: Parameter, values: Sequence, maps: Sequence[str]) 
     """Return different values of a parameter, each checked; texts are read as its type."""
     distinct: list = []
     for value in values:
-        is_map = parameter.name == "map"
-        setting = check_choice("map", value, maps) if is_map else checked_setting(parameter, value)
+        setting = checked_setting(parameter, value, maps)
         if setting is None:
             raise InvalidValueError(f"a value of {parameter.name} is empty; expected values separated by commas")
         if setting in distinct:
@@ -443,8 +416,3 @@ def checked_values(parameter: Parameter, values: Sequence, maps: Sequence[str]) 
     if not 1 <= len(distinct) <= MOST_VALUES:
         raise InvalidValueError(f"{parameter.name} has {len(distinct)} values; expected 1 to {MOST_VALUES}")
     return distinct
-
-
-def _find_map(value: Any, uploads: Mapping[str, Map]) -> Any:
-    """Return the uploaded map of this name, or the value itself."""
-    return uploads.get(value, value) if isinstance(value, str) else value

@@ -4,19 +4,18 @@ import math
 import secrets
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import anywidget
 import traitlets
 
 from mesa_swarm.base.errors import FireConstantsWarning, InvalidValueError, SwarmError
-from mesa_swarm.dashboard.page.inputs import LARGEST_MAP_FILE
-from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Link
+from mesa_swarm.dashboard.page.session import LARGEST_MAP_FILE, Session
+from mesa_swarm.dashboard.page.widgets import Link, view_script
 from mesa_swarm.fire import FireConstants, design_constants
 from mesa_swarm.model.parameters import Choice, Parameter, Slider
-from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.play_loop import Listeners
 
 
 class Requirement(NamedTuple):
@@ -158,12 +157,14 @@ GROUPS = {
 OTHERS = "Behaviour"
 ORDER = ("World", "Robots", OTHERS, "Communication", "Fires and heat", "Disturbances")
 LARGEST_RANDOM_SEED = 999_999
+# The end of the slider of seeds; more can be typed.
+MOST_SLID = 100
 
 
 class ControlPanel(anywidget.AnyWidget):
     """Sliders, lists and fields in the browser, which send what the user sets; a bare one has no seed and defaults."""
 
-    _esm = text_of("viewing/elements.js", "dashboard/page/panel.js")
+    _esm = view_script("dashboard/page/panel.js")
     bare = traitlets.Bool(False).tag(sync=True)
     groups: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
     values = traitlets.Dict().tag(sync=True)
@@ -171,26 +172,38 @@ class ControlPanel(anywidget.AnyWidget):
     largest_map = traitlets.Int(LARGEST_MAP_FILE).tag(sync=True)
 
 
-class Panel(Link):
-    """Connects a control panel and a session."""
+class PanelLink(Link):
+    """Connects a control panel of any tab and what it controls, which notifies of changes.
 
-    def __init__(self, widget: ControlPanel, session: Session) -> None:
-        self.widget, self.session = widget, session
-        self.designer = Designer(session)
-        self._content: tuple = ()
-        self.connect(widget, session.changed.add(self.refresh))
+    `groups` returns all controls in groups, `values` the value of each by name, in the format of the browser.
+    """
+
+    def __init__(
+        self, widget: ControlPanel, changed: Listeners, groups: Callable[[], list[dict]], values: Callable[[], dict]
+    ) -> None:
+        self.widget, self._groups, self._values = widget, groups, values
+        self.connect(widget, changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
-        """Show all values."""
-        session = self.session
-        content = session.name, tuple(session.map_names())
-        if content != self._content:
-            self._content = content
-            self.widget.groups = control_groups(session)
-        values = control_values(session) | (self.designer.values() if self.designer.fits else {})
-        self.widget.values = values
+        """Show all values, and the controls where there are others."""
+        self.widget.groups, self.widget.values = self._groups(), self._values()
+
+
+class Panel(PanelLink):
+    """Connects a control panel and a session, of which it has all parameters, or those of these names only."""
+
+    def __init__(self, widget: ControlPanel, session: Session, names: Sequence[str] | None = None) -> None:
+        self.session, self.designer = session, Designer(session)
+        super().__init__(widget, session.changed, lambda: control_groups(session, names), self._all_values)
+
+    def refresh(self) -> None:
+        """Show all values, and remarks on those of the designer."""
+        super().refresh()
         self.widget.notes = [list(note) for note in self.designer.notes()]
+
+    def _all_values(self) -> dict[str, dict[str, Any]]:
+        return control_values(self.session) | (self.designer.values() if self.designer.fits else {})
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
@@ -216,16 +229,16 @@ class Panel(Link):
                 session.upload(str(name), bytes(buffers[0]))
 
 
-def control_groups(session: Session) -> list[dict[str, Any]]:
-    """Return all controls in groups, in the format of the panel."""
+def control_groups(session: Session, names: Sequence[str] | None = None) -> list[dict[str, Any]]:
+    """Return all controls in groups, or those of these names, in the format of the panel."""
     groups: dict[str, list] = {title: [] for title in ORDER}
     for parameter in session.parameters.values():
-        field = field_of(parameter, session)
+        field = field_of(parameter, session) if names is None or parameter.name in names else None
         if field:
             groups[group_of(parameter.name)].append(field)
     result: list[dict[str, Any]] = [{"title": title, "fields": members} for title, members in groups.items() if members]
     designer = Designer(session)
-    if designer.fits:
+    if designer.fits and names is None:
         result.append({"title": "Design the constants", "fields": designer.fields(), "notes": True})
     return result
 
@@ -248,6 +261,18 @@ def field_of(parameter: Parameter, session: Session) -> dict[str, Any] | None:
     if parameter.kind is bool:
         return {**about, "kind": "choice", "options": ["True", "False"]}
     return {**about, "kind": "text"} if parameter.kind in (int, float, str) else None
+
+
+def choice_field(name: str, label: str, options: Sequence[str], help_text: str = "") -> dict[str, Any]:
+    """Return a list of which one is chosen, with effect at once."""
+    return {"name": name, "label": label, "help": help_text, "kind": "choice", "options": list(options), "live": True}
+
+
+def run_fields(fewest: int, each_seed: str) -> list[dict[str, Any]]:
+    """Return the controls of many runs: the number of seeds, at least `fewest`, and the steps of each run."""
+    seeds = {"name": "seeds", "label": "seeds", "help": f"1, 2, 3 ...: {each_seed}", "live": True}
+    steps = {"name": "steps", "label": "steps", "help": "of each run, unless the model ends earlier", "live": True}
+    return [{**seeds, "kind": "slider", "low": fewest, "high": MOST_SLID}, {**steps, "kind": "text"}]
 
 
 def parameter_label(name: str) -> str:

@@ -1,6 +1,6 @@
 /* The arrangement of the page. Columns fold, the world may be alone on the screen, and type may be large for a
    projector. Style sheets read it from `aria-expanded` of the folds and from attributes of the page's root; the browser
-   remembers folds and the projector. elements.js stands before this text. */
+   remembers folds and the projector. elements.js and view.js stand before this text. */
 
 const FOLDED = "mesa_swarm.folded", PROJECTOR = "mesa_swarm.projector";
 // Where columns stand below the world, as in layout.css.
@@ -19,29 +19,22 @@ function icon() {
 }
 
 /** A button that folds one column. */
-class FoldView {
-  #model; #button; #leave = [];
+class FoldView extends View {
+  #button;
 
   constructor(model, root) {
-    const side = model.get("side");
-    this.#model = model;
-    root.classList.add("swarm-fold", `swarm-fold-${side}`);
+    super(model, root, "swarm-fold");
+    root.classList.add(`swarm-fold-${model.get("side")}`);
     this.#button = make("button", { type: "button", click: () => this.#toggle() }, make("span", {}, model.get("label")));
     root.append(this.#button);
-    const show = () => this.#show();
-    BELOW.addEventListener("change", show);
-    this.#leave.push(() => BELOW.removeEventListener("change", show));
-    show();
+    this.listen(BELOW, "change", () => this.#show());
+    this.#show();
   }
 
-  destroy() {
-    this.#leave.forEach((leave) => leave());
-  }
-
-  get #place() { return `${FOLDED}.${this.#model.get("side")}${BELOW.matches ? ".below" : ""}`; }
+  get #place() { return `${FOLDED}.${this.model.get("side")}${BELOW.matches ? ".below" : ""}`; }
 
   get #folded() {
-    return (localStorage.getItem(this.#place) ?? String(BELOW.matches && this.#model.get("folded_below"))) === "true";
+    return (localStorage.getItem(this.#place) ?? String(BELOW.matches && this.model.get("folded_below"))) === "true";
   }
 
   #toggle() {
@@ -50,34 +43,27 @@ class FoldView {
   }
 
   #show() {
-    const folded = this.#folded, label = this.#model.get("label");
+    const folded = this.#folded, label = this.model.get("label");
     this.#button.setAttribute("aria-expanded", String(!folded));
     this.#button.title = `${folded ? "Show" : "Hide"} ${label.toLowerCase()}`;
   }
 }
 
 /** The buttons of the whole screen. */
-class ScreenView {
-  #full; #projector; #leave = [];
+class ScreenView extends View {
+  #full; #projector;
 
   constructor(model, root) {
-    root.classList.add("swarm-screen");
+    super(model, root, "swarm-screen");
     this.#projector = make("button", { type: "button", class: "swarm-projector", title: "Large type and robots, few controls", click: () => this.#project(ROOT.dataset.projector !== "1") }, "Projector");
     this.#full = make("button", { type: "button", class: "swarm-full", click: () => this.#fill(ROOT.dataset.full !== "1") });
     this.#full.append(icon());
     root.append(this.#projector, this.#full);
-    const change = () => document.fullscreenElement || this.#show(false);
-    const press = ({ key }) => key === "Escape" && ROOT.dataset.full === "1" && this.#fill(false);
-    document.addEventListener("fullscreenchange", change);
-    document.addEventListener("keydown", press);
-    this.#leave.push(() => document.removeEventListener("fullscreenchange", change), () => document.removeEventListener("keydown", press));
+    this.listen(document, "fullscreenchange", () => document.fullscreenElement || this.#show(false));
+    this.listen(document, "keydown", ({ key }) => key === "Escape" && ROOT.dataset.full === "1" && this.#fill(false));
+    this.atEnd(() => this.#fill(false));
     this.#project(localStorage.getItem(PROJECTOR) === "true");
     this.#show(false);
-  }
-
-  destroy() {
-    this.#leave.forEach((leave) => leave());
-    this.#fill(false);
   }
 
   #project(on) {
@@ -108,11 +94,6 @@ class ScreenView {
   }
 }
 
-const VIEWS = { fold: FoldView, screen: ScreenView };
-
 export default {
-  render({ model, el }) {
-    const view = new VIEWS[model.get("part")](model, el);
-    return () => view.destroy();
-  },
+  render: ({ model, el }) => shownBy({ fold: FoldView, screen: ScreenView }[model.get("part")]).render({ model, el }),
 };

@@ -22,48 +22,34 @@ function plainButton(label, act, more = {}) {
   return make("button", { type: "button", click: act, ...more }, label);
 }
 
-class PageBarView {
-  #model; #root; #leave = []; #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0; #waiting = 0; #awaited = null; #patience = 0; #tabs = null;
+class PageBarView extends View {
+  #place = null; #parts = {}; #dialog = null; #tour = null; #timer = 0; #waiting = 0; #awaited = null; #patience = 0; #tabs = null;
 
   constructor(model, root) {
-    this.#model = model;
-    this.#root = root;
-    root.classList.add("swarm-page-bar");
+    super(model, root, "swarm-page-bar");
     const parts = this.#parts;
     parts.link = plainButton("Link", () => this.#copy(), { title: "Copy a link to what is shown" });
     parts.keys = plainButton("Keys", () => this.#toggleKeys(), { title: "List of keys (?)" });
     parts.tour = plainButton("Tour", () => this.#startTour(), { title: "A tour of the page, one minute" });
     parts.theme = plainButton("", () => (localStorage.setItem(THEME, NEXT[this.#choice]), this.#applyTheme()), { class: "swarm-theme" });
     root.append(parts.tour, parts.keys, parts.link, parts.theme);
-    this.#listen();
+    this.listen(matchMedia("(prefers-color-scheme: dark)"), "change", () => this.#applyTheme());
+    this.listen(window, "popstate", (event) => this.#visit(event));
+    this.listen(window, "pagehide", () => this.#store());
+    this.listen(window, "keydown", (event) => this.#hear(event));
+    this.#timer = setInterval(() => this.#look(), LOOK_EVERY);
+    this.atEnd(() => this.#clear());
     this.#applyTheme();
-    this.#write();
+    this.follow({ shown: () => this.#write() });
     this.#begin();
   }
 
-  destroy() {
+  #clear() {
     clearInterval(this.#timer);
     clearTimeout(this.#waiting);
     clearTimeout(this.#patience);
     this.#tour?.close();
     this.#dialog?.remove();
-    this.#leave.forEach((leave) => leave());
-  }
-
-  #on(target, name, act) {
-    target.addEventListener(name, act);
-    this.#leave.push(() => target.removeEventListener(name, act));
-  }
-
-  #listen() {
-    const model = this.#model, write = () => this.#write();
-    model.on("change:shown", write);
-    this.#leave.push(() => model.off("change:shown", write));
-    this.#on(matchMedia("(prefers-color-scheme: dark)"), "change", () => this.#applyTheme());
-    this.#on(window, "popstate", (event) => this.#visit(event));
-    this.#on(window, "pagehide", () => this.#store());
-    this.#on(window, "keydown", (event) => this.#hear(event));
-    this.#timer = setInterval(() => this.#look(), LOOK_EVERY);
   }
 
   /** Where the tabs are wider than their place, as on a telephone, scroll to the one that is shown. */
@@ -78,7 +64,7 @@ class PageBarView {
     const changes = new MutationObserver(show), sizes = new ResizeObserver(show);
     changes.observe(tabs, { attributes: true, attributeFilter: ["aria-current"], subtree: true });
     sizes.observe(tabs);
-    this.#leave.push(() => changes.disconnect(), () => sizes.disconnect());
+    this.atEnd(() => (changes.disconnect(), sizes.disconnect()));
   }
 
   /* Theme. */
@@ -94,18 +80,18 @@ class PageBarView {
     theme.textContent = SIGNS[choice];
     theme.title = `Theme: ${WORDS[choice]}`;
     theme.setAttribute("aria-label", theme.title);
-    for (const one of [this.#root.closest(".v-application"), document.getElementById("app")]) {
+    for (const one of [this.root.closest(".v-application"), document.getElementById("app")]) {
       one?.classList.toggle("theme--dark", dark);
       one?.classList.toggle("theme--light", !dark);
     }
-    this.#model.set("dark", dark);
-    this.#model.save_changes();
+    this.model.set("dark", dark);
+    this.model.save_changes();
   }
 
   /* Address. */
 
   #write() {
-    const { query, place } = this.#model.get("shown");
+    const { query, place } = this.model.get("shown");
     if (!query || !place) return;
     if (this.#awaited === place) this.#awaited = null;
     if (this.#awaited !== null) return; // on the way to where Back or Forward leads
@@ -120,7 +106,7 @@ class PageBarView {
     this.#awaited = this.#place;
     clearTimeout(this.#patience);
     this.#patience = setTimeout(() => ((this.#awaited = null), this.#write()), LONGEST_WAY);
-    this.#model.send({ do: "visit", query: location.search });
+    this.send({ do: "visit", query: location.search });
   }
 
   async #copy() {
@@ -144,8 +130,8 @@ class PageBarView {
     sessionStorage.removeItem(LEFT);
     const again = entry?.type === "reload" && left?.query === withoutStep(location.search);
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.#model.send({ do: "begin", still, resume: again ? left : null });
-    if (this.#model.get("tours") && !again && !localStorage.getItem(TOURED)) this.#tourWhenReady();
+    this.send({ do: "begin", still, resume: again ? left : null });
+    if (this.model.get("tours") && !again && !localStorage.getItem(TOURED)) this.#tourWhenReady();
   }
 
   /** Begin the tour when the page is there, whose parts come one after the other. */
@@ -169,7 +155,7 @@ class PageBarView {
   #showGone() {
     const reload = plainButton("Reload", () => location.reload());
     this.#parts.gone = make("div", { class: "swarm-gone", role: "alert" }, make("p", {}, GONE), reload);
-    (this.#root.closest(".v-application") ?? document.body).append(this.#parts.gone);
+    (this.root.closest(".v-application") ?? document.body).append(this.#parts.gone);
   }
 
   /* Keys and tour. */
@@ -191,18 +177,18 @@ class PageBarView {
   }
 
   #makeDialog() {
-    const rows = this.#model.get("key_list").map(([key, what]) => make("tr", {}, make("th", { scope: "row" }, key), make("td", {}, what)));
+    const rows = this.model.get("key_list").map(([key, what]) => make("tr", {}, make("th", { scope: "row" }, key), make("td", {}, what)));
     const close = plainButton("Close", () => dialog.close());
     const dialog = make("dialog", { class: "swarm-keys", "aria-labelledby": "swarm-keys-title" },
       make("h2", { id: "swarm-keys-title" }, "Keys"), make("table", {}, make("tbody", {}, ...rows)), close);
-    this.#root.closest(".v-application")?.append(dialog);
+    this.root.closest(".v-application")?.append(dialog);
     return dialog;
   }
 
   #startTour() {
     localStorage.setItem(TOURED, "yes");
     this.#tour?.close();
-    this.#tour = new Tour(this.#model.get("stops"), this.#root.closest(".v-application") ?? document.body, () => {
+    this.#tour = new Tour(this.model.get("stops"), this.root.closest(".v-application") ?? document.body, () => {
       this.#tour = null;
       this.#parts.tour.focus({ preventScroll: true });
     });
@@ -273,9 +259,4 @@ class Tour {
   }
 }
 
-export default {
-  render({ model, el }) {
-    const view = new PageBarView(model, el);
-    return () => view.destroy();
-  },
-};
+export default shownBy(PageBarView);

@@ -6,27 +6,13 @@ const LONGEST_ANSWER = 120;
 // How many fields were built, so that each has names of its own on the page.
 let built = 0;
 
-class PanelView {
-  #model; #root; #fields = new Map(); #notes = null; #leave = []; #places = new Map(); #answer = 0;
+class PanelView extends View {
+  #fields = new Map(); #notes = null; #places = new Map(); #answer = 0;
 
   constructor(model, root) {
-    this.#model = model;
-    this.#root = root;
-    root.classList.add("swarm-panel");
-    for (const [name, act] of [["groups", () => this.#build()], ["values", () => (this.#fill(), this.#sendPlaces())], ["notes", () => this.#showNotes()]]) {
-      model.on(`change:${name}`, act);
-      this.#leave.push(() => model.off(`change:${name}`, act));
-    }
-    this.#build();
-  }
-
-  destroy() {
-    clearTimeout(this.#answer);
-    this.#leave.forEach((leave) => leave());
-  }
-
-  #send(message, buffers) {
-    this.#model.send(message, undefined, buffers);
+    super(model, root, "swarm-panel");
+    this.follow({ groups: () => this.#build(), values: () => (this.#fill(), this.#sendPlaces()), notes: () => this.#showNotes() });
+    this.atEnd(() => clearTimeout(this.#answer));
   }
 
   /** Send where a slider is: the first place at once, then the latest when Python has answered. */
@@ -39,33 +25,33 @@ class PanelView {
     clearTimeout(this.#answer);
     this.#answer = 0;
     if (!this.#places.size) return;
-    for (const [name, value] of this.#places) this.#send({ do: "place", name, value });
+    for (const [name, value] of this.#places) this.send({ do: "place", name, value });
     this.#places.clear();
     this.#answer = setTimeout(() => this.#sendPlaces(), LONGEST_ANSWER); // nothing changes where a value is the same
   }
 
   #build() {
-    const open = new Set([...this.#root.querySelectorAll("details[open]")].map((one) => one.dataset.title));
-    const fresh = !this.#root.childElementCount;
+    const open = new Set([...this.root.querySelectorAll("details[open]")].map((one) => one.dataset.title));
+    const fresh = !this.root.childElementCount;
     this.#fields = new Map();
     this.#notes = null;
-    const groups = this.#model.get("groups").map((group, k) => {
+    const groups = this.model.get("groups").map((group, k) => {
       const shown = fresh ? k < 3 : open.has(group.title);
       const details = make("details", { open: shown, "data-title": group.title, "aria-label": group.title }, make("summary", {}, group.title));
       details.append(...group.fields.map((field) => this.#field(field)));
       if (group.notes) details.append((this.#notes = make("ul", { class: "swarm-notes", "aria-live": "polite" })));
       return details;
     });
-    const defaults = make("button", { type: "button", click: () => this.#send({ do: "defaults" }) }, "All defaults");
+    const defaults = make("button", { type: "button", click: () => this.send({ do: "defaults" }) }, "All defaults");
     const end = make("div", { class: "swarm-end" }, defaults);
-    this.#root.replaceChildren(...(this.#model.get("bare") ? groups : [this.#run(), ...groups, end]));
+    this.root.replaceChildren(...(this.model.get("bare") ? groups : [this.#run(), ...groups, end]));
     this.#fill();
     this.#showNotes();
   }
 
   #run() {
     const seed = this.#text("seed", "seed");
-    const random = make("button", { type: "button", click: () => this.#send({ do: "random" }) }, "Random");
+    const random = make("button", { type: "button", click: () => this.send({ do: "random" }) }, "Random");
     random.title = "Choose a random seed, and reset";
     const row = make("div", { class: "swarm-row" }, seed, random);
     const field = this.#frame({ name: "seed", label: "seed", help: "the same seed gives the same run" }, row, seed);
@@ -86,7 +72,7 @@ class PanelView {
 
   #text(name, label) {
     const done = () => delete text.dataset.typing;
-    const send = () => { done(); this.#send({ do: "text", name, value: text.value }); };
+    const send = () => { done(); this.send({ do: "text", name, value: text.value }); };
     const typing = () => { text.dataset.typing = "yes"; };
     const text = make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${label}, typed`, change: send, input: typing, blur: done });
     return text;
@@ -100,7 +86,7 @@ class PanelView {
   /** Boxes to tick, of which several may be; Python sends the ticked ones. */
   #ticks(field) {
     const boxes = field.options.map((name) => make("input", { type: "checkbox", value: name, change: () => send() }));
-    const send = () => this.#send({ do: "tick", name: field.name, value: boxes.filter((box) => box.checked).map((box) => box.value) });
+    const send = () => this.send({ do: "tick", name: field.name, value: boxes.filter((box) => box.checked).map((box) => box.value) });
     const labels = boxes.map((box) => make("label", {}, box, box.value));
     const list = make("div", { class: "swarm-ticks", role: "group", "aria-label": field.label }, ...labels);
     const text = make("output", { hidden: true }), frame = this.#frame(field, list, text);
@@ -113,7 +99,7 @@ class PanelView {
 
   /** A list of numbers: typed, or a number of them from one end to another. */
   #span(field) {
-    const send = () => this.#send({ do: "span", name: field.name, value: parts.map((part) => part.value) });
+    const send = () => this.send({ do: "span", name: field.name, value: parts.map((part) => part.value) });
     const part = (label) => make("input", { class: "swarm-value", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${field.label}, ${label}`, change: send });
     const parts = [part("from"), part("to"), part("number")];
     const words = ["from", "to", "number"].map((word, k) => make("label", {}, word, parts[k]));
@@ -127,7 +113,7 @@ class PanelView {
   }
 
   #choice(field) {
-    const send = () => this.#send({ do: "choose", name: field.name, value: list.value });
+    const send = () => this.send({ do: "choose", name: field.name, value: list.value });
     const options = field.options.map((name) => make("option", { value: name }, name));
     const list = make("select", { "aria-label": field.label, change: send }, ...options);
     const row = make("div", { class: "swarm-row" }, list);
@@ -146,13 +132,13 @@ class PanelView {
     const [one] = file.files;
     file.value = "";
     if (!one) return;
-    const largest = this.#model.get("largest_map");
+    const largest = this.model.get("largest_map");
     if (one.size > largest) {
       const sizes = [one.size, largest].map((size) => size.toLocaleString("en"));
       this.#fault(this.#fields.get("map"), `${one.name} has ${sizes[0]} bytes; expected at most ${sizes[1]}`);
       return;
     }
-    this.#send({ do: "upload", name: one.name }, [await one.arrayBuffer()]);
+    this.send({ do: "upload", name: one.name }, [await one.arrayBuffer()]);
   }
 
   #frame({ name, label, help, live }, row, text, slider) {
@@ -169,7 +155,7 @@ class PanelView {
   }
 
   #fill() {
-    const values = this.#model.get("values");
+    const values = this.model.get("values");
     for (const [name, field] of this.#fields) {
       const { text, place, waits, fault } = values[name] ?? { text: "", waits: false, fault: "" };
       if (field.slider && !field.slider.matches(":active")) field.slider.value = place;
@@ -191,8 +177,7 @@ class PanelView {
 
   /** Show what is wrong with a field, and describe its controls by it. */
   #fault({ fault, frame, note, controls }, text) {
-    if (fault.textContent !== text) fault.textContent = text; // else it would be read out again
-    fault.hidden = !text;
+    showText(fault, text);
     frame.classList.toggle("swarm-wrong", Boolean(text));
     const described = [text && fault.id, !note.hidden && note.id].filter(Boolean).join(" ");
     for (const one of controls) {
@@ -204,13 +189,8 @@ class PanelView {
   }
 
   #showNotes() {
-    this.#notes?.replaceChildren(...this.#model.get("notes").map(([kind, text]) => make("li", { class: `swarm-${kind}` }, text)));
+    this.#notes?.replaceChildren(...this.model.get("notes").map(([kind, text]) => make("li", { class: `swarm-${kind}` }, text)));
   }
 }
 
-export default {
-  render({ model, el }) {
-    const view = new PanelView(model, el);
-    return () => view.destroy();
-  },
-};
+export default shownBy(PanelView);

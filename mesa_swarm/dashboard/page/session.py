@@ -1,16 +1,16 @@
-"""One user's model, and the requested settings of the next."""
+"""One user's model, and the requested settings of the next: what users type and upload is checked here."""
 
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from decimal import Decimal
 from typing import Any, Protocol, TypeVar, cast
 
-from mesa_swarm.base.errors import InvalidValueError, RecordingError, SwarmError, error_line
-from mesa_swarm.dashboard.page.edits import MOST_EDITS, Edit
-from mesa_swarm.dashboard.page.inputs import checked_setting, map_from, whole_number
-from mesa_swarm.dashboard.page.live_run import Before, LiveRun, Repetition
+from mesa_swarm.base.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, error_line
+from mesa_swarm.dashboard.page.edits import MOST_EDITS, MOST_ROBOTS, Before, Edit, LiveRun, Repetition
 from mesa_swarm.dashboard.page.series import Series
 from mesa_swarm.maps.map import Map, builtin_maps
 from mesa_swarm.maps.map_parts import stop_reading_when
@@ -38,6 +38,17 @@ LONGEST_WAIT = 2.0
 # Longest time to wait for the end of the step that is on its way when the user pauses, s.
 LONGEST_STEP = 0.5
 READER = "map"
+
+
+@contextmanager
+def noted_faults(faults: dict[str, str], name: str) -> Iterator[None]:
+    """Note in `faults`, shown beside the control of this name, why its change is refused; else clear it."""
+    try:
+        yield
+    except Exception as problem:  # a model of a user's may raise anything
+        faults[name] = reported(problem)
+    else:
+        faults.pop(name, None)
 
 
 class Companion(Protocol):
@@ -316,11 +327,8 @@ class Session(Player):
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Request a value of a parameter, and apply it to the present model if it can change during a run."""
-        with self.lock:
-            try:
-                self._take({name: value})
-            except Exception as problem:  # shown beside the control
-                self.faults[name] = reported(problem)
+        with self.lock, noted_faults(self.faults, name):
+            self._take({name: value})
         self.retake()
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
@@ -335,14 +343,10 @@ class Session(Player):
 
     def set_seed(self, text: str | int) -> None:
         """Set the seed of the next model."""
-        with self.lock:
-            try:
-                self.seed = whole_number("seed", text)
-                self.faults.pop("seed", None)
-                if self._is_new:
-                    self._build()
-            except Exception as problem:  # shown beside the control
-                self.faults["seed"] = reported(problem)
+        with self.lock, noted_faults(self.faults, "seed"):
+            self.seed = whole_number("seed", text)
+            if self._is_new:
+                self._build()
         self.retake()
 
     def upload(self, name: str, content: bytes) -> None:
@@ -400,6 +404,21 @@ class Session(Player):
         charts = parameter.control.options if parameter and isinstance(parameter.control, Choice) else builtin_maps()
         return list(dict.fromkeys([*charts, *self.uploads]))
 
+    def find_map(self, name: str, value: Any) -> Any:
+        """Return the uploaded map that a value of the parameter `map` names; any other value as it is."""
+        return self.uploads.get(value, value) if name == "map" else value
+
+    def settings_for(self, name: str, varied: Container[str]) -> dict[str, Any]:
+        """Return what runs of a model elsewhere have besides what is varied: the parameters that are not its defaults.
+
+        None for another model than that of the session.
+        """
+        return {
+            key: value
+            for key, value in self.settings.items()
+            if self.name == name and key not in varied and value != self.parameters[key].default
+        }
+
     def adopt(self, model: SwarmModel, name: str, settings: Mapping[str, Any], seed: int) -> None:
         """Stop, and continue with a model that was built elsewhere and has taken steps; a Map counts as uploaded."""
         self.loop.pause()
@@ -411,7 +430,7 @@ class Session(Player):
                 self.uploads[choices["map"]] = chart
             self._enter(name, choices, seed)
             self.built, self.straight = {**self.settings, "seed": seed}, False
-            self.run = LiveRun.around(model, self._make_model, self.parameters, dict(self.built))
+            self.run = LiveRun(self._make_model, self.parameters, self.built, model)
             self.model = model
             self.series.follow(model)
             self._limit_collected(model)
@@ -526,9 +545,7 @@ class Session(Player):
 
     def _make_model(self, settings: Mapping[str, Any]) -> SwarmModel:
         """Return a model of these parameters and "seed"."""
-        parameters = {name: value for name, value in settings.items() if name != "seed"}
-        if parameters.get("map") in self.uploads:
-            parameters["map"] = self.uploads[parameters["map"]]
+        parameters = {name: self.find_map(name, value) for name, value in settings.items() if name != "seed"}
         return self.model_class(**parameters, rng=settings["seed"])
 
     def _check_setting(self, name: str, value: Any) -> Any:
@@ -589,3 +606,44 @@ def watch_closely(model: SwarmModel) -> None:
         columns = (*WATCHED, *custom_columns(model))
         a_step = sum(model.swarm.columns[name].nbytes for name in columns)
         model.watch(last=max(2, min(MOST_WATCHED_STEPS, MOST_WATCHED_BYTES // max(a_step, 1))), columns=columns)
+
+
+LARGEST_MAP_FILE = 1_000_000
+LARGEST_SEED = 2**53 - 1
+
+
+def checked_setting(parameter: Parameter, value: Any, maps: Sequence[str] | None = None) -> Any:
+    """Return a requested setting, as the parameter's type and within the number of robots on a page.
+
+    With `maps`, that of the parameter `map` is one of these names.
+    """
+    if maps is not None and parameter.name == "map":
+        return check_choice("map", value, maps)
+    value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
+    return check_count("n_robots", value, maximum=MOST_ROBOTS) if parameter.name == "n_robots" else value
+
+
+def map_from(name: str, content: bytes) -> Map:
+    """Return the map in an uploaded file."""
+    if len(content) > LARGEST_MAP_FILE:
+        raise InvalidValueError(f"{name:.60} has {len(content):,} bytes; expected at most {LARGEST_MAP_FILE:,}")
+    if name.lower().endswith(".svg"):
+        return Map.from_svg(content, name)
+    if name.lower().endswith(".toml"):
+        try:
+            return Map.from_toml(content.decode(), name)
+        except UnicodeDecodeError:
+            raise InvalidValueError(f"{name:.60} is not UTF-8 text; expected a map as TOML") from None
+    raise InvalidValueError(f"{name!r:.60} is not a map; expected a file that ends in .svg or .toml")
+
+
+def whole_number(name: str, text: str | int, minimum: int = 0, maximum: int = LARGEST_SEED) -> int:
+    """Return a typed whole number, such as 1000 or 1e3."""
+    try:
+        number = Decimal(text)
+        if number != number.to_integral_value() or not minimum <= number <= maximum:
+            raise ValueError
+    except (ValueError, ArithmeticError):
+        expectation = f"expected a whole number at least {minimum} and at most {maximum}"
+        raise InvalidValueError(f"{name} is {text!r:.60}; {expectation}") from None
+    return int(number)

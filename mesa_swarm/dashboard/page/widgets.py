@@ -1,7 +1,8 @@
-"""Buttons, downloads and uploads of the page."""
+"""Parts of the page that all tabs use: buttons, links to widgets, downloads, uploads, folds; and the page's title."""
 
 import threading
 from collections.abc import Callable, Generator, Sequence
+from functools import partial
 from pathlib import Path, PureWindowsPath
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,9 +13,16 @@ import traitlets
 from reacton import ipyvuetify as rv
 
 from mesa_swarm.base.files import unwritable
+from mesa_swarm.viewing import text_of
+from mesa_swarm.viewing.player import PackedFrame, Played
 
 # Most letters of the stored name, within the limits of file systems.
 LONGEST_NAME = 60
+
+
+def view_script(name: str) -> str:
+    """Return the module of a widget: this script, and before it what all views share."""
+    return text_of("viewing/elements.js", "dashboard/page/view.js", name)
 
 
 @solara.component
@@ -59,27 +67,6 @@ def Linked(widget: type[anywidget.AnyWidget], link: Callable[..., Any], *sources
     solara.use_effect(lambda: link(solara.get_widget(element), *sources).close, [])
 
 
-class Link:
-    """Passes the messages of a widget to `act`, from `connect` to `close`."""
-
-    def connect(self, widget: anywidget.AnyWidget, *leave: Callable[[], None]) -> None:
-        """Listen to a widget; what `leave` does is done at the end."""
-        self._widget, self._leave = widget, leave
-        widget.on_msg(self._receive)
-
-    def act(self, message: dict, buffers: Sequence = ()) -> None:
-        """Carry out a message from the browser."""
-
-    def close(self) -> None:
-        """Disconnect."""
-        for leave in self._leave:
-            leave()
-        self._widget.on_msg(self._receive, remove=True)
-
-    def _receive(self, _: object, message: dict, buffers: Sequence) -> None:
-        self.act(message, buffers)
-
-
 PIECE = 1_000_000
 TYPES = {
     ".png": "image/png",
@@ -96,7 +83,7 @@ Pieces = Generator[tuple[bytes, bool], None, None]
 
 
 class Downloads:
-    """Sends files in pieces, each when the browser requests it: the widget's module has downloads.js."""
+    """Sends files in pieces, each when the browser requests it: the widget's view receives them (view.js)."""
 
     def __init__(self, widget: anywidget.AnyWidget) -> None:
         self._widget = widget
@@ -135,6 +122,42 @@ class Downloads:
             for _, pieces in self._open.values():
                 pieces.close()
             self._open.clear()
+
+
+class Link:
+    """Connects a widget and what it shows, until `close`: the browser's messages are passed to `act`, files are sent.
+
+    As a viewer of what is played it needs no picture.
+    """
+
+    ready = False
+
+    def connect(self, widget: anywidget.AnyWidget, *leave: Callable[[], None]) -> None:
+        """Listen to a widget; what `leave` does is done at the end."""
+        self._widget, self.downloads = widget, Downloads(widget)
+        self._leave = [*leave, self.downloads.close]
+        widget.on_msg(self._receive)
+
+    def watch(self, player: Played) -> None:
+        """Be a viewer of a player: its frames are pushed."""
+        self._leave.append(partial(player.remove_viewer, self))
+        player.add_viewer(self)
+
+    def push(self, number: int, frame: PackedFrame) -> None:
+        """Show what goes with a frame, if an update is due."""
+
+    def act(self, message: dict, buffers: Sequence = ()) -> None:
+        """Carry out a message from the browser."""
+
+    def close(self) -> None:
+        """Disconnect."""
+        for leave in self._leave:
+            leave()
+        self._widget.on_msg(self._receive, remove=True)
+
+    def _receive(self, _: object, message: dict, buffers: Sequence) -> None:
+        if not self.downloads.hear(message):
+            self.act(message, buffers)
 
 
 def pieces_of(content: bytes | Path, size: int) -> Pieces:
@@ -220,3 +243,30 @@ def harmless(name: str) -> str:
     """Return a name that is safe in any file system."""
     letters = [letter if letter.isalnum() or letter in " ._-()" else "_" for letter in PureWindowsPath(name).name]
     return "".join(letters)[-LONGEST_NAME:].strip(" .") or "file"
+
+
+LEFT, RIGHT = "left", "right"
+PRODUCT = "mesa_swarm"
+
+
+class ColumnFold(anywidget.AnyWidget):
+    """A button between a column and the world that folds the column; the browser remembers it."""
+
+    _esm = view_script("dashboard/page/layout.js")
+    part = traitlets.Unicode("fold").tag(sync=True)
+    side = traitlets.Unicode(LEFT).tag(sync=True)
+    label = traitlets.Unicode("Settings").tag(sync=True)
+    # Whether the column is folded at first where it stands below the world.
+    folded_below = traitlets.Bool(False).tag(sync=True)
+
+
+class ScreenButtons(anywidget.AnyWidget):
+    """Buttons for the world alone on the screen, and for large type on a projector."""
+
+    _esm = view_script("dashboard/page/layout.js")
+    part = traitlets.Unicode("screen").tag(sync=True)
+
+
+def page_title(name: str, tab: str, first: str) -> str:
+    """Return the title of the page of one model and tab; the first tab needs no name."""
+    return f"{name} - {PRODUCT}" if tab == first else f"{tab}: {name} - {PRODUCT}"

@@ -8,10 +8,17 @@ import solara
 from reacton import ipyvuetify as rv
 
 from mesa_swarm.dashboard.gallery.gallery_view import title
-from mesa_swarm.dashboard.page.controls import ControlPanel, field_of, parameter_label, value_at, value_of, value_text
-from mesa_swarm.dashboard.page.layout import LEFT, RIGHT, ColumnFold
+from mesa_swarm.dashboard.page.controls import (
+    ControlPanel,
+    PanelLink,
+    field_of,
+    parameter_label,
+    value_at,
+    value_of,
+    value_text,
+)
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Button, FilePicker, Link, Linked, TroubleCard
+from mesa_swarm.dashboard.page.widgets import LEFT, RIGHT, Button, ColumnFold, FilePicker, Link, Linked, TroubleCard
 from mesa_swarm.dashboard.replay.replaying import MOST_EVENTS, Replaying, ReplayPlayer
 from mesa_swarm.dashboard.run.charts import ChartBoard, Charting
 from mesa_swarm.dashboard.run.inspector import Inspector, ReplayInspecting
@@ -49,22 +56,13 @@ class Upload(Link):
                     self.replaying.end_upload()
 
 
-class BranchPanel(Link):
+class BranchPanel(PanelLink):
     """Connects a control panel and the parameters of a run that branches off the open recording."""
 
     def __init__(self, widget: ControlPanel, replaying: Replaying) -> None:
-        self.widget, self.replaying = widget, replaying
-        self.player = replaying.player
-        self.parameters = parameters_of(find_model(replaying.model_name))
-        self.connect(widget, replaying.changed.add(self.refresh))
-        # The number of robots cannot change at the branch.
-        fields = [
-            field_of(self.parameters[name], replaying.session) for name in replaying.parameters if name != "n_robots"
-        ]
-        widget.groups = [
-            {"title": "With other parameters", "fields": [field | {"live": True} for field in fields if field]}
-        ]
-        self.refresh()
+        self.replaying, self.player = replaying, replaying.player
+        self.parameters = parameters_of(find_model(replaying.model_shown))
+        super().__init__(widget, replaying.changed, self._fields, self._settings)
 
     @property
     def is_current(self) -> bool:
@@ -73,9 +71,20 @@ class BranchPanel(Link):
 
     def refresh(self) -> None:
         """Show all values, unless another recording was opened, which gets its own panel."""
+        if self.is_current:
+            super().refresh()
+
+    def _fields(self) -> list[dict[str, Any]]:
+        """Return the controls of all parameters but the number of robots, which cannot change at the branch."""
+        names = [name for name in self.parameters if name not in ("map", "n_robots")]
+        fields = [field_of(self.parameters[name], self.replaying.session) for name in names]
+        return [{"title": "With other parameters", "fields": [field | {"live": True} for field in fields if field]}]
+
+    def _settings(self) -> dict[str, dict[str, Any]]:
         settings = self.replaying.parameters | self.replaying.changes
-        if self.is_current:  # checked last: another thread may open one
-            self.widget.values = {name: value_of(value, self.parameters[name]) for name, value in settings.items()}
+        return {
+            name: value_of(value, self.parameters[name]) for name, value in settings.items() if name in self.parameters
+        }
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser."""
@@ -110,7 +119,7 @@ def Replay(session: Session) -> None:
             with solara.Div(classes=["swarm-side"]):
                 Linked(Inspector, ReplayInspecting, player).key(f"inspector {id(player)}")
                 with solara.Div():
-                    Linked(ChartBoard, Charting, player, player.robots_shown).key(f"charts {id(player)}")
+                    Linked(ChartBoard, Charting, player).key(f"charts {id(player)}")
                     Missing(player).key(f"missing {id(player)}")
                 with solara.Div():
                     Events(replaying, player).key(f"events {id(player)}")
@@ -145,7 +154,7 @@ def About(replaying: Replaying, past: Past) -> None:
     provenance = replaying.provenance
     facts = {
         "file": replaying.name,
-        "model": title(replaying.model_name) if replaying.model_name else provenance["model"]["name"],
+        "model": title(replaying.model_shown) if replaying.model_shown else provenance["model"]["name"],
         "seed": provenance["seed"],
         "steps": f"{past.first_step:,} to {past.last_step:,}",
         "version": provenance["versions"].get("mesa-swarm", ""),
@@ -181,7 +190,7 @@ def Branch(replaying: Replaying) -> None:
     """Show the button that continues from the displayed step."""
     use_changes(replaying.changed)
     solara.HTML(tag="h2", unsafe_innerHTML="Branch from here")
-    if replaying.model_name:
+    if replaying.model_shown:
         rv.Html(tag="p", class_="swarm-hint", children=[BRANCHING])
         changes = ", ".join(f"{name} {value_text(value)}" for name, value in replaying.changes.items())
         label = f"Continue live with {changes.replace('_', ' ')}" if changes else "Continue live"

@@ -16,11 +16,11 @@ import pyarrow as pa
 from mesa_swarm.base.errors import InvalidValueError, RecordingError, SwarmError, check_choice, check_count, error_line
 from mesa_swarm.dashboard import RECORDINGS_VARIABLE, page_models
 from mesa_swarm.dashboard.page.edits import MOST_ROBOTS
-from mesa_swarm.dashboard.page.inputs import LARGEST_SEED
+from mesa_swarm.dashboard.page.navigation import Linkable
 from mesa_swarm.dashboard.page.robot_columns import RobotValues, values_of_frame
-from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.page.series import RecordedSeries, find_collided
+from mesa_swarm.dashboard.page.session import LARGEST_SEED, Session, checked_setting
 from mesa_swarm.dashboard.page.widgets import Incoming
-from mesa_swarm.dashboard.replay.recorded_series import RecordedSeries, find_collided
 from mesa_swarm.maps.map import Map, builtin_maps
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import PACKAGE, find_model, gallery_names
@@ -334,12 +334,12 @@ class StoppedError(Exception):
     """The background work is no longer needed."""
 
 
-class Replaying:
+class Replaying(Linkable):
     """The open recording, its upload, its events, and runs branched off it."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.changed = Listeners()
+        self.changed = self.linked = Listeners()
         self.player: ReplayPlayer | None = None
         self.events: list[Event] | None = []  # None during the search
         self.changes: dict[str, Any] = {}  # parameters that differ after branching
@@ -377,7 +377,7 @@ class Replaying:
         return player.provenance if player else {}
 
     @property
-    def model_name(self) -> str:
+    def model_shown(self) -> str:
         """The name of the recorded model on the page, empty for other models."""
         return _page_name(self.provenance)
 
@@ -435,9 +435,8 @@ class Replaying:
     def set_parameter(self, name: str, value: Any) -> None:
         """Request another value of a parameter after branching."""
         try:
-            parameter = parameters_of(find_model(self.model_name))[check_choice("parameter", name, self.parameters)]
-            value = parameter.checked(parameter.parse(value) if isinstance(value, str) else value)
-            self.changes[name] = value
+            parameter = parameters_of(find_model(self.model_shown))[check_choice("parameter", name, self.parameters)]
+            self.changes[name] = value = checked_setting(parameter, value)
             if value == self.parameters[name]:
                 del self.changes[name]
             self.fault = ""
@@ -454,16 +453,6 @@ class Replaying:
         stop = self._stop
         if self._update(stop, _activity=f"continuing from step {step:,} ...", fault=""):
             threading.Thread(target=self._branch, args=(path, step, changes, stop), name="branch", daemon=True).start()
-
-    @property
-    def linked(self) -> Listeners:
-        """Notified when the words of a link change."""
-        return self.changed
-
-    @property
-    def model_shown(self) -> str:
-        """The name of the recorded model, as far as it is one of the page."""
-        return self.model_name
 
     def words(self) -> dict[str, str]:
         """Return the open recording, unless it was uploaded, and the displayed step, as words of a link."""
@@ -497,7 +486,7 @@ class Replaying:
 
     def _branch(self, path: Path, step: int, changes: dict[str, Any], stop: threading.Event) -> None:
         try:
-            (settings, seed), name = self._origin(), self.model_name
+            (settings, seed), name = self._origin(), self.model_shown
             watch = self._watch(step, stop)
             model = cast(SwarmModel, resume_watched(Recording(path), find_model(name), step, changes, watch))
         except StoppedError:
@@ -535,14 +524,14 @@ class Replaying:
     def _origin(self) -> tuple[dict[str, Any], int]:
         """Return the parameters and the seed of the recorded model."""
         facts = self.provenance
-        if not self.model_name:
+        if not self.model_shown:
             raise RecordingError(
                 f"{facts['model']['name']} is not a model of this page; in Python use `resume` of its class"
             )
         settings = self.parameters
         if "n_robots" in settings:
             check_count("n_robots", settings["n_robots"], maximum=MOST_ROBOTS)
-        if "map" in parameters_of(find_model(self.model_name)):
+        if "map" in parameters_of(find_model(self.model_shown)):
             settings["map"] = _chart_of(facts)
         seed = facts["seed"]
         if not isinstance(seed, int) or not 0 <= seed <= LARGEST_SEED:

@@ -16,15 +16,6 @@ const LOG_AXES = { "over time": ["y"], histogram: ["x"], "phase plot": ["x", "y"
 // Of values at the pointer; others are in the key.
 const MOST_READ = 8;
 
-/** Round numbers that divide a range into about this number of parts. */
-function ticks(low, high, parts) {
-  const rough = (high - low) / parts, power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= rough * 0.999);
-  const found = [];
-  for (let k = Math.ceil(low / step - 1e-9) ; k * step <= high + step * 1e-9; k++) found.push(k * step + 0);
-  return found;
-}
-
 /** Powers of ten, where there are few of them also 2 and 5 times as much, at most six in all. */
 function logTicks(low, high) {
   const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high)), found = [];
@@ -338,8 +329,7 @@ class ChartView {
   take(news, arrays, lookedAt, seconds) {
     this.#content = new CONTENTS[this.kind](news, arrays, lookedAt, seconds ?? null);
     this.element.dataset.points = news.points;
-    this.#parts.note.textContent = news.note;
-    this.#parts.note.hidden = !news.note;
+    showText(this.#parts.note, news.note);
     this.draw();
   }
 
@@ -369,11 +359,7 @@ class ChartView {
   draw() {
     const content = this.#content, { canvas } = this.#parts, width = canvas.clientWidth, height = canvas.clientHeight;
     if (!content || !width) return;
-    const palette = PALETTE[themeAround(this.element)], context = canvas.getContext("2d");
-    const ratio = (devicePixelRatio || 1) * (canvas.currentCSSZoom ?? 1);
-    canvas.width = width * ratio;
-    canvas.height = height * ratio;
-    context.scale(ratio, ratio);
+    const palette = PALETTE[themeAround(this.element)], context = sizedContext(canvas, width, height);
     context.font = "11px system-ui, sans-serif";
     if (this.#at !== null && this.#at >= content.count) this.#at = content.count ? content.count - 1 : null;
     this.#place = this.#axes(context, width, height, palette);
@@ -395,7 +381,7 @@ class ChartView {
       context.fillText(content.news.note ? "no values" : "no numbers yet", left, height / 2);
       return null;
     }
-    const rises = y.log ? logTicks(...ranges.y) : ticks(ranges.y[0], ranges.y[1], 3), step = rises[1] - rises[0] || 1;
+    const rises = y.log ? logTicks(...ranges.y) : roundNumbers(ranges.y[0], ranges.y[1], 3)[0], step = rises[1] - rises[0] || 1;
     const top1 = y.log || this.kind === "phase plot" ? ranges.y[1] : Math.max(ranges.y[1], ranges.y[0] + step * Math.ceil((ranges.y[1] - ranges.y[0]) / step - 0.25));
     const place = {
       x: scaleOf(...ranges.x, x.log, left, width - right),
@@ -408,7 +394,7 @@ class ChartView {
     context.fillText(this.#cut(context, x.label, width - left), beside ? width - 2 : (left + width - right) / 2, height - 4);
     context.textBaseline = "middle";
     context.beginPath();
-    for (const value of y.log ? rises : ticks(ranges.y[0], top1, 3)) {
+    for (const value of y.log ? rises : roundNumbers(ranges.y[0], top1, 3)[0]) {
       if (this.kind === "histogram" && !Number.isInteger(value)) continue;
       const at = Math.round(place.y(value)) + 0.5;
       context.moveTo(left, at);
@@ -437,7 +423,7 @@ class ChartView {
     };
     context.textBaseline = "alphabetic";
     context.textAlign = "center";
-    const even = (parts) => fitting(ticks(low * seconds, high * seconds, parts)), few = log || degrees ? [] : even(4);
+    const even = (parts) => fitting(roundNumbers(low * seconds, high * seconds, parts)[0]), few = log || degrees ? [] : even(4);
     const found = log ? fitting(logTicks(low, high)) : degrees ? fitting([-180, -90, 0, 90, 180]) : few.length < 3 ? even(8) : few;
     for (const [text, x] of found) context.fillText(text, x, place.bottom + 13);
   }
@@ -545,66 +531,38 @@ class AddChart {
 }
 
 /** All charts of a board, and the control that adds one. */
-class BoardView {
-  #model; #root; #views = new Map(); #adding; #stack; #fault; #downloads; #leave = [];
+class BoardView extends View {
+  #views = new Map(); #adding; #stack; #fault;
 
   constructor(model, root) {
-    this.#model = model;
-    this.#root = root;
-    this.#downloads = new ReceivedFiles(model);
-    root.classList.add("swarm-charts");
+    super(model, root, "swarm-charts");
     this.#stack = make("div", {});
     this.#fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
-    this.#adding = new AddChart(model, (message) => this.#send(message));
+    this.#adding = new AddChart(model, (message) => this.send(message));
     root.append(make("div", { class: "swarm-head" }, make("h2", {}, "Charts"), this.#adding.element), this.#fault, this.#stack);
-    this.#follow("choices", () => this.#adding.fill());
-    this.#follow("shown", () => this.#build());
-    this.#follow("fault", () => this.#warn());
-    const receive = (message, buffers) => this.#receive(message, buffers);
-    model.on("msg:custom", receive);
-    this.#leave.push(() => model.off("msg:custom", receive));
-    const close = (event) => this.#adding.element.contains(event.target) || (this.#adding.element.open = false);
-    document.addEventListener("pointerdown", close);
-    this.#leave.push(() => document.removeEventListener("pointerdown", close));
-    const sized = new ResizeObserver(() => this.#redraw()), seen = () => this.#look();
-    sized.observe(root);
-    this.#leave.push(watchTheme(root, () => this.#redraw()));
-    document.addEventListener("visibilitychange", seen);
-    this.#leave.push(() => (sized.disconnect(), document.removeEventListener("visibilitychange", seen)));
-    this.#build();
-    this.#warn();
-    seen();
-  }
-
-  destroy() {
-    this.#leave.forEach((leave) => leave());
+    const fault = () => showText(this.#fault, model.get("fault"));
+    this.follow({ choices: () => this.#adding.fill(), shown: () => this.#build(), fault });
+    this.receive((message, buffers) => this.#take(message, buffers));
+    this.listen(document, "pointerdown", (event) => this.#adding.element.contains(event.target) || (this.#adding.element.open = false));
+    this.listen(document, "visibilitychange", () => this.#look());
+    const sizes = new ResizeObserver(() => this.#redraw());
+    sizes.observe(root);
+    this.atEnd(() => sizes.disconnect());
+    this.atEnd(watchTheme(root, () => this.#redraw()));
+    this.#look();
   }
 
   #look() {
     try {
-      this.#send({ do: "look", value: !document.hidden });
+      this.send({ do: "look", value: !document.hidden });
     } catch {
       // The page is being closed: the connection has ended.
     }
   }
 
-  #send(message) {
-    this.#model.send(message);
-  }
-
-  #follow(name, act) {
-    this.#model.on(`change:${name}`, act);
-    this.#leave.push(() => this.#model.off(`change:${name}`, act));
-  }
-
-  #warn() {
-    this.#fault.textContent = this.#model.get("fault");
-    this.#fault.hidden = !this.#model.get("fault");
-  }
-
   #build() {
-    const shown = this.#model.get("shown"), before = this.#views;
-    this.#views = new Map(shown.map((one) => [one.id, before.get(one.id) ?? new ChartView(one, (message) => this.#send(message))]));
+    const shown = this.model.get("shown"), before = this.#views;
+    this.#views = new Map(shown.map((one) => [one.id, before.get(one.id) ?? new ChartView(one, (message) => this.send(message))]));
     for (const one of shown) this.#views.get(one.id).settle(one.log);
     const wanted = [...this.#views.values()].map((one) => one.element);
     for (const one of [...this.#stack.children]) if (!wanted.includes(one)) one.remove();
@@ -618,23 +576,17 @@ class BoardView {
     this.#views.forEach((view) => view.draw());
   }
 
-  #receive(message, buffers) {
-    if (this.#downloads.receive(message, buffers) || message.kind !== "curves") return;
+  #take(message, buffers) {
+    if (message.kind !== "curves") return;
     message.charts.forEach((news, k) => {
-      const bytes = buffers[k], copy = new Uint8Array(bytes.buffer ?? bytes, bytes.byteOffset ?? 0, bytes.byteLength).slice();
-      const numbers = new Float64Array(copy.buffer);
+      const numbers = new Float64Array(bytesOf(buffers[k]).buffer);
       let from = 0;
       const arrays = news.lengths.map((length) => numbers.subarray(from, (from += length)));
       this.#views.get(news.id)?.take(news, arrays, message.looked_at, message.seconds);
     });
-    this.#root.dataset.drawn = Number(this.#root.dataset.drawn ?? 0) + 1;
-    this.#send({ do: "drawn" });
+    this.root.dataset.drawn = Number(this.root.dataset.drawn ?? 0) + 1;
+    this.send({ do: "drawn" });
   }
 }
 
-export default {
-  render({ model, el }) {
-    const view = new BoardView(model, el);
-    return () => view.destroy();
-  },
-};
+export default shownBy(BoardView);

@@ -8,8 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any, Protocol, cast
+from typing import Any
 
 import anywidget
 import numpy as np
@@ -25,13 +24,13 @@ from mesa_swarm.base.wording import quantity
 from mesa_swarm.dashboard.page.robot_columns import Bins, Quantity, RobotValues, bin_values, values_of_session
 from mesa_swarm.dashboard.page.series import ChartTable, Curves, Plot, row_until
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Downloads, Link
+from mesa_swarm.dashboard.page.widgets import Link, view_script
+from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
 from mesa_swarm.model.gallery import short_name
-from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.figures import literal, plain_figure, png
-from mesa_swarm.viewing.play_loop import Listeners
-from mesa_swarm.viewing.player import PackedFrame, Past, Viewer
+from mesa_swarm.viewing.player import PackedFrame
 
 MOST_POINTS = 256
 POINTS_OF_A_PICTURE = 2048
@@ -113,6 +112,7 @@ class Axis:
 class TimeContent:
     """A chart over time: its curves, the exact last or displayed row, its axes."""
 
+    series: ChartTable
     chart: Plot
     curves: Curves
     row: tuple[int, np.ndarray] | None
@@ -126,7 +126,46 @@ class TimeContent:
         """Return the content of a chart of a series, with the exact row of a step."""
         chart, curves = series.chart(choice.what), series.curves(choice.what, most)
         y = Axis.of(chart_axis_label(chart), curves.low, "y" in choice.log)
-        return cls(chart, curves, series.exact(choice.what, step), Axis(time_label(series)), y)
+        return cls(series, chart, curves, series.exact(choice.what, step), Axis(time_label(series)), y)
+
+    def message(self) -> tuple[dict[str, Any], list[np.ndarray]]:
+        """Return what describes it, and first and last steps, means, and least and greatest numbers."""
+        chart, curves = self.chart, self.curves
+        parts = [curves.first, curves.steps, *curves.mean]
+        parts += [*curves.low, *curves.high] if curves.width > 1 else []
+        about = {
+            "names": list(chart.names),
+            "colours": "layers" if chart.key == "layers" else "series",
+            "points": len(curves.steps),
+            "banded": curves.width > 1,
+            "every": self.series.every,
+            "row": row_json(self.row),
+            "note": "; ".join(filter(None, [self.series.faults.get(chart.key, ""), self.y.note])),
+            **axes_json(self.x, replace(self.y, label=chart.unit or chart.title)),  # the name is above
+        }
+        return about, parts
+
+    def csv(self) -> bytes:
+        """Return all stored rows as CSV, with units in the header."""
+        steps, rows = self.series.rows(self.chart.key)
+        named = zip(self.chart.names, rows.T, strict=True)
+        columns = {with_unit(name, self.chart): in_whole(column) for name, column in named}
+        return csv_of_columns({**times_of(self.series, steps), **columns})
+
+    def figure(self) -> Figure:
+        """Return it as a figure: lines are means of groups of steps, bands their ranges."""
+        chart, curves = self.chart, self.curves
+        figure, axes = _figure(self.x, self.y, chart.title)
+        colours = colours_of(chart)
+        times = curves.steps * (self.series.seconds or 1)
+        for k, name in enumerate(chart.names):
+            colour, dashes = colours[k % len(colours)], DASHES[k // len(colours) % len(DASHES)]
+            axes.plot(times, curves.mean[k], label=literal(name), linewidth=1.3, color=colour, linestyle=dashes)
+            if curves.width > 1 and len(chart.names) <= 3:
+                axes.fill_between(times, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
+        if len(chart.names) > 1:
+            figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+        return figure
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,11 +212,40 @@ class HistogramContent:
         words = f"{without:,} robot{' has' if without == 1 else 's have'} no value" if without else ""
         return "; ".join(filter(None, [self.x.note, words]))
 
+    def message(self) -> tuple[dict[str, Any], list[np.ndarray]]:
+        """Return what describes it, and its edges and counts."""
+        about = {
+            "step": self.step,
+            "summary": self.summary,
+            "points": len(self.bins.counts),
+            "robots": int(self.bins.counts.sum()),
+            "degrees": self.quantity.is_direction,
+            "note": self.note,
+            **axes_json(self.x, self.y),
+        }
+        return about, [self.bins.edges, self.bins.counts]
+
+    def csv(self) -> bytes:
+        """Return its bins as CSV: from, to, robots."""
+        label, edges = self.quantity.label, self.bins.edges
+        return csv_of_columns({f"{label} from": edges[:-1], f"{label} to": edges[1:], "robots": self.bins.counts})
+
+    def figure(self) -> Figure:
+        """Return it as a figure."""
+        figure, axes = _figure(self.x, self.y, f"Step {self.step:,}: {self.summary}")
+        edges, colour = self.bins.edges, palette.LIGHT.series[0]
+        axes.bar(edges[:-1], self.bins.counts, np.diff(edges), align="edge", color=colour, alpha=0.85)
+        if self.quantity.is_direction:
+            axes.set_xticks(range(-180, 181, 90))
+        return figure
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseContent:
     """One curve against another, in the order of time; `mark` is the present or displayed point."""
 
+    series: ChartTable
+    choice: ChosenChart
     steps: np.ndarray
     across: np.ndarray
     up: np.ndarray
@@ -196,7 +264,51 @@ class PhaseContent:
         x, y = Axis.of(below, across, "x" in choice.log), Axis.of(beside, up, "y" in choice.log)
         mark = row_until(steps, np.column_stack([across, up]), step)
         rows = thin_places(both, most)
-        return cls(steps[rows], across[rows], up[rows], mark, x, y)
+        return cls(series, choice, steps[rows], across[rows], up[rows], mark, x, y)
+
+    def message(self) -> tuple[dict[str, Any], list[np.ndarray]]:
+        """Return what describes it, and steps and places of its points."""
+        note = "; ".join(f"{axis.label}: {axis.note}" for axis in (self.x, self.y) if axis.note)
+        about = {"points": len(self.steps), "row": row_json(self.mark), "note": note, **axes_json(self.x, self.y)}
+        return about, [self.steps, self.across, self.up]
+
+    def csv(self) -> bytes:
+        """Return all stored points as CSV."""
+        whole = PhaseContent.of(self.series, self.choice, most=sys.maxsize)
+        columns = {whole.x.label: in_whole(whole.across), whole.y.label: in_whole(whole.up)}
+        return csv_of_columns({**times_of(self.series, whole.steps), **columns})
+
+    def figure(self) -> Figure:
+        """Return it as a figure: coloured along time, with the present or displayed point."""
+        figure, axes = _figure(self.x, self.y, chart_title(self.choice, self.series))
+        points = np.column_stack([self.across, self.up])
+        times = self.steps * (self.series.seconds or 1)
+        colours = ListedColormap(palette.LIGHT.values)
+        norm = Normalize(times[0], max(times[-1], times[0] + 1)) if len(times) else Normalize(0, 1)
+        ways = list(np.stack([points[:-1], points[1:]], axis=1))
+        lines = LineCollection(ways, cmap=colours, norm=norm, linewidths=1.2)
+        lines.set_array(times[1:].astype(float))
+        axes.add_collection(lines)
+        if len(points):
+            axes.scatter(self.across, self.up, c=times, cmap=colours, norm=norm, s=4)
+        if self.mark is not None:
+            axes.plot(*self.mark[1], "o", markersize=8, markerfacecolor="none", color=palette.LIGHT.selection)
+        figure.colorbar(lines, ax=axes, label=time_label(self.series))
+        return figure
+
+
+# What one chart shows: for the browser by `message`, as a table by `csv`, as a figure for print by `figure`.
+ChartContent = TimeContent | HistogramContent | PhaseContent
+
+
+def chart_content(
+    choice: ChosenChart, series: ChartTable, robots: RobotValues, step: int | None, *, printed: bool = False
+) -> ChartContent:
+    """Return what a chart shows at a step; `printed` with more points than a browser draws."""
+    if choice.kind == HISTOGRAM:
+        return HistogramContent.of(robots, choice)
+    kind, most = (TimeContent, MOST_POINTS) if choice.kind == OVER_TIME else (PhaseContent, MOST_PHASE_POINTS)
+    return kind.of(series, choice, POINTS_OF_A_PICTURE if printed else most, step)
 
 
 def curve_of(series: ChartTable, label: str) -> tuple[np.ndarray, np.ndarray, str]:
@@ -231,26 +343,6 @@ def chart_title(choice: ChosenChart, series: ChartTable) -> str:
     return f"{choice.what} against {choice.against}" if choice.kind == PHASE_PLOT else f"Histogram of {choice.what}"
 
 
-def csv_of(series: ChartTable, key: str) -> bytes:
-    """Return all stored rows of one chart as CSV, with units in the header."""
-    chart, (steps, rows) = series.chart(key), series.rows(key)
-    columns = {with_unit(name, chart): column for name, column in zip(chart.names, rows.T, strict=True)}
-    return csv_of_columns({**times_of(series, steps), **{name: in_whole(c) for name, c in columns.items()}})
-
-
-def histogram_csv(content: HistogramContent) -> bytes:
-    """Return the bins of a histogram as CSV: from, to, robots."""
-    label, edges = content.quantity.label, content.bins.edges
-    return csv_of_columns({f"{label} from": edges[:-1], f"{label} to": edges[1:], "robots": content.bins.counts})
-
-
-def phase_csv(series: ChartTable, choice: ChosenChart) -> bytes:
-    """Return all stored points of a phase plot as CSV."""
-    content = PhaseContent.of(series, choice, most=sys.maxsize)
-    columns = {content.x.label: in_whole(content.across), content.y.label: in_whole(content.up)}
-    return csv_of_columns({**times_of(series, content.steps), **columns})
-
-
 def times_of(series: ChartTable, steps: np.ndarray) -> dict[str, np.ndarray]:
     """Return the columns of steps, and of times if they are known."""
     return {"step": steps, **({} if series.seconds is None else {"time (s)": steps * series.seconds})}
@@ -282,52 +374,6 @@ def time_label(series: ChartTable) -> str:
     return "step" if series.seconds is None else "time (s)"
 
 
-def figure_of(series: ChartTable, key: str, log: str = "") -> Figure:
-    """Return one chart as a figure for print: lines are means of groups of steps, bands their ranges."""
-    content = TimeContent.of(series, ChosenChart(OVER_TIME, key, log=log), POINTS_OF_A_PICTURE)
-    chart, curves = content.chart, content.curves
-    figure, axes = _figure(content.x, content.y, chart.title)
-    colours = colours_of(chart)
-    times = curves.steps * (series.seconds or 1)
-    for k, name in enumerate(chart.names):
-        colour, dashes = colours[k % len(colours)], DASHES[k // len(colours) % len(DASHES)]
-        axes.plot(times, curves.mean[k], label=literal(name), linewidth=1.3, color=colour, linestyle=dashes)
-        if curves.width > 1 and len(chart.names) <= 3:
-            axes.fill_between(times, curves.low[k], curves.high[k], color=colour, alpha=0.15, linewidth=0)
-    if len(chart.names) > 1:
-        figure.legend(loc="outside right upper", frameon=False, fontsize=9)
-    return figure
-
-
-def histogram_figure(content: HistogramContent) -> Figure:
-    """Return a histogram as a figure for print."""
-    figure, axes = _figure(content.x, content.y, f"Step {content.step:,}: {content.summary}")
-    edges = content.bins.edges
-    axes.bar(edges[:-1], content.bins.counts, np.diff(edges), align="edge", color=palette.LIGHT.series[0], alpha=0.85)
-    if content.quantity.is_direction:
-        axes.set_xticks(range(-180, 181, 90))
-    return figure
-
-
-def phase_figure(series: ChartTable, choice: ChosenChart, step: int | None = None) -> Figure:
-    """Return a phase plot as a figure for print: coloured along time, with the present or displayed point."""
-    content = PhaseContent.of(series, choice, POINTS_OF_A_PICTURE, step)
-    figure, axes = _figure(content.x, content.y, chart_title(choice, series))
-    points = np.column_stack([content.across, content.up])
-    times = content.steps * (series.seconds or 1)
-    colours = ListedColormap(palette.LIGHT.values)
-    norm = Normalize(times[0], max(times[-1], times[0] + 1)) if len(times) else Normalize(0, 1)
-    lines = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)), cmap=colours, norm=norm, linewidths=1.2)
-    lines.set_array(times[1:].astype(float))
-    axes.add_collection(lines)
-    if len(points):
-        axes.scatter(content.across, content.up, c=times, cmap=colours, norm=norm, s=4)
-    if content.mark is not None:
-        axes.plot(*content.mark[1], "o", markersize=8, markerfacecolor="none", color=palette.LIGHT.selection)
-    figure.colorbar(lines, ax=axes, label=time_label(series))
-    return figure
-
-
 def _figure(x: Axis, y: Axis, title: str) -> tuple[Figure, Axes]:
     figure, ((axes,),) = plain_figure((7, 3.6))
     axes.set(title=literal(title), xlabel=literal(x.label), ylabel=literal(y.label))
@@ -353,38 +399,10 @@ FIRST = ("at_fires",)
 LATER = ("layers", "collisions", "fire_temperature", "total_collisions")
 
 
-class ChartSource(Protocol):
-    """What has charts: a session that plays a model, or a player of a recording."""
-
-    name: str
-    chosen_charts: dict[str, list[str]]
-    changed: Listeners
-
-    @property
-    def past(self) -> Past:
-        """The stored steps, one of which is displayed."""
-
-    @property
-    def series(self) -> ChartTable:
-        """The measurements."""
-
-    @property
-    def playing(self) -> bool:
-        """Whether it is played."""
-
-    def add_viewer(self, viewer: Viewer) -> None:
-        """Send frames to a viewer from now on."""
-
-    def remove_viewer(self, viewer: Viewer) -> None:
-        """Send no more frames to a viewer."""
-
-
 class ChartBoard(anywidget.AnyWidget):
     """Charts drawn in the browser."""
 
-    _esm = palette.palette_script() + text_of(
-        "viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/charts.js"
-    )
+    _esm = palette.palette_script() + view_script("dashboard/run/charts.js")
     # What can be shown, by kind: pairs of a name and its text; and what is shown: id, kind, title and log of each.
     choices = traitlets.Dict().tag(sync=True)
     shown: traitlets.List[dict[str, Any]] = traitlets.List().tag(sync=True)
@@ -395,32 +413,26 @@ class Charting(Link):
     """Connects a chart board and the measurements of a session or of a recording.
 
     Numbers are sent while the page is visible and has drawn the last ones, at most every `EVERY` seconds while the
-    model is played. `robots` returns the quantities of robots; `clock` returns seconds far above 0.
+    model is played; `clock` returns seconds far above 0.
     """
-
-    ready = False  # charts alone need no picture
 
     def __init__(
         self,
         board: ChartBoard,
-        session: ChartSource,
-        robots: Callable[[], RobotValues] | None = None,
+        session: Session | ReplayPlayer,
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.board, self.session, self.clock = board, session, clock
-        self._robots = robots
-        self._downloads = Downloads(board)
         self._lock = threading.Lock()
         self._looked_at: int | None = None
         self._looks = self._waits = False
         self._busy = self._sent_at = 0.0
         self._rows = 0
         self._keys: tuple[str, ...] = ()
-        leave_view = partial(session.remove_viewer, self)
-        self.connect(board, session.changed.add(self.refresh), leave_view, self._downloads.close)
+        self.connect(board, session.changed.add(self.refresh))
         self.refresh()
-        session.add_viewer(self)
+        self.watch(session)
 
     def refresh(self) -> None:
         """Show which charts there are; send them if others are chosen, or if there are more numbers at rest."""
@@ -464,8 +476,6 @@ class Charting(Link):
                     self._carry_out(request, ChosenChart.of(str(value)), str(message.get("axis", "")))
                 except SwarmError as problem:
                     self.board.fault = reported(problem)
-            case _:
-                self._downloads.hear(message)
 
     def _carry_out(self, request: str, choice: ChosenChart, axis: str) -> None:
         self.board.fault = ""
@@ -512,11 +522,10 @@ class Charting(Link):
 
     def _values(self, *, at_present: bool = False) -> RobotValues:
         """Return the quantities of robots, measured when they are needed: hold the lock of a session meanwhile."""
-        if self._robots is not None:
-            return self._robots()
-        session = cast(Session, self.session)
-        with session.lock:
-            return values_of_session(session, at_present=at_present)
+        with self.session.lock:
+            if isinstance(self.session, ReplayPlayer):
+                return self.session.robots_shown()
+            return values_of_session(self.session, at_present=at_present)
 
     def _send_if_free(self) -> None:
         """Send the numbers if the page is visible and has drawn the last ones."""
@@ -534,21 +543,17 @@ class Charting(Link):
         charts = self._available()
         if all(chart.kind != HISTOGRAM for chart in charts):
             return message_of(self.session.series, charts, RobotValues(0), step)
-        # A histogram is measured while the model rests between two steps.
-        lock = getattr(self.session, "lock", threading.RLock())
-        with lock:
+        with self.session.lock:  # a histogram is measured while the model rests between two steps
             return message_of(self.session.series, charts, self._values(), step)
 
     def _hand_over(self, choice: ChosenChart, kind: str) -> None:
         """Make a file in a thread, since a picture takes a while, and send it."""
-        series, step = self.session.series, self._looked_at
         robots = self._values() if choice.kind == HISTOGRAM else RobotValues(0)
-        histogram = HistogramContent.of(robots, choice) if choice.kind == HISTOGRAM else None
+        content = chart_content(choice, self.session.series, robots, self._looked_at, printed=True)
         name = f"{short_name(self.session.name)}_{file_name(choice, robots.step)}.{kind}"
 
         def work() -> None:
-            table, figure = chart_files(series, choice, histogram, step)
-            self._downloads.send(name, table() if kind == "csv" else png(figure()))
+            self.downloads.send(name, content.csv() if kind == "csv" else png(content.figure()))
 
         threading.Thread(target=work, name="chart", daemon=True).start()
 
@@ -595,54 +600,16 @@ def message_of(
     series: ChartTable, charts: Sequence[ChosenChart], robots: RobotValues, step: int | None
 ) -> tuple[list[dict], list[bytes]]:
     """Return descriptions of charts for the browser, and a float64 buffer each: see the top of ``charts.js``."""
-    makers: dict[str, Callable[[ChosenChart], tuple[dict, list[np.ndarray]]]] = {
-        OVER_TIME: lambda choice: curves_message(TimeContent.of(series, choice, step=step), series),
-        HISTOGRAM: lambda choice: histogram_message(HistogramContent.of(robots, choice)),
-        PHASE_PLOT: lambda choice: phase_message(PhaseContent.of(series, choice, step=step)),
-    }
     descriptions, buffers = [], []
     for choice in charts:
         try:
-            about, arrays = makers[choice.kind](choice)
+            about, arrays = chart_content(choice, series, robots, step).message()
         except UnknownNameError:  # the model has just lost it
             continue
         lengths = [len(array) for array in arrays]
         descriptions.append({"id": replace(choice, log="").text, "kind": choice.kind, "lengths": lengths, **about})
         buffers.append(np.concatenate(arrays).astype("<f8").tobytes())
     return descriptions, buffers
-
-
-def curves_message(content: TimeContent, series: ChartTable) -> tuple[dict, list[np.ndarray]]:
-    """Return what describes a chart over time, and first and last steps, means, and least and greatest numbers."""
-    chart, curves = content.chart, content.curves
-    parts = [curves.first, curves.steps, *curves.mean]
-    parts += [*curves.low, *curves.high] if curves.width > 1 else []
-    about = {
-        "names": list(chart.names),
-        "colours": "layers" if chart.key == "layers" else "series",
-        "points": len(curves.steps),
-        "banded": curves.width > 1,
-        "every": series.every,
-        "row": row_json(content.row),
-        "note": "; ".join(filter(None, [series.faults.get(chart.key, ""), content.y.note])),
-        **axes_json(content.x, replace(content.y, label=chart.unit or chart.title)),  # the name is above
-    }
-    return about, parts
-
-
-def histogram_message(content: HistogramContent) -> tuple[dict, list[np.ndarray]]:
-    """Return what describes a histogram, and its edges and counts."""
-    about: dict[str, Any] = {"step": content.step, "summary": content.summary, "points": len(content.bins.counts)}
-    about["robots"] = int(content.bins.counts.sum())
-    about |= {"degrees": content.quantity.is_direction, "note": content.note, **axes_json(content.x, content.y)}
-    return about, [content.bins.edges, content.bins.counts]
-
-
-def phase_message(content: PhaseContent) -> tuple[dict, list[np.ndarray]]:
-    """Return what describes a phase plot, and steps and places of its points."""
-    note = "; ".join(f"{axis.label}: {axis.note}" for axis in (content.x, content.y) if axis.note)
-    about = {"points": len(content.steps), "row": row_json(content.mark), "note": note}
-    return {**about, **axes_json(content.x, content.y)}, [content.steps, content.across, content.up]
 
 
 def axes_json(x: Axis, y: Axis) -> dict[str, dict]:
@@ -655,14 +622,3 @@ def row_json(row: tuple[int, np.ndarray] | None) -> dict[str, Any] | None:
     if row is None:
         return None
     return {"step": row[0], "values": [float(value) if np.isfinite(value) else None for value in row[1]]}
-
-
-def chart_files(
-    series: ChartTable, choice: ChosenChart, histogram: HistogramContent | None, step: int | None
-) -> tuple[Callable[[], bytes], Callable[[], Figure]]:
-    """Return what makes the CSV and the figure of a chart."""
-    if histogram is not None:
-        return partial(histogram_csv, histogram), partial(histogram_figure, histogram)
-    if choice.kind == PHASE_PLOT:
-        return partial(phase_csv, series, choice), partial(phase_figure, series, choice, step)
-    return partial(csv_of, series, choice.what), partial(figure_of, series, choice.what, choice.log)

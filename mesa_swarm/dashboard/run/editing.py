@@ -10,12 +10,12 @@ import traitlets
 from mesa_swarm.base.errors import InvalidValueError, check_choice
 from mesa_swarm.dashboard.page.edits import EDITS, SET, Edit, find_thing_at
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Downloads, Link
+from mesa_swarm.dashboard.page.widgets import Link, view_script
 from mesa_swarm.fire.fires import Fire
 from mesa_swarm.maps.map import FireSpot, Map
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import palette, text_of
+from mesa_swarm.viewing import palette
 from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.world.bodies import Body, Load
 
@@ -47,9 +47,7 @@ def describe_edit(edit: Edit) -> str:
 class Editor(anywidget.AnyWidget):
     """The tools in the browser."""
 
-    _esm = palette.palette_script() + text_of(
-        "viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/editor.js"
-    )
+    _esm = palette.palette_script() + view_script("dashboard/run/editor.js")
     # What undo would do, why the last change was refused, how many there were, whether the model takes a map.
     status = traitlets.Dict().tag(sync=True)
 
@@ -59,10 +57,9 @@ class Editing(Link):
 
     def __init__(self, editor: Editor, session: Session) -> None:
         self.editor, self.session = editor, session
-        self._downloads = Downloads(editor)
         self._fault = ""
         self._dragged: Dragging | None = None
-        self.connect(editor, session.changed.add(self.refresh), self._downloads.close)
+        self.connect(editor, session.changed.add(self.refresh))
         self.refresh()
 
     def refresh(self) -> None:
@@ -78,8 +75,6 @@ class Editing(Link):
 
     def act(self, message: dict, buffers: Sequence = ()) -> None:
         """Carry out a message from the browser, or show why not."""
-        if self._downloads.hear(message):
-            return
         acts: dict[str, Callable[[dict], object]] = {
             "use": lambda edit: self.use(str(edit["tool"]), edit["values"], edit.get("near", 0.0), edit.get("like")),
             "grab": lambda edit: self.grab(edit["values"][0], edit["values"][1], edit.get("near", 0.0)),
@@ -142,7 +137,7 @@ class Editing(Link):
         with self.session.lock:
             chart = edited_map(self._model, DRAWN)
         text = chart.to_toml() if check_choice("kind", kind, ("toml", "svg")) == "toml" else chart.to_svg()
-        threading.Thread(target=self._downloads.send, args=(f"{DRAWN}.{kind}", text.encode()), daemon=True).start()
+        threading.Thread(target=self.downloads.send, args=(f"{DRAWN}.{kind}", text.encode()), daemon=True).start()
 
     def _move(self, target: Robot | Body, x: float, y: float) -> None:
         self.session.edit("move", target.unique_id, x, y, _heading(target))

@@ -44,54 +44,42 @@ function toolButton(icon, label, act) {
   return make("button", { type: "button", title: label, "aria-label": label, click: act }, toolIcon(icon));
 }
 
-class EditorView {
-  #model; #root; #parts = {}; #tool = null; #from = null; #to = null; #sent = 0; #canvas = null; #leave = [];
+class EditorView extends View {
+  #parts = {}; #tool = null; #from = null; #to = null; #sent = 0; #canvas = null; #search = 0;
 
   constructor(model, root) {
-    this.#model = model;
-    this.#root = root;
+    super(model, root);
     this.#build();
-    const files = new ReceivedFiles(model), receive = (message, buffers) => files.receive(message, buffers);
-    model.on("msg:custom", receive);
-    const show = () => this.#show();
-    model.on("change:status", show);
-    const key = (event) => this.#hearKey(event);
-    document.addEventListener("keydown", key);
-    this.#leave.push(() => (model.off("msg:custom", receive), model.off("change:status", show), document.removeEventListener("keydown", key)));
-    this.#asked = requestAnimationFrame(() => this.#find());
-    this.#show();
+    this.receive();
+    this.follow({ status: () => this.#show() });
+    this.listen(document, "keydown", (event) => this.#hearKey(event));
+    this.#search = requestAnimationFrame(() => this.#find());
+    this.atEnd(() => this.#remove());
   }
 
-  #asked = 0;
-
-  destroy() {
-    cancelAnimationFrame(this.#asked);
-    this.#leave.forEach((leave) => leave());
+  #remove() {
+    cancelAnimationFrame(this.#search);
     this.#parts.box.remove();
     if (this.#canvas?.stage) this.#canvas.stage.tool = null;
   }
-
-  #send(message) { this.#model.send(message); }
 
   #hearKey(event) {
     if (event.key === "Escape" && this.#tool) this.#choose(null);
     const typing = event.target instanceof Element && event.target.closest("input[type=text], textarea, select");
     if (event.key !== "z" || !(event.ctrlKey || event.metaKey) || typing || this.#parts.undo.disabled) return;
     event.preventDefault();
-    this.#send({ do: "undo" });
+    this.send({ do: "undo" });
   }
 
   /** Find the canvas beside it, which may come later, and put the tools upon it. */
   #find() {
-    this.#canvas = this.#root.closest(".swarm-watch")?.querySelector(".swarm-stage canvas") ?? null;
+    this.#canvas = this.root.closest(".swarm-watch")?.querySelector(".swarm-stage canvas") ?? null;
     if (!this.#canvas) {
-      this.#asked = requestAnimationFrame(() => this.#find());
+      this.#search = requestAnimationFrame(() => this.#find());
       return;
     }
     this.#canvas.parentElement.append(this.#parts.box);
-    const entered = () => this.#use();
-    this.#canvas.addEventListener("swarm-stage", entered);
-    this.#leave.push(() => this.#canvas.removeEventListener("swarm-stage", entered));
+    this.listen(this.#canvas, "swarm-stage", () => this.#use());
     this.#use();
   }
 
@@ -103,8 +91,8 @@ class EditorView {
       return button;
     });
     parts.form = make("form", { class: "swarm-place", submit: (event) => (event.preventDefault(), this.#place()) });
-    parts.undo = toolButton("undo", "Nothing to undo", () => this.#send({ do: "undo" }));
-    const action = (label, message, about = label) => make("button", { type: "button", title: about, click: () => this.#send(message) }, label);
+    parts.undo = toolButton("undo", "Nothing to undo", () => this.send({ do: "undo" }));
+    const action = (label, message, about = label) => make("button", { type: "button", title: about, click: () => this.send(message) }, label);
     parts.apply = action("Use as map", { do: "apply" }, "Reset, and run the model on the map as it is now");
     parts.hint = make("p", { class: "swarm-hint" });
     parts.fault = make("p", { class: "swarm-fault", role: "alert", hidden: true });
@@ -119,14 +107,13 @@ class EditorView {
   }
 
   #show() {
-    const { undo = "", fault = "", edits = [], takes_map: takesMap = false } = this.#model.get("status"), parts = this.#parts;
+    const { undo = "", fault = "", edits = [], takes_map: takesMap = false } = this.model.get("status"), parts = this.#parts;
     parts.edits.replaceChildren(...edits.map((text) => make("li", {}, text)));
     parts.edits.hidden = !edits.length;
     parts.undo.disabled = !undo;
     parts.undo.title = undo || "Nothing to undo";
     parts.undo.setAttribute("aria-label", parts.undo.title);
-    parts.fault.textContent = fault;
-    parts.fault.hidden = !fault;
+    showText(parts.fault, fault);
     parts.apply.hidden = !takesMap;
   }
 
@@ -157,7 +144,7 @@ class EditorView {
   #place() {
     const values = [...this.#parts.form.querySelectorAll("input")].map((input) => Number(input.value.replace(",", ".")));
     if (this.#tool === "robot") values[2] *= Math.PI / 180;
-    this.#send({ do: "use", tool: this.#tool, values, like: this.#canvas?.stage?.selected ?? null });
+    this.send({ do: "use", tool: this.#tool, values, like: this.#canvas?.stage?.selected ?? null });
   }
 
   get #size() {
@@ -183,7 +170,7 @@ class EditorView {
 
   #press({ x, y }) {
     this.#from = this.#to = { x, y };
-    if (this.#tool === "move") this.#send({ do: "grab", values: [x, y], near: this.#near });
+    if (this.#tool === "move") this.send({ do: "grab", values: [x, y], near: this.#near });
     return true;
   }
 
@@ -192,7 +179,7 @@ class EditorView {
     const now = performance.now();
     if (this.#tool !== "move" || now - this.#sent < DRAG_EVERY) return;
     this.#sent = now;
-    this.#send({ do: "drag", values: [x, y] });
+    this.send({ do: "drag", values: [x, y] });
   }
 
   #release({ x, y }) {
@@ -200,12 +187,12 @@ class EditorView {
     this.#from = this.#to = null;
     if (this.#tool === "move") {
       this.#fill({ x: from.x, y: from.y, toX: x, toY: y });
-      this.#send({ do: "drop", values: [x, y] });
+      this.send({ do: "drop", values: [x, y] });
       return;
     }
     const values = this.#values(from, { x, y });
     this.#fill({ ...values, heading: (values.heading * 180) / Math.PI });
-    this.#send({ do: "use", tool: this.#tool, values: TOOLS[this.#tool].fields.map((name) => values[name]), near: this.#near, like: this.#canvas.stage.selected });
+    this.send({ do: "use", tool: this.#tool, values: TOOLS[this.#tool].fields.map((name) => values[name]), near: this.#near, like: this.#canvas.stage.selected });
   }
 
   /** Return the numbers of the tool after a drag between two places. */
@@ -232,9 +219,4 @@ class EditorView {
   }
 }
 
-export default {
-  render({ model, el }) {
-    const view = new EditorView(model, el);
-    return () => view.destroy();
-  },
-};
+export default shownBy(EditorView);

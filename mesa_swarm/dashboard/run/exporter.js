@@ -1,34 +1,20 @@
 /* Export from the page. Python sends the kinds of files (kinds) and the state (status); the user requests a file, which
-   arrives in pieces (downloads.js), or switches recording on. A picture of the screen is made in the browser. */
+   arrives in pieces (view.js), or switches recording on. A picture of the screen is made in the browser. */
 
 const SCREEN = ["screen", "Picture as on screen (PNG)", false];
 
-class ExportForm {
-  #model; #root; #parts = {}; #downloads; #leave = []; #requested = false;
+class ExportForm extends View {
+  #parts = {}; #requested = false;
 
   constructor(model, root) {
-    this.#model = model;
-    this.#root = root;
-    this.#downloads = new ReceivedFiles(model);
-    root.classList.add("swarm-export");
+    super(model, root, "swarm-export");
     this.#build(root);
-    for (const [name, act] of [["kinds", () => this.#list()], ["status", () => this.#show()]]) {
-      model.on(`change:${name}`, act);
-      this.#leave.push(() => model.off(`change:${name}`, act));
-    }
-    const receive = (message, buffers) => this.#downloads.receive(message, buffers);
-    model.on("msg:custom", receive);
-    this.#leave.push(() => model.off("msg:custom", receive));
-    this.#list();
-    this.#show();
-  }
-
-  destroy() {
-    this.#leave.forEach((leave) => leave());
+    this.receive();
+    this.follow({ kinds: () => this.#list(), status: () => this.#show() });
   }
 
   #build(root) {
-    const parts = this.#parts, send = (message) => this.#model.send(message);
+    const parts = this.#parts, send = (message) => this.send(message);
     parts.record = make("button", { type: "button", "aria-pressed": "false", click: () => send({ do: "record", value: parts.record.getAttribute("aria-pressed") !== "true" }) }, make("i"), make("span", {}, "Record"));
     parts.recorded = make("p", { class: "swarm-hint" });
     parts.kind = make("select", { "aria-label": "Kind of file", change: () => this.#show() });
@@ -53,7 +39,7 @@ class ExportForm {
   }
 
   get #kinds() {
-    const [first, ...others] = this.#model.get("kinds");
+    const [first, ...others] = this.model.get("kinds");
     return [first, SCREEN, ...others];
   }
 
@@ -65,14 +51,13 @@ class ExportForm {
   }
 
   #show() {
-    const status = this.#model.get("status"), parts = this.#parts;
+    const status = this.model.get("status"), parts = this.#parts;
     if (status.doing === undefined) return;
     const [kind, , whole] = this.#kinds.find(([key]) => key === parts.kind.value) ?? ["", "", false];
     parts.record.setAttribute("aria-pressed", status.recording);
     parts.record.lastChild.textContent = status.recording ? "Stop recording" : "Record";
     parts.record.title = status.recording ? "Stop recording; the recorded steps stay" : "Record from the next step on; replaces the recording before";
-    parts.recorded.hidden = !(status.recorded || status.ended);
-    parts.recorded.textContent = status.ended || (status.recorded && `Recorded: ${status.recorded}`);
+    showText(parts.recorded, status.ended || (status.recorded && `Recorded: ${status.recorded}`));
     this.#sources(status, whole);
     parts.every.hidden = !kind.includes(".");
     parts.sectorsLabel.hidden = !["png", "svg", "gif", "mp4"].includes(kind);
@@ -83,11 +68,8 @@ class ExportForm {
     parts.doing.textContent = status.doing;
     if (status.progress === null) parts.bar.removeAttribute("value");
     else parts.bar.value = status.progress;
-    // Text that is set anew would be read out again.
-    if (parts.message.textContent !== status.message) parts.message.textContent = status.message;
-    parts.message.hidden = !status.message;
-    if (parts.fault.textContent !== status.fault) parts.fault.textContent = status.fault;
-    parts.fault.hidden = !status.fault;
+    showText(parts.message, status.message);
+    showText(parts.fault, status.fault);
     if (this.#requested && !busy && (status.fault || status.message)) {
       this.#requested = false;
       parts[status.fault ? "fault" : "message"].scrollIntoView({ block: "nearest" });
@@ -113,20 +95,15 @@ class ExportForm {
     if (kind.value === SCREEN[0]) return this.#saveScreen();
     const value = { kind: kind.value, source: source.value || "run", every: Number(every.value), sectors: sectors.checked, trails: trails.checked };
     this.#requested = true;
-    return this.#model.send({ do: "export", value });
+    return this.send({ do: "export", value });
   }
 
   /** Save the canvas as it is: zoomed, with what is shown, in the pixels of the screen. */
   #saveScreen() {
-    const canvas = this.#root.closest(".swarm-watch").querySelector(".swarm-stage canvas");
-    const name = `${this.#model.get("status").name}_${canvas.step}_screen.png`;
+    const canvas = this.root.closest(".swarm-watch").querySelector(".swarm-stage canvas");
+    const name = `${this.model.get("status").name}_${canvas.step}_screen.png`;
     canvas.toBlob((picture) => picture && save(name, picture), "image/png");
   }
 }
 
-export default {
-  render({ model, el }) {
-    const view = new ExportForm(model, el);
-    return () => view.destroy();
-  },
-};
+export default shownBy(ExportForm);

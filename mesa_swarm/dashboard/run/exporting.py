@@ -6,9 +6,8 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from io import BufferedReader
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,17 +17,17 @@ import anywidget
 import traitlets
 
 from mesa_swarm.base.errors import ExportError, InvalidValueError, RecordingError, SwarmError, check_choice, check_count
-from mesa_swarm.dashboard.page.live_run import Repetition
+from mesa_swarm.dashboard.page.edits import Repetition
 from mesa_swarm.dashboard.page.session import Session
-from mesa_swarm.dashboard.page.widgets import Downloads, Link
+from mesa_swarm.dashboard.page.widgets import Link, view_script
 from mesa_swarm.experiments.worker_pool import ending_with_us
 from mesa_swarm.model.gallery import short_name
 from mesa_swarm.model.observers import Observer
 from mesa_swarm.recording.recorder import Recorder, record
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.pictures import Shown, frame_and_scene, png, svg, world_figure
+from mesa_swarm.viewing.play_loop import Listeners
 from mesa_swarm.viewing.player import PackedFrame
 
 # Largest size of a recording, bytes.
@@ -199,9 +198,9 @@ class Exporting:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self._deliver: Callable[[str, bytes | Path], None] | None = None
-        self._notify: Callable[[], None] = lambda: None
-        self._undelivered: tuple[str, bytes | Path] | None = None
+        self.changed = Listeners()
+        # Name and content of a file that was made, until the page takes it.
+        self._ready: list[tuple[str, bytes | Path]] = []
         self._folder = TemporaryDirectory(prefix="mesa_swarm_")
         self.folder = Path(self._folder.name)
         self.switch = RecordingSwitch(self.folder)
@@ -211,16 +210,10 @@ class Exporting:
         self._process: subprocess.Popen | None = None
         self._cancelled = threading.Event()
 
-    def connect(self, deliver: Callable[[str, bytes | Path], None], notify: Callable[[], None]) -> None:
-        """Connect a listener; it receives at once a file that was made while none was connected."""
-        self._deliver, self._notify = deliver, notify
-        files, self._undelivered = self._undelivered, None
-        if files is not None:
-            deliver(*files)
-
-    def disconnect(self) -> None:
-        """Disconnect the listener; work in the background continues."""
-        self._deliver, self._notify = None, lambda: None
+    def take_files(self) -> list[tuple[str, bytes | Path]]:
+        """Return the name and the content of the file that was made, if it was not taken yet, in a list."""
+        files, self._ready = self._ready, []
+        return files
 
     def record(self, on: bool) -> None:
         """Switch recording of the present run on or off."""
@@ -234,7 +227,7 @@ class Exporting:
                     self.switch.start(session.model)
             except (SwarmError, OSError) as problem:
                 self.fault = reported(problem)
-        self._notify()
+        self.changed.notify()
 
     def check_recording(self) -> None:
         """End the recording if the session has another model."""
@@ -252,7 +245,7 @@ class Exporting:
             self.doing, self.progress, self.message, self.fault = "Starting", None, "", ""
             self._thread = threading.Thread(target=self._work, args=(options,), name="export", daemon=True)
             self._thread.start()
-        self._notify()
+        self.changed.notify()
 
     def cancel(self) -> None:
         """Cancel the export."""
@@ -264,6 +257,7 @@ class Exporting:
     def close(self) -> None:
         """Cancel, stop recording and delete all files."""
         self.cancel()
+        self.changed.clear()
         with self.session.lock:
             self.switch.stop()
         if self._thread is not None and self._thread is not threading.current_thread():
@@ -281,12 +275,12 @@ class Exporting:
         else:
             self.message = f"{name} is ready."
         self.doing, self.progress = "", None
-        self._notify()
+        self.changed.notify()
 
     def _make(self, request: ExportRequest) -> str:
-        """Make a file, deliver it and return its name."""
+        """Make a file, which is then ready, and return its name."""
         session = self.session
-        self._undelivered = None
+        self._ready = []
         for old in self.folder.glob("made*"):
             old.unlink()
         if request.kind in PICTURES:
@@ -390,15 +384,14 @@ class Exporting:
             raise ExportError(lines[-1].removeprefix("mesa-swarm: ") if lines else "the file could not be made")
 
     def _hand_over(self, name: str, content: bytes | Path) -> None:
-        if self._deliver is None:
-            self._undelivered = name, content
-        else:
-            self._deliver(name, content)
+        """Offer a file to the page, which takes it at once if it shows the run."""
+        self._ready = [(name, content)]
+        self.changed.notify()
 
     def _note(self, doing: str, progress: float | None) -> None:
         if (doing, progress) != (self.doing, self.progress):
             self.doing, self.progress = doing, progress
-            self._notify()
+            self.changed.notify()
 
     def _check_cancelled(self) -> None:
         if self._cancelled.is_set():
@@ -415,7 +408,7 @@ def _check_straight(session: Session, purpose: str) -> None:
 class Exporter(anywidget.AnyWidget):
     """The export panel in the browser."""
 
-    _esm = text_of("viewing/elements.js", "dashboard/page/downloads.js", "dashboard/run/exporter.js")
+    _esm = view_script("dashboard/run/exporter.js")
     # Key, label, and whether the file contains many steps.
     kinds: traitlets.List[list[str | bool]] = traitlets.List().tag(sync=True)
     status = traitlets.Dict().tag(sync=True)
@@ -424,20 +417,16 @@ class Exporter(anywidget.AnyWidget):
 class ExportDesk(Link):
     """Connects an exporter and a session's `Exporting`; recording and export continue after `close`."""
 
-    ready = False  # files need no picture
-
     def __init__(self, exporter: Exporter, session: Session) -> None:
         self.exporter, self.session = exporter, session
-        self._downloads = Downloads(exporter)
         self._lock = threading.Lock()
         self._shown_at = 0.0
         self._doing = ""
         self.exporting = session.companion(Exporting)
-        self.exporting.connect(self._downloads.send, self.report)
-        leaves = partial(session.remove_viewer, self), self.exporting.disconnect, self._downloads.close
-        self.connect(exporter, session.changed.add(self.refresh), *leaves)
+        self.connect(exporter, session.changed.add(self.refresh), self.exporting.changed.add(self.report))
         self.refresh()
-        session.add_viewer(self)
+        self.report()
+        self.watch(session)
 
     def refresh(self) -> None:
         """Show the status; end a recording of another model."""
@@ -455,7 +444,9 @@ class ExportDesk(Link):
             self._show()
 
     def report(self) -> None:
-        """Show the progress, if an update is due."""
+        """Send the file that is ready; show the progress, if an update is due."""
+        for name, content in self.exporting.take_files():
+            self.downloads.send(name, content)
         if self.exporting.doing != self._doing or time.monotonic() - self._shown_at >= EVERY:
             self._show()
 
@@ -470,8 +461,6 @@ class ExportDesk(Link):
                 self._show()
             case "cancel":
                 self.exporting.cancel()
-            case _:
-                self._downloads.hear(message)
 
     def _show(self) -> None:
         with self._lock:

@@ -51,30 +51,20 @@ function diagram(inspected) {
   return picture;
 }
 
-class InspectorView {
-  #model; #parts = {}; #leave = []; #fields = {};
+class InspectorView extends View {
+  #parts = {}; #fields = {};
 
   constructor(model, root) {
-    this.#model = model;
-    root.classList.add("swarm-inspector");
+    super(model, root, "swarm-inspector");
     this.#build(root);
-    for (const [name, act] of [["inspected", () => this.#show()], ["editable", () => this.#edit()], ["fault", () => this.#fault()]]) {
-      model.on(`change:${name}`, act);
-      this.#leave.push(() => model.off(`change:${name}`, act));
-    }
-    this.#show();
-    this.#edit();
-    this.#fault();
-  }
-
-  destroy() {
-    this.#leave.forEach((leave) => leave());
+    const fault = () => showText(this.#parts.fault, model.get("fault"));
+    this.follow({ inspected: () => this.#show(), editable: () => this.#edit(), fault });
   }
 
   #build(root) {
-    const parts = this.#parts, act = (name) => () => this.#model.send({ do: name });
+    const parts = this.#parts, act = (name) => () => this.send({ do: name });
     parts.title = make("h2", {}, "Robot");
-    parts.none = make("button", { type: "button", title: "Close the inspector", "aria-label": "Deselect", click: () => this.#model.send({ do: "select", value: null }) }, "\u2715");
+    parts.none = make("button", { type: "button", title: "Close the inspector", "aria-label": "Deselect", click: () => this.send({ do: "select", value: null }) }, "\u2715");
     const steps = make("div", { class: "swarm-pick" },
       make("button", { type: "button", title: "Previous robot", "aria-label": "Previous robot", click: act("previous") }, "\u2039"),
       make("button", { type: "button", title: "Next robot", "aria-label": "Next robot", click: act("next") }, "\u203A"), parts.none);
@@ -100,7 +90,7 @@ class InspectorView {
   }
 
   #show() {
-    const inspected = this.#model.get("inspected"), parts = this.#parts, some = inspected.id !== undefined;
+    const inspected = this.model.get("inspected"), parts = this.#parts, some = inspected.id !== undefined;
     parts.hint.hidden = some;
     parts.all.hidden = parts.none.hidden = !some;
     parts.title.textContent = some ? `Robot ${inspected.id}` : "Robot";
@@ -129,27 +119,17 @@ class InspectorView {
   }
 
   #edit() {
-    const editable = this.#model.get("editable");
+    const editable = this.model.get("editable");
     for (const field of Object.values(this.#fields)) field.readOnly = !editable;
     this.#parts.move.disabled = !editable;
     this.#parts.move.title = editable ? "Move the robot there" : "Pause, and go to the present step first";
   }
 
-  #fault() {
-    this.#parts.fault.textContent = this.#model.get("fault");
-    this.#parts.fault.hidden = !this.#model.get("fault");
-  }
-
   #move() {
     if (this.#parts.move.disabled) return;
     const value = Object.fromEntries(Object.entries(this.#fields).map(([name, field]) => [name, field.value.trim()]));
-    this.#model.send({ do: "move", value });
+    this.send({ do: "move", value });
   }
 }
 
-export default {
-  render({ model, el }) {
-    const view = new InspectorView(model, el);
-    return () => view.destroy();
-  },
-};
+export default shownBy(InspectorView);

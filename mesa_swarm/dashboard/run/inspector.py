@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import anywidget
@@ -13,10 +12,9 @@ import traitlets
 from mesa_swarm.base.errors import InvalidValueError, check_number
 from mesa_swarm.control.explain import moment_of
 from mesa_swarm.dashboard.page.robot_columns import column_title
-from mesa_swarm.dashboard.page.session import WATCHED, Session, custom_columns
-from mesa_swarm.dashboard.page.widgets import Link
-from mesa_swarm.dashboard.replay.recorded_series import find_collided
-from mesa_swarm.dashboard.replay.replaying import ReplayPlayer
+from mesa_swarm.dashboard.page.series import find_collided
+from mesa_swarm.dashboard.page.session import WATCHED, custom_columns
+from mesa_swarm.dashboard.page.widgets import Link, view_script
 from mesa_swarm.fire.strategy import FightFire
 from mesa_swarm.recording.frames import Frame
 from mesa_swarm.recording.layout import columns_of_parts, is_table, shown_of
@@ -24,7 +22,6 @@ from mesa_swarm.robots.design import AXIS_X, AXIS_Y, HALF, MOUNT_X, MOUNT_Y, RAN
 from mesa_swarm.robots.reasons import Moment
 from mesa_swarm.robots.robot import Robot
 from mesa_swarm.swarm_model import SwarmModel
-from mesa_swarm.viewing import text_of
 from mesa_swarm.viewing.error_lines import reported
 from mesa_swarm.viewing.player import PackedFrame
 from mesa_swarm.viewing.scene import Scene
@@ -41,7 +38,7 @@ Typed = float | str | None
 class Inspector(anywidget.AnyWidget):
     """One robot's readings, layer, reason and pose in the browser."""
 
-    _esm = text_of("viewing/elements.js", "dashboard/run/inspector.js")
+    _esm = view_script("dashboard/run/inspector.js")
     # From `inspect`, empty if no robot is selected; and why the robot could not be moved.
     inspected = traitlets.Dict().tag(sync=True)
     editable = traitlets.Bool(False).tag(sync=True)
@@ -51,14 +48,11 @@ class Inspector(anywidget.AnyWidget):
 class Inspecting(Link):
     """Connects an inspector and the selected robot of a session."""
 
-    ready = False  # the inspector needs no picture
-
-    def __init__(self, inspector: Inspector, session: Session) -> None:
+    def __init__(self, inspector: Inspector, session: Any) -> None:
         self.inspector, self.session = inspector, session
         self._shown_at = 0.0
-        leave_view = partial(session.remove_viewer, self)
-        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh), leave_view)
-        session.add_viewer(self)
+        self.connect(inspector, session.selection.add(self.select), session.changed.add(self.refresh))
+        self.watch(session)
 
     def push(self, number: int, frame: PackedFrame) -> None:
         """Show the robot at the displayed step, if an update is due."""
@@ -85,13 +79,16 @@ class Inspecting(Link):
         """Carry out a message from the browser."""
         session, value = self.session, message.get("value")
         match message.get("do"):
-            case "next" | "previous" if session.model is not None:
-                by = 1 if message["do"] == "next" else -1
-                session.select(neighbour_of(session.model, session.selected, by))
+            case "next" | "previous" as which:
+                session.select(neighbour_of(self._robots(), session.selected, 1 if which == "next" else -1))
             case "select":
                 self._select(value)
             case "move":
                 self._move(message["value"])
+
+    def _robots(self) -> list[int]:
+        """Return the ids of all robots in the order of their rows."""
+        return self.session.model.swarm.unique_ids.tolist() if self.session.model else []
 
     def _inspect_selected(self) -> dict[str, Any]:
         """Return the selected robot at the displayed step, empty if none is selected."""
@@ -106,9 +103,8 @@ class Inspecting(Link):
         return not session.playing and session.past.is_present and not session.error
 
     def _select(self, number: int | None) -> None:
-        session = self.session
-        if number is not None and (session.model is None or robot_of(session.model, number) is None):
-            ids = session.model.swarm.unique_ids.tolist() if session.model else []
+        session, ids = self.session, self._robots()
+        if number is not None and number not in ids:
             expectation = f"expected one from {ids[0]} to {ids[-1]}" if ids else "the model has no robots"
             self.inspector.fault = f"unknown robot {number}; {expectation}"
             return
@@ -133,48 +129,31 @@ class Inspecting(Link):
         self.refresh()
 
 
-class ReplayInspecting(Link):
+class ReplayInspecting(Inspecting):
     """Connects an inspector and the selected robot of a recording that is played; it moves no robot."""
 
-    ready = False
-
-    def __init__(self, inspector: Inspector, player: ReplayPlayer) -> None:
-        self.inspector, self.player = inspector, player
-        self._shown_at = 0.0
-        leave_view = partial(player.remove_viewer, self)
-        self.connect(inspector, player.selection.add(self.refresh), player.changed.add(self.refresh), leave_view)
-        player.add_viewer(self)
-
-    def push(self, number: int, frame: PackedFrame) -> None:
-        """Show the robot in the displayed row, if an update is due."""
-        if not self.player.playing or time.monotonic() - self._shown_at >= EVERY:
-            self.refresh()
-
-    def refresh(self) -> None:
-        """Show the selected robot; of a row that cannot be read, which the page reports, nothing."""
-        self._shown_at = time.monotonic()
-        player = self.player
-        inspected: dict[str, Any] = {}
+    def _inspect_selected(self) -> dict[str, Any]:
+        """Return the selected robot in the displayed row; of a row that cannot be read, which is reported, nothing."""
+        player = self.session
         with player.capture_errors():
             frame = player.rows.frame
             if frame is not None and player.selected is not None and not player.error:
-                inspected = inspect_frame(frame, player.rows.scene, player.selected)
-        self.inspector.inspected = inspected
+                return inspect_frame(frame, player.rows.scene, player.selected)
+        return {}
 
-    def act(self, message: dict, buffers: Sequence = ()) -> None:
-        """Carry out a message from the browser."""
-        player, value = self.player, message.get("value")
-        match message.get("do"):
-            case "next" | "previous" as which:
-                with player.lock:
-                    frame = player.rows.frame
-                if frame is not None and len(frame.robots):
-                    ids, by = frame.robots.tolist(), 1 if which == "next" else -1
-                    is_listed = player.selected in ids
-                    row = ids.index(player.selected) + by if is_listed else (0 if by > 0 else -1)
-                    player.select(ids[row % len(ids)])
-            case "select" if value is None or isinstance(value, int):
-                player.select(value)
+    def _robots(self) -> list[int]:
+        """Return the ids of the robots in the displayed row."""
+        with self.session.lock:
+            frame = self.session.rows.frame
+        return [] if frame is None else frame.robots.tolist()
+
+    def _may_move(self) -> bool:
+        return False
+
+    def _select(self, number: int | None) -> None:
+        """Select a robot, which the displayed row need not have."""
+        if number is None or isinstance(number, int):
+            self.session.select(number)
 
 
 def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
@@ -182,14 +161,16 @@ def robot_of(model: SwarmModel, number: int | None) -> Robot | None:
     return next((robot for robot in model.swarm.agents if robot.unique_id == number), None)
 
 
-def neighbour_of(model: SwarmModel, number: int | None, by: int) -> int | None:
-    """Return the id of the robot `by` rows after this one, cyclically; None without robots."""
-    robots = model.swarm.agents
-    if not robots:
+def neighbour_of(ids: Sequence[int], number: int | None, by: int) -> int | None:
+    """Return the id that is `by` places after this one, cyclically; None without robots."""
+    if not ids:
         return None
-    robot = robot_of(model, number)
-    row = (0 if by > 0 else -1) if robot is None else robot.row + by
-    return robots[row % len(robots)].unique_id
+    place = ids.index(number) + by if number in ids else (0 if by > 0 else -1)
+    return ids[place % len(ids)]
+
+
+# What is shown of a robot of which more is not known.
+UNDECIDED = {"known": True, "does": "", "layer": "", "reason": "", "worth": [], "present": False}
 
 
 def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
@@ -210,15 +191,13 @@ def inspect(model: SwarmModel, robot: Robot, step: int) -> dict[str, Any]:
     position, heading = (columns[name][robot.row] for name in ("position", "heading"))
     decided = step in steps and model.control is not None
     reason = model.explain(robot, step) if decided else None
-    return {
+    why = {"does": reason.does, "layer": reason.layer, "reason": reason.reason} if reason else {}
+    return UNDECIDED | {
         "id": robot.unique_id,
         "when": when,
-        "known": True,
         "radius": robot.radius,
         "sensors": sensor_sectors(moment, reason.sensors if reason else ()),
-        "does": reason.does if reason else "",
-        "layer": reason.layer if reason else "",
-        "reason": reason.reason if reason else "",
+        **why,
         "facts": [*facts_of(model, robot, moment), *(rows_of_parts(model, robot) if present else ())],
         "worth": worth_of(model, robot) if present and decided else [],
         "pose": pose_of(robot.position, robot.heading) if present else pose_of(position, heading),
@@ -255,20 +234,16 @@ def inspect_frame(frame: Frame, scene: Scene, number: int) -> dict[str, Any]:
     layer = int(columns.get("layer", -1))
     has_wheels = "command" in columns and len(moment.command) == 2
     decided = has_wheels and "layer" in columns and frame.step > 0
-    return {
+    return UNDECIDED | {
         "id": number,
         "when": when,
-        "known": True,
         "movable": False,
         "radius": design.radius,
         "sensors": sensor_sectors(moment, ()),
         "does": moment.motion if decided else "",
         "layer": names[layer] if decided and 0 <= layer < len(names) else "",
-        "reason": "",
         "facts": recorded_facts(frame, scene, row, columns),
-        "worth": [],
         "pose": pose_of(columns["position"], columns["heading"]) if "heading" in columns else {},
-        "present": False,
     }
 
 

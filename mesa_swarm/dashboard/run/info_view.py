@@ -13,8 +13,7 @@ from pygments.formatters import HtmlFormatter
 from pygments.lexers import PythonLexer
 from reacton import ipyvuetify as rv
 
-from mesa_swarm.dashboard.page.inputs import checked_setting
-from mesa_swarm.dashboard.page.session import Session
+from mesa_swarm.dashboard.page.session import Session, checked_setting
 from mesa_swarm.dashboard.page.widgets import Button
 from mesa_swarm.model.info import Equation, Listing, ModelInfo, Preset, model_info
 from mesa_swarm.viewing.error_lines import reported
