@@ -15,6 +15,7 @@ MOVED = {
     "analysis.chain_history": "analysis.chain_events analysis.meetings",
     "analysis.pathology": "analysis.pathology_finders analysis.pathology_track",
     "analysis.series": "analysis.collisions",
+    "cli.run": "cli.check",
     "control.arbiter": "control.subsumption control.vector_sum",
     "control.behaviour": "control.rule_source",
     "control.flocking": "control.apparent control.boids control.match_velocity",

@@ -165,7 +165,7 @@ def compare_command(
         until=until,
     )
     with resumable(folder / RUNS):
-        comparison = run_plan(plan, workers, not quiet, files=files)
+        comparison = run_plan(plan, workers, not quiet, folder=files)
     if comparison.done_before:
         done = f"{comparison.done_before:,} of {len(comparison.runs):,} runs were done before, see {folder / RUNS}"
         print_lines([done])

@@ -133,7 +133,8 @@ def calibrate_command(
     own = {"points": points, "batch": batch, "seeds": seeds, "fresh": fresh, "missing": absent, "tables": table or ()}
     options = {"steps": steps, "rng": rng, "jobs": jobs, "retry_failed": retry_failed, "until": until, **own}
     study = _study(studies.calibrate, model_class, ranges, targets, folder, setting, quiet, options)
-    tables = RunFiles(folder, forms=checked_forms(table or ())).tables
+    forms = checked_forms(table or ())
+    tables = [path for place in (folder, folder / studies.FRESH) for path in RunFiles(place, forms=forms).tables]
     print_study(study, folder, [folder / TABLE, *tables], finding=True)
 
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 from mesa_swarm.base.files import write_whole
 from mesa_swarm.experiments.ledger import Outcome
 from mesa_swarm.experiments.plan import ComparisonPlan, PairedOutcome, PairedRuns, checked_plan
-from mesa_swarm.experiments.run_tables import NOTHING_STORED, RunFiles
+from mesa_swarm.experiments.run_tables import RunFiles
 from mesa_swarm.experiments.runs import completed, has_numbers, stored_in
 from mesa_swarm.experiments.tables import WIDEST, Study, finding, runs_csv, summary_csv, summary_rows, text_table
 from mesa_swarm.experiments.worker_pool import checked_jobs
@@ -119,7 +119,7 @@ def compare(
     """
     workers, files = checked_jobs(jobs), RunFiles.checked(out, series=series, tables=tables)
     plan = checked_plan(model, parameter, values, seeds, steps=steps, settings=settings, measures=measures, until=until)
-    return run_plan(plan, workers, progress, files=files)
+    return run_plan(plan, workers, progress, folder=files)
 
 
 def run_plan(
@@ -127,7 +127,7 @@ def run_plan(
     workers: int = 1,
     progress: bool = False,
     heard: Callable[[PairedOutcome], object] = lambda outcome: None,
-    files: RunFiles = NOTHING_STORED,
+    folder: RunFiles | str | os.PathLike[str] | None = None,
 ) -> Comparison:
     """Do all runs of a plan that are not stored, and return all of them.
 
@@ -139,7 +139,7 @@ def run_plan(
     progress : bool
     heard : callable, optional
         Called with each outcome as soon as its run is done.
-    files : RunFiles
+    folder : RunFiles or path, optional
         Where each run is stored as soon as it is done, and what is written of all.
 
     Examples
@@ -147,6 +147,7 @@ def run_plan(
     >>> len(run_plan(checked_plan("fire_fighting", seeds=1, steps=2)).runs)
     2
     """
+    files = RunFiles.at(folder)
     plan = files.of(plan)
     with files.ledger(fits=has_numbers) as ledger:
         runs = list(plan.runs(keyed=ledger is not None))

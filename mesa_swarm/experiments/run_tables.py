@@ -114,6 +114,11 @@ class RunFiles:
             raise InvalidValueError(f"{what} are wanted and no folder is named; add {option}=...")
         return cls(None if out is None else check_writable(out), parts, forms)
 
+    @classmethod
+    def at(cls, folder: "RunFiles | str | os.PathLike[str] | None") -> "RunFiles":
+        """Return files as they are; of a path alone, a folder for runs without series and tables."""
+        return folder if isinstance(folder, cls) else cls(None if folder is None else Path(folder))
+
     def within(self, name: str) -> "RunFiles":
         """Return the same files in a folder of this name in the folder."""
         return self if self.folder is None else replace(self, folder=self.folder / name)

@@ -256,7 +256,7 @@ def checked_shard(shard: object) -> Shard:
 
 def run_experiment(
     experiment: Experiment,
-    files: RunFiles,
+    folder: RunFiles | str | os.PathLike[str],
     workers: int = 1,
     progress: bool = False,
     record: Mapping[str, Any] | None = None,
@@ -270,8 +270,8 @@ def run_experiment(
     Parameters
     ----------
     experiment : Experiment
-    files : RunFiles
-        Of the ledger and the tables, in a folder.
+    folder : RunFiles or path
+        Where runs are stored, and what is written of them: of a path the table alone.
     workers : int
         Processes, from `checked_jobs`.
     progress, record, retry_failed
@@ -283,15 +283,16 @@ def run_experiment(
     words : function
         Returns one line about the error of a run; called in the process of the run.
     """
+    files = RunFiles.at(folder)
     if files.forms and shard.shards > 1:
         raise InvalidValueError("tables are of all shards; leave them out here (--table), and collect all with them")
-    folder = cast(Path, files.folder)
-    archive = None if record is None else Archive(folder / RECORDINGS, record)
+    home = cast(Path, files.folder)
+    archive = None if record is None else Archive(home / RECORDINGS, record)
     experiment = files.of(experiment)
     taken = _taken(experiment, archive)
     runs = partial(experiment.part, shard.number, shard.shards)
-    with Ledger(_ledger_of(shard, folder), retry_failed=retry_failed, fits=_fitting(experiment, taken)) as ledger:
-        _collect(ledger, folder, runs if shard.shards > 1 else None)
+    with Ledger(_ledger_of(shard, home), retry_failed=retry_failed, fits=_fitting(experiment, taken)) as ledger:
+        _collect(ledger, home, runs if shard.shards > 1 else None)
         before = sum(_is_done(run, ledger, archive) for run in runs())
         for run, outcome in do_runs(
             (run for run in runs() if not _is_done(run, ledger, archive)),
@@ -351,7 +352,10 @@ def _left_out(experiment: Experiment, runs: Iterable[Run], ledger: Ledger) -> di
 
 
 def done_before(
-    experiment: Experiment, files: RunFiles, record: Mapping[str, Any] | None = None, shard: Shard = WHOLE
+    experiment: Experiment,
+    folder: RunFiles | str | os.PathLike[str],
+    record: Mapping[str, Any] | None = None,
+    shard: Shard = WHOLE,
 ) -> int:
     """Return how many runs of an experiment, or a shard, are done in a folder, without changing anything there.
 
@@ -360,15 +364,16 @@ def done_before(
 
     Examples
     --------
-    >>> done_before(checked_experiment("fire_fighting", seeds=2, steps=5), RunFiles(Path("nowhere")))
+    >>> done_before(checked_experiment("fire_fighting", seeds=2, steps=5), "nowhere")
     0
     """
-    folder = cast(Path, files.folder)
-    archive = None if record is None else Archive(folder / RECORDINGS, record)
+    files = RunFiles.at(folder)
+    home = cast(Path, files.folder)
+    archive = None if record is None else Archive(home / RECORDINGS, record)
     experiment = files.of(experiment)
     runs = partial(experiment.part, shard.number, shard.shards)
     done: set[str] = set()
-    for path in _ledgers(folder):
+    for path in _ledgers(home):
         with Ledger(path, read_only=True, fits=_fitting(experiment, _taken(experiment, archive))) as ledger:
             done.update(run.key for run in runs() if _is_done(run, ledger, archive))
     return sum(run.key in done for run in runs()) if done else 0

@@ -324,7 +324,8 @@ def design_machine(
     seed = int(streams["search"].integers(2**31))
     search = MixedEvolution(within.numbers, within.categories, sigma=sigma, population=population, seed=seed)
     settings = {"rng": rng, "sigma": sigma, "population": population, "space": asdict(within)}
-    files = RunFiles.checked(None if file is None else Path(file).parent, tables=tables, option="file")
+    beside = None if file is None or not tables else Path(file).parent
+    files = RunFiles.checked(beside, tables=tables, option="file")
     diary = Diary(file, {**settings, **settings_of_mission(task, worlds)})
     diary.replay(search, count)
     seeds = streams["worlds"].integers(2**63, size=count).tolist()

@@ -34,11 +34,12 @@ def test_sensitivity_prints_indices_paths_and_a_finding_and_continues(typed):
 @pytest.mark.slow
 def test_calibrate_prints_the_best_and_its_measures_over_fresh_seeds(typed):
     status, out, err = typed(
-        [*SEARCH, *RANGES, "--target", "fires out=0:1", "--fresh", "6", "--out", "here", "--quiet"]
+        [*SEARCH, *RANGES, "--target", "fires out=0:1", "--fresh", "6", "--out", "here", "--quiet", "--table", "csv"]
     )
     assert (status, err) == (0, "")
     assert out.startswith("FireFighting: best of 2 points, 1 seed at each, then 6 fresh seeds")
     assert out.splitlines()[-1].endswith("fires out was 0 [0, 0] for a target of 0, which is within the interval.")
+    assert {str(Path("here", "runs.csv")), str(Path("here", "fresh", "runs.csv"))} <= set(out.splitlines())
     assert {path.name for path in Path("here").iterdir()} >= {"best.csv", "history.csv", "calibration.png", "fresh"}
 
 

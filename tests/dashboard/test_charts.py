@@ -201,6 +201,19 @@ def test_a_csv_has_the_whole_series_with_units_in_the_header():
     assert [float(word) for word in last[1:]] == model.fires.temperature.tolist()
 
 
+def test_a_chart_that_gets_another_curve_after_the_click_arrives_with_it():
+    series, model = Series(), SwarmModel(rng=1)
+    series.follow(model)
+    model.event("first")
+    model.step()
+    clicked = over_time(series, "events")
+    model.event("second")
+    model.step()
+    table = pd.read_csv(io.BytesIO(clicked.csv()))
+    assert len(table) == 2
+    assert len(table.columns) == 3  # the step, and both names
+
+
 def test_a_csv_of_a_reporter_has_its_numbers_infinity_too_and_gaps_where_there_is_none():
     rows = [1.0, math.inf, None, "3.5", np.ma.masked, 10**400, 1e300, 2]
     series, model = Series(), SwarmModel(rng=1, model_reporters={"x": lambda model: rows[model.steps - 1]})

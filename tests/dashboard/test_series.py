@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from mesa import DataCollector
 
 from mesa_swarm import AGENT9, SwarmModel
 from mesa_swarm.base.errors import UnknownNameError
@@ -147,6 +148,16 @@ def test_a_run_on_the_page_keeps_a_window_of_all_that_grows_with_the_steps(monke
     assert len(model.watched) <= MOST_WATCHED_STEPS
     assert model.state_hash() == alone.state_hash()
     session.close()
+
+
+def test_a_data_collector_that_takes_the_place_of_another_has_its_own_charts_from_then_on():
+    model = SwarmModel(rng=1, model_reporters={"first": lambda model: model.steps})
+    series = followed(model)
+    model.run(3)
+    model.datacollector = DataCollector(model_reporters={"second": lambda model: 10 * model.steps})
+    model.run(2)
+    assert {chart.key for chart in series.charts()} & {"first", "second"} == {"second"}
+    assert np.isnan(series.rows("second")[1][:3]).all()
 
 
 def test_what_is_recorded_is_not_forgotten_meanwhile(monkeypatch, tmp_path):

@@ -56,10 +56,12 @@ def test_a_comparison_that_was_interrupted_goes_on_in_its_folder_and_ends_in_the
     outcomes = []
     with pytest.raises(KeyboardInterrupt):
         run_plan(
-            comparison.plan, heard=lambda run: outcomes.append(run) or stop_after(4, outcomes), files=RunFiles(tmp_path)
+            comparison.plan,
+            heard=lambda run: outcomes.append(run) or stop_after(4, outcomes),
+            folder=RunFiles(tmp_path),
         )
     went_on = []
-    again = run_plan(comparison.plan, heard=went_on.append, files=RunFiles(tmp_path))
+    again = run_plan(comparison.plan, heard=went_on.append, folder=tmp_path)
     assert (again.done_before, again.runs) == (4, comparison.runs)
     # The runs with the first seed are done again, for the pictures.
     assert [(run.rng, run.value) for run in went_on] == [(1, "A"), (1, "B"), (3, "A"), (3, "B")]

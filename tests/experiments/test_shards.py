@@ -154,7 +154,7 @@ def test_a_ledger_takes_only_the_runs_that_are_wanted_and_yields_its_keys_once(t
 def test_a_file_that_is_no_ledger_but_named_as_one_is_refused_and_not_changed(tmp_path):
     (tmp_path / "ledger-1-of-2.jsonl").write_text("my notes\n")
     with pytest.raises(SwarmError, match="is not a ledger of runs"):
-        run_experiment(EXPERIMENT, RunFiles(tmp_path))
+        run_experiment(EXPERIMENT, tmp_path)
     assert (tmp_path / "ledger-1-of-2.jsonl").read_text() == "my notes\n"
 
 

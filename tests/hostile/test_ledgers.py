@@ -86,7 +86,7 @@ def tried(tmp_path, whole):
         path = folder / "ledger.jsonl"
         path.write_bytes(content)
         try:
-            done_before(experiment(), RunFiles(folder))
+            done_before(experiment(), folder)
             assert path.read_bytes() == content
             made = run_experiment(experiment(), RunFiles(folder))
         except SwarmError:

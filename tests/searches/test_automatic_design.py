@@ -82,6 +82,12 @@ def test_a_search_finds_the_machine_that_is_worth_most():
     assert found.scores.shape == (40, 12)
 
 
+def test_a_table_of_another_program_beside_the_file_of_a_design_without_tables_is_none_of_its_business(tmp_path, capfd):
+    (tmp_path / "runs.csv").write_text("another program's")
+    design_machine(MostHalts(), generations=1, population=4, finalists=1, final_trials=1, file=tmp_path / "search.json")
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.slow
 def test_a_design_is_the_same_when_it_was_interrupted_and_with_other_settings_is_refused(tmp_path):
     file = tmp_path / "search.json"

@@ -96,9 +96,13 @@ class ChartTable(ABC):
 
     def rows(self, key: str) -> tuple[np.ndarray, np.ndarray]:
         """Return all stored steps (m,) and numbers (m, c) of one chart."""
+        return self.chart_and_rows(key)[1:]
+
+    def chart_and_rows(self, key: str) -> tuple[Plot, np.ndarray, np.ndarray]:
+        """Return a chart with all its stored steps (m,) and numbers (m, c): it may get more curves at any time."""
         with self._lock:
             chart = self.chart(key)
-            return self._steps[: self._count].copy(), self._tables[chart.key][: self._count].copy()
+            return chart, self._steps[: self._count].copy(), self._tables[chart.key][: self._count].copy()
 
     def curves(self, key: str, most: int) -> Curves:
         """Return the curves of one chart with at most `most` points each.
@@ -283,8 +287,8 @@ def group_rows(steps: np.ndarray, rows: np.ndarray, width: int) -> Curves:
 def form_of(model: SwarmModel) -> tuple:
     """Return a key that changes with the columns."""
     collector = model.datacollector
-    reporters = len(collector.model_vars), len(collector.agent_reporters)
-    return len(model.fires), id(model.control), reporters, len(model.events.names)
+    reporters = tuple(collector.model_vars), tuple(collector.agent_reporters)
+    return len(model.fires), id(model.control), reporters, tuple(model.events.names)
 
 
 def charts_of(model: SwarmModel) -> list[Plot]:

@@ -147,9 +147,9 @@ class TimeContent:
 
     def csv(self) -> bytes:
         """Return all stored rows as CSV, with units in the header."""
-        steps, rows = self.series.rows(self.chart.key)
-        named = zip(self.chart.names, rows.T, strict=True)
-        columns = {with_unit(name, self.chart): in_whole(column) for name, column in named}
+        chart, steps, rows = self.series.chart_and_rows(self.chart.key)
+        named = zip(chart.names, rows.T, strict=True)
+        columns = {with_unit(name, chart): in_whole(column) for name, column in named}
         return csv_of_columns({**times_of(self.series, steps), **columns})
 
     def figure(self) -> Figure:
