@@ -188,7 +188,8 @@ class Camera:
 
     def _fill(self, pixels: np.ndarray, shape: Shape, colour: np.ndarray) -> None:
         if shape.is_disc:
-            self._disc(pixels, shape.position, shape.radius, colour)
+            x, y = shape.position
+            self._disc(pixels, (x, y), shape.radius, colour)
             return
         x, y = ((np.arange(n) + 0.5) / self._scale for n in self._size[::-1])
         x_min, y_min = self.map.bounds[:2]

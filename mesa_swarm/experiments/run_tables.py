@@ -117,7 +117,9 @@ class RunFiles:
     @classmethod
     def at(cls, folder: "RunFiles | str | os.PathLike[str] | None") -> "RunFiles":
         """Return files as they are; of a path alone, a folder for runs without series and tables."""
-        return folder if isinstance(folder, cls) else cls(None if folder is None else Path(folder))
+        if isinstance(folder, RunFiles):
+            return folder
+        return cls(None if folder is None else Path(folder))
 
     def within(self, name: str) -> "RunFiles":
         """Return the same files in a folder of this name in the folder."""
