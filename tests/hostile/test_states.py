@@ -43,10 +43,11 @@ def is_noticed(path, model_class):
 
 @pytest.mark.parametrize("kind", OWN, ids=lambda kind: kind.__name__)
 def test_any_change_of_a_stored_state_is_noticed(kind, tmp_path, tally, amount):
-    whole = taken_apart(recorded(kind(rng=1), tmp_path / "whole.arrow"))
+    model = kind(rng=1)
+    whole = taken_apart(recorded(model, tmp_path / "whole.arrow"))
     genuine = from_bytes(whole.items[place_of(whole, STEP)].content)
     rng, area = np.random.default_rng(3), tally("states")
-    compared = compared_arrays(genuine)
+    compared = compared_arrays(genuine, model.swarm.table.readings)
     for number in range(amount(20, 400)):
         forge = (forged_json, forged_array)[number % 2]
         state, what = forge(genuine, int(rng.integers(10**6)))

@@ -418,10 +418,11 @@ def replace_state(checkpoint, **changes):
     return Checkpoint(**{**given, **changes})
 
 
-def compared_arrays(checkpoint):
+def compared_arrays(checkpoint, custom_sensors=()):
     """Return the numbers of the arrays that are part of a state, and are not read anew by sensors."""
+    readings = {*READINGS, *custom_sensors}
     facts = {name: content for name, content in checkpoint.facts.items() if name not in OBSERVED}
     robots = facts["parts"]["robots"]
-    columns = {name: column for name, column in robots["columns"].items() if name not in READINGS}
+    columns = {name: column for name, column in robots["columns"].items() if name not in readings}
     parts = {**facts["parts"], "robots": {**robots, "columns": columns}}
     return set(map(int, PLACES.findall(json.dumps({**facts, "parts": parts}, separators=(",", ":")))))
