@@ -252,7 +252,7 @@ class Recorder(Observer):
         self._buffer = RowBuffer(layout, writer, model, self.every)
         self._checkpoints = checkpoints
         try:
-            checkpoints.attach(model, state, self._buffer)
+            checkpoints.attach(model, checkpoints.fitting(state, self._buffer), self._buffer)
         except BaseException:
             writer.abandon()
             raise
@@ -425,16 +425,16 @@ class _Checkpoints:
 
     def put(self, model: EngineModel, buffer: RowBuffer) -> None:
         """Store the present state of the model, unless it cannot be stored."""
-        self.attach(model, self.content(model, model.steps, buffer.writer.sealed.end), buffer)
+        self.attach(model, self.fitting(self.content(model, model.steps), buffer), buffer)
 
     def put_intervention(self, model: EngineModel, what: list[str], buffer: RowBuffer) -> None:
         """Store what was changed before the step that Mesa has just counted, and the state after the change."""
-        content = self.content(model, model.steps - 1, buffer.writer.sealed.end)
+        content = self.fitting(self.content(model, model.steps - 1), buffer)
         buffer.attach(INTERVENTION, intervention_to_json(what, self.why_not), model.completed)
         self.attach(model, content, buffer)
 
-    def content(self, model: EngineModel, steps: int, file: int = 0) -> bytes:
-        """Return the state as bytes, for a file of this size; no bytes, and set `why_not`, if it cannot be stored."""
+    def content(self, model: EngineModel, steps: int) -> bytes:
+        """Return the state as bytes; no bytes, and set `why_not`, if it cannot be stored in any file."""
         if not self._every:
             return b""
         self.next_step = model.completed + self._every
@@ -443,16 +443,25 @@ class _Checkpoints:
             self._check_classes(model)
             checkpoint = checkpoint_of(model, self._since, steps=steps)
             content = to_bytes(checkpoint)
-            self._more = size_of_collected(checkpoint)
-            check_collected(self._collected + self._more, file)
         except RecordingError as error:
             self.why_not = str(error)
             return b""
-        self.why_not = ""
+        self._more, self.why_not = size_of_collected(checkpoint), ""
+        return content
+
+    def fitting(self, content: bytes, buffer: RowBuffer) -> bytes:
+        """Return what `content` has returned; no bytes, and set `why_not`, if it collects too much for the file yet."""
+        if not content:
+            return b""
+        try:
+            check_collected(self._collected + self._more, buffer.writer.sealed.end)
+        except RecordingError as error:
+            self.why_not = str(error)
+            return b""
         return content
 
     def attach(self, model: EngineModel, content: bytes, buffer: RowBuffer) -> None:
-        """Write what `content` has returned, or warn once that states are no longer stored."""
+        """Write what `fitting` has returned, or warn once that states are not stored."""
         if content:
             buffer.attach(CHECKPOINT, content, model.completed)
             self._since = lengths_of(model)

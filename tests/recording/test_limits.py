@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mesa_swarm import AGENT3, SwarmModel
-from mesa_swarm.base.errors import InvalidValueError, RecordingError
+from mesa_swarm.base.errors import InvalidValueError, RecordingError, UnstoredStateWarning
 from mesa_swarm.models.fire_fighting import FireFighting
 from mesa_swarm.recording import Recording, container, verify
 from mesa_swarm.recording import collected_data as collected
@@ -163,6 +163,19 @@ def test_states_that_have_collected_too_much_are_not_stored_and_the_others_can_b
     with pytest.raises(RecordingError, match="collected data need") as error:
         states_to(Recording(path), len(recorder.checkpoints) - 1)
     one_line(error)
+
+
+def test_too_much_collected_before_a_recording_is_a_reason_of_its_first_states_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(collected, "MOST_COLLECTED", 100_000)
+    monkeypatch.setattr(collected, "MOST_PACKED", 30)
+    path, model = tmp_path / "run.arrow", Collecting(n=10, rng=1).run(200)
+    with pytest.warns(UnstoredStateWarning) as warned, model.record(path, checkpoint_every=5):
+        model.run(400)
+    (text,) = {str(one.message) for one in warned}
+    assert text.startswith("the state of Collecting after step 200 cannot be stored in its recording: collected data")
+    assert "recording of 0 bytes" not in text
+    assert Recording(path).provenance["why_no_checkpoint"] == ""
+    assert Collecting.resume(path).state_hash() == model.state_hash()
 
 
 @pytest.mark.parametrize(
