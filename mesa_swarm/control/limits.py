@@ -29,7 +29,7 @@ from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
 
 from mesa_swarm.control.source import attributes_used, functions_used, operands, operations, values_used
-from mesa_swarm.kernels.compiled import FUNCTIONS
+from mesa_swarm.kernels.digests import FUNCTIONS
 
 MOST_LOOPS = 1_000_000
 # Operations of which a function with loops has one.

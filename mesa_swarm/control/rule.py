@@ -32,7 +32,8 @@ from mesa_swarm.control.limits import (
     uncompile,
 )
 from mesa_swarm.control.source import Read
-from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
+from mesa_swarm.kernels.custom_code import rename_function, store_on_disk
+from mesa_swarm.kernels.digests import digest_function
 from mesa_swarm.robots.design import RobotDesign
 from mesa_swarm.robots.devices import reserve_names, warn_of_plain
 from mesa_swarm.robots.drive import speeds_in_words

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import cache
+from glob import escape as glob_escape
 from hashlib import blake2b
 from pathlib import Path
 from shutil import rmtree
@@ -29,10 +30,8 @@ from mesa_swarm.base.progress import notice
 from mesa_swarm.kernels.type_names import name_type
 
 PACKAGE = Path(__file__).resolve().parent.parent
-# The rooms that hold compiled functions.
-FLOORS = ("kernels", "geometry", "robots", "physics", "control", "fire", "learning", "environments")
-# Every change of the sources leaves a cache behind: the last few are enough.
-MOST_CACHES = 4
+# Every change of a function leaves code behind: that of the last few, for the same types, is enough.
+MOST_VERSIONS = 4
 SEAL_BYTES = 16
 CURE = "set NUMBA_CACHE_DIR to a folder that can be written to"
 # Why code could not be stored by this process, each time.
@@ -43,16 +42,8 @@ REPORTED = "MESA_SWARM_CODE_IS_NOT_STORED"
 settings: Any = numba.config
 
 
-def _stamp() -> str:
-    """Return a name for this state of the sources that hold compiled functions."""
-    digest = blake2b(digest_size=8)
-    for path in sorted(path for floor in FLOORS for path in (PACKAGE / floor).glob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
-# A separate folder for each state of the sources cannot go stale, though machine code is of several files.
-FOLDER = f"kernels-{_stamp()}"
+# Of files of this form; each is found by a digest of all that its code depends on, so that none can be stale.
+FOLDER = "kernels-by-code"
 # The code of this installation: beside it, or where the user has Numba store code.
 HOME = Path(settings.CACHE_DIR or PACKAGE / "__pycache__").absolute() / FOLDER
 
@@ -76,18 +67,26 @@ def why_unwritable(folder: Path) -> str:
     try:
         if not folder.exists():
             folder.mkdir(parents=True, exist_ok=True)
-            _drop_old(folder)
+            _drop_former(folder)
         with TemporaryFile(dir=folder):
             return ""
     except OSError as error:
         return error.strerror or type(error).__name__
 
 
-def _drop_old(new: Path) -> None:
-    """Remove all but the newest caches beside one that has just been made."""
-    others = [path for path in new.parent.glob("kernels-*") if path != new]
-    for old in sorted(others, key=time_of_change)[: 1 - MOST_CACHES]:
-        rmtree(old, ignore_errors=True)
+def _drop_former(new: Path) -> None:
+    """Remove the folders of versions of before, one for each state of all sources, beside one that has been made."""
+    for old in new.parent.glob("kernels-*"):
+        if old != new:
+            rmtree(old, ignore_errors=True)
+
+
+def _drop_old(path: Path) -> None:
+    """Remove what is left of former versions of a function beside a new file, but for the last few."""
+    begin = path.name.rpartition("-")[0]
+    for old in sorted(path.parent.glob(f"{glob_escape(begin)}-*.nbc"), key=time_of_change)[:-MOST_VERSIONS]:
+        with suppress(OSError):  # another process has removed it
+            old.unlink()
 
 
 def time_of_change(path: Path) -> float:
@@ -159,6 +158,7 @@ def write_code(name: str, code: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft.write_bytes(_seal(code) + code)
         os.replace(draft, path)
+        _drop_old(path)
     except OSError as error:
         with suppress(OSError):
             draft.unlink()
@@ -187,14 +187,13 @@ def file_of(stem: str, words: str, more: str = "") -> str:
     stem : str
         The name of the function.
     words : str
-        The types, see `type_names.in_words`.
+        The types, see `type_names.name_type`.
     more : str
-        Whatever else the code depends on.
+        A digest of whatever else the code depends on.
     """
-    digest = blake2b(
-        repr((name_machine(), words, more)).encode("utf-8", "backslashreplace"), digest_size=12
-    ).hexdigest()
-    return f"{stem}-{digest}.nbc"
+    parts = (repr((name_machine(), words)), more)
+    digests = [blake2b(part.encode("utf-8", "backslashreplace"), digest_size=10).hexdigest() for part in parts]
+    return f"{stem}-{'-'.join(digests)}.nbc"
 
 
 @cache
@@ -224,15 +223,21 @@ class StoredCode(FunctionCache):
     function : function
     stem : str
         The name of its files, see `file_of`.
-    more : str
-        Whatever else the code depends on.
+    digest : callable
+        Returns a digest of whatever else the code depends on, None if that is not known: then nothing is stored.
     accepts : callable
         Code is stored if this returns True when it has been compiled.
     """
 
-    def __init__(self, function: Any, stem: str, more: str = "", accepts: Callable[[], bool] = lambda: True) -> None:
+    def __init__(
+        self,
+        function: Any,
+        stem: str,
+        digest: Callable[[], str | None] = lambda: "",
+        accepts: Callable[[], bool] = lambda: True,
+    ) -> None:
         self._py_func, self._impl = function, _Form(function)
-        self._stem, self._more, self._accepts = stem, more, accepts
+        self._stem, self.digest, self._accepts = stem, cache(digest), accepts
 
     @property
     def cache_path(self) -> str:
@@ -245,7 +250,7 @@ class StoredCode(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the code for these types, None if there is none that is whole."""
         target_context.refresh()
-        for content in read_code(self._file(sig)):
+        for content in [] if self.digest() is None else read_code(self._file(sig)):
             with suppress(Exception):  # of types that cannot be unpickled or compared: it is compiled
                 key, code = pickle.loads(content)
                 if key == self._index_key(sig, target_context.codegen()):
@@ -254,9 +259,9 @@ class StoredCode(FunctionCache):
 
     def save_overload(self, sig: Any, result: Any) -> None:
         """Store code."""
-        if self._impl.check_cachable(result) and self._accepts():
+        if self.digest() is not None and self._impl.check_cachable(result) and self._accepts():
             key = self._index_key(sig, result.codegen)
             write_code(self._file(sig), dumps((key, self._impl.reduce(result))))
 
     def _file(self, sig: Any) -> str:
-        return file_of(self._stem, name_types(getattr(sig, "args", sig)), self._more)
+        return file_of(self._stem, name_types(getattr(sig, "args", sig)), self.digest() or "")

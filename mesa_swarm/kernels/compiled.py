@@ -23,6 +23,7 @@ from numba.core.imputils import fix_returning_optional, impl_ret_new_ref
 
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.kernels.code_files import PACKAGE, StoredCode, settings
+from mesa_swarm.kernels.digests import FUNCTIONS, digest_function, digest_source
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +101,6 @@ if settings.DISABLE_JIT:
     )
 # Of the name of a file.
 LONGEST_STEM = 100
-# The functions of the package that are compiled in this way.
-FUNCTIONS: set[Callable[..., Any]] = set()
 
 
 def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False, apart: bool = False) -> Any:
@@ -123,14 +122,19 @@ def compiled(function: Callable[..., Any] | None = None, *, nogil: bool = False,
     result: Any = njit(error_model="numpy", nogil=nogil)(function)
     if f"{function.__module__}.".startswith(f"{PACKAGE.name}."):
         FUNCTIONS.add(function)
-        result._cache = StoredCode(function, stem_of(function))
+        result._cache = StoredCode(function, stem_of(function), partial(_digest, function, nogil, apart))
     else:
         with suppress(OSError):  # its source is not in a file
-            result._cache = StoredCode(function, *_describe_function(function))
+            stem, description = _describe_function(function)
+            result._cache = StoredCode(function, stem, lambda: description)
     inherit_reloads(result)
     if apart:
         keep_apart(result)
     return result
+
+
+def _digest(function: Any, nogil: bool, apart: bool) -> str | None:
+    return digest_function(function, nogil, apart, digest_source(__file__))
 
 
 def _describe_function(function: Callable[..., Any]) -> tuple[str, str]:
@@ -138,7 +142,8 @@ def _describe_function(function: Callable[..., Any]) -> tuple[str, str]:
     code = function.__code__
     source = Path(code.co_filename)
     name = re.sub(r"[^\w.]", "", f"{source.stem}.{function.__qualname__}")
-    return name[-LONGEST_STEM:], f"{code.co_firstlineno} {blake2b(source.read_bytes()).hexdigest()}"
+    words = f"{code.co_firstlineno} ".encode() + source.read_bytes()
+    return name[-LONGEST_STEM:], blake2b(words, digest_size=16).hexdigest()
 
 
 def stem_of(function: Callable[..., Any]) -> str:

@@ -16,7 +16,8 @@ from numba.core import event
 
 from mesa_swarm.base.progress import note
 from mesa_swarm.kernels.code_files import PACKAGE, file_of, is_stored, list_folders, name_types, why_not_stored
-from mesa_swarm.kernels.compiled import FUNCTIONS, stem_of
+from mesa_swarm.kernels.compiled import stem_of
+from mesa_swarm.kernels.digests import FUNCTIONS
 
 NEEDED = Path(__file__).with_name("needed.json")
 # What is needed by every model of the gallery, in that file.
@@ -128,18 +129,29 @@ def name_of(function: Any, arguments: Iterable[Any]) -> str:
 
 def stored_functions(names: Iterable[str]) -> set[str]:
     """Return which of these functions are compiled already for this machine, in whole files on disk."""
-    return {name for name in names if is_stored(_file_of(name))}
+    return {name for name in names if (file := _file_of(name)) is not None and is_stored(file)}
 
 
 def code_folders(names: Iterable[str]) -> tuple[Path, ...]:
     """Return the folders in which machine code of some of these functions is stored."""
     files = [_file_of(name) for name in names]
-    return tuple(place for place in list_folders() if any((place / file).exists() for file in files))
+    return tuple(place for place in list_folders() if any((place / file).exists() for file in files if file))
 
 
-def _file_of(name: str) -> str:
+def _file_of(name: str) -> str | None:
+    """Return the file of a function's code, None if there is no such function."""
     stem, _, words = name.partition(" ")
-    return file_of(stem, words)
+    try:
+        return file_of(stem, words, function_named(stem)._cache.digest() or "")
+    except (ImportError, AttributeError):
+        return None
+
+
+@cache
+def function_named(stem: str) -> Any:
+    """Return the compiled function of a name, as `compiled.stem_of` returns it."""
+    module, _, attribute = stem.rpartition(".")
+    return getattr(import_module(f"{PACKAGE.name}.{module}"), attribute)
 
 
 def needed_functions() -> dict[str, list[str]]:

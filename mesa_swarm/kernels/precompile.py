@@ -11,12 +11,10 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib import import_module
 from threading import Thread
-from typing import Any
 
 from mesa_swarm.kernels.code_files import PACKAGE
-from mesa_swarm.kernels.compiling import compilation, stored_functions
+from mesa_swarm.kernels.compiling import compilation, function_named, stored_functions
 from mesa_swarm.kernels.type_names import types_in_words
 from mesa_swarm.kernels.waiting import count_processors
 
@@ -61,10 +59,8 @@ def compile_named(name: str) -> None:
     --------
     >>> compile_named("geometry.overlap.wrap_angle float64")
     """
-    function, _, words = name.partition(" ")
-    module, _, attribute = function.rpartition(".")
-    dispatcher: Any = getattr(import_module(f"{PACKAGE.name}.{module}"), attribute)
-    dispatcher.compile(types_in_words(words))
+    stem, _, words = name.partition(" ")
+    function_named(stem).compile(types_in_words(words))
 
 
 def _exit_with_parent() -> None:

@@ -19,7 +19,8 @@ from mesa_swarm.base.errors import (
     shortened,
 )
 from mesa_swarm.kernels.compiled import compile_custom, is_refused
-from mesa_swarm.kernels.custom_code import digest_function, rename_function, store_on_disk
+from mesa_swarm.kernels.custom_code import rename_function, store_on_disk
+from mesa_swarm.kernels.digests import digest_function
 
 MOST_NUMBERS = 10_000
 # How similar a kind is at least to a known one that it misspells: "pukc" and "puck" are 0.75, "food" and "load" 0.5.

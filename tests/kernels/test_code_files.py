@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mesa_swarm.kernels import code_files
 from mesa_swarm.kernels.code_files import (
-    MOST_CACHES,
+    MOST_VERSIONS,
     REPORTED,
     SEAL_BYTES,
     drop_damaged,
@@ -186,23 +186,21 @@ def test_damaged_files_of_rules_are_removed_and_named_unless_a_whole_one_replace
     assert drop_damaged("custom") == []
 
 
-@pytest.mark.parametrize("exists", [False, True])
-def test_a_new_cache_leaves_the_newest_of_the_old_ones_and_an_old_one_leaves_all(tmp_path, exists):
-    for age in range(7):
-        folder = tmp_path / f"kernels-{age * 37 % 7}"
-        folder.mkdir()
-        os.utime(folder, (1000 - age, 1000 - age))
-    new = tmp_path / ("kernels-0" if exists else "kernels-new")
-    assert why_unwritable.__wrapped__(new) == ""
-    newest = {f"kernels-{age * 37 % 7}" for age in range(7 if exists else MOST_CACHES - 1)}
-    assert {folder.name for folder in tmp_path.iterdir()} == newest | {new.name}
+def test_a_new_folder_replaces_those_of_former_versions_which_had_one_for_each_state_of_the_sources(tmp_path):
+    for name in ("kernels-0", "kernels-1", "other"):
+        (tmp_path / name).mkdir()
+    assert why_unwritable.__wrapped__(tmp_path / "kernels-new") == ""
+    assert {folder.name for folder in tmp_path.iterdir()} == {"kernels-new", "other"}
 
 
-def test_the_stamp_is_that_of_every_source_that_may_hold_a_compiled_function():
-    sources = list(code_files.PACKAGE.glob("*/*.py"))
-    holding = {path.parent.name for path in sources if "kernels.compiled import" in path.read_text(encoding="utf-8")}
-    assert set() < holding <= set(code_files.FLOORS)
-    assert (code_files.PACKAGE / "kernels" / "code_files.py").samefile(code_files.__file__)
+def test_of_the_versions_of_a_function_for_the_same_types_the_last_few_stay(folders):
+    names = [file_of("f", "int64", str(version)) for version in range(MOST_VERSIONS + 3)]
+    for age, name in enumerate([file_of("f", "float64", "0"), file_of("g", "int64", "0"), *names]):
+        write_code(name, b"code")
+        os.utime(folders.home / name, (1000 + age, 1000 + age))
+    write_code(names[-1], b"code")
+    left = {path.name for path in folders.home.iterdir()}
+    assert left == {file_of("f", "float64", "0"), file_of("g", "int64", "0"), *names[-MOST_VERSIONS:]}
 
 
 @given(st.lists(st.tuples(st.text(), st.text()), min_size=2, max_size=2, unique=True))

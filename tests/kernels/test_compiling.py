@@ -2,8 +2,6 @@
 
 import subprocess
 import sys
-from importlib import import_module
-from pkgutil import walk_packages
 from types import SimpleNamespace
 
 import pytest
@@ -11,12 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import types
 
-import mesa_swarm
 from mesa_swarm.base import work_line as work_done
 from mesa_swarm.base.progress import progress_bar
 from mesa_swarm.kernels import code_files, compiling
-from mesa_swarm.kernels.code_files import FLOORS
-from mesa_swarm.kernels.compiled import FUNCTIONS
 from mesa_swarm.kernels.compiling import (
     Compilation,
     compiling_progress,
@@ -25,8 +20,10 @@ from mesa_swarm.kernels.compiling import (
     needed_functions,
     stored_functions,
 )
+from mesa_swarm.kernels.digests import FUNCTIONS
 from mesa_swarm.model.gallery import find_model, gallery_names
 from mesa_swarm.swarm_model import SwarmModel
+from support.compiled_rooms import import_compiled_rooms
 from tests.support.compiled_functions import compiled_by
 
 FIRST = (types.float64,)
@@ -39,7 +36,8 @@ def functions(monkeypatch, tmp_path):
     made = [SimpleNamespace(__module__="mesa_swarm.geometry.made", __qualname__=name) for name in ("a", "b", "c")]
     names = [name_of(function, FIRST) for function in made]
     table = {compiling.EVERY: names[:1], "boids": names[1:]}
-    for name, value in {"_table": lambda: table, "FUNCTIONS": Among(made)}.items():
+    stored = SimpleNamespace(_cache=SimpleNamespace(digest=lambda: "digest"))
+    for name, value in {"_table": lambda: table, "FUNCTIONS": Among(made), "function_named": lambda _: stored}.items():
         monkeypatch.setattr(compiling, name, value)
     return made
 
@@ -148,9 +146,7 @@ def test_names_depend_on_the_types_and_on_nothing_else(arguments):
 
 
 def test_what_is_listed_as_needed_are_functions_of_the_package_by_every_model_of_the_gallery():
-    for module in walk_packages(mesa_swarm.__path__, "mesa_swarm."):
-        if module.name.split(".")[1] in FLOORS:
-            import_module(module.name)
+    import_compiled_rooms()
     known = {name_of(function, FIRST).partition(" ")[0] for function in FUNCTIONS}
     needed = needed_functions()
     assert sorted(needed) == gallery_names(), "run: python tests/support/compiled_functions.py"
@@ -162,7 +158,7 @@ CALLED = """
 import gc, sys
 from numba.core.registry import CPUDispatcher
 from mesa_swarm.experiments.warm_up import compile_for
-from mesa_swarm.kernels.compiled import FUNCTIONS
+from mesa_swarm.kernels.digests import FUNCTIONS
 from mesa_swarm.kernels.compiling import name_of
 compile_for(sys.argv[1])
 for one in gc.get_objects():

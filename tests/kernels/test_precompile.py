@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from mesa_swarm.kernels import compiling, precompile
-from mesa_swarm.kernels.compiled import FUNCTIONS
 from mesa_swarm.kernels.compiling import Compilation, name_of, needed_functions
+from mesa_swarm.kernels.digests import FUNCTIONS
 from mesa_swarm.kernels.type_names import types_in_words
 
 COMPANION = [sys.executable, "-m", "mesa_swarm.kernels.precompile"]
