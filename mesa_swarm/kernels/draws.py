@@ -1,0 +1,73 @@
+"""Random numbers in compiled functions: drawn from a model's own streams, the same as NumPy's generator draws.
+
+A compiled function calls NumPy's function that draws one number, by its address, with the address of the state of the
+generator. So the stream moves on as if Python had drawn, and what is stored, copied or drawn later is the same.
+"""
+
+import ctypes
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from mesa_swarm.kernels.compiled import compiled
+
+
+class Stream(NamedTuple):
+    """A stream of random numbers for compiled functions, in a `Block`; the generator has to live as long.
+
+    Parameters
+    ----------
+    draw : int
+        The address of the function that draws a number, uniform in [0, 1).
+    state : int
+        The address of what it changes.
+    """
+
+    draw: int
+    state: int
+
+
+def stream_of(generator: np.random.Generator) -> Stream:
+    """Return what compiled functions take of a generator.
+
+    Examples
+    --------
+    >>> generator = np.random.default_rng(1)
+    >>> draw(stream_of(generator)) == np.random.default_rng(1).random()
+    True
+    """
+    interface = generator.bit_generator.ctypes
+    return Stream(_address_of(interface.next_double), _address_of(interface.state))
+
+
+def _address_of(pointer: Any) -> int:
+    return int(ctypes.cast(pointer, ctypes.c_void_p).value or 0)
+
+
+@intrinsic
+def _call(typing_context: Any, function: Any, state: Any) -> Any:
+    """Call a function that takes an address and returns a real number, by its own address."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address, state = arguments
+        place = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.DoubleType(), [place])
+        function = builder.inttoptr(address, kind.as_pointer())
+        return builder.call(function, [builder.inttoptr(state, place)])
+
+    return types.float64(types.int64, types.int64), code
+
+
+@compiled
+def draw(stream: Stream) -> float:
+    """Return a number uniform in [0, 1), as ``generator.random()`` does; for compiled functions."""
+    return _call(stream.draw, stream.state)
+
+
+@compiled
+def draw_between(stream: Stream, low: float, high: float) -> float:
+    """Return a number uniform in [low, high), as ``generator.uniform(low, high)`` does; for compiled functions."""
+    return low + (high - low) * _call(stream.draw, stream.state)
