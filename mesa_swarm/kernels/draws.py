@@ -64,10 +64,10 @@ def _call(typing_context: Any, function: Any, state: Any) -> Any:
 @compiled
 def draw(stream: Stream) -> float:
     """Return a number uniform in [0, 1), as ``generator.random()`` does; for compiled functions."""
-    return _call(stream.draw, stream.state)
+    return _call(stream.draw, stream.state)  # type: ignore[call-arg]
 
 
 @compiled
 def draw_between(stream: Stream, low: float, high: float) -> float:
     """Return a number uniform in [low, high), as ``generator.uniform(low, high)`` does; for compiled functions."""
-    return low + (high - low) * _call(stream.draw, stream.state)
+    return low + (high - low) * _call(stream.draw, stream.state)  # type: ignore[call-arg]
