@@ -12,7 +12,7 @@ from numba import types
 
 from mesa_swarm import AGENT9, AGENT_FIRE, Field, Lamp, Map, Radio, SwarmModel, disc, rectangle
 from mesa_swarm.base.errors import BehaviourError
-from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum
+from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.arbiter import decide_layers
 from mesa_swarm.fire import FightFire
 from mesa_swarm.fire.burning import Burning
@@ -100,11 +100,41 @@ def in_touch():
     return model
 
 
+@behaviour
+def count_voices(me):
+    me.send.count = me.heard.n
+    me.send.vector[1] = me.heard.range[0]
+    return 0.6, 0.9 - 0.1 * me.heard.n
+
+
+def talking():
+    """Return a world in which messages are lost by chance and stopped by a wall, and by a door that moves."""
+    radio = Radio(range=90, occlusion=True, loss_probability=0.3, message={"count": 1, "vector": 2}, most=3)
+    model = SwarmModel(map=Map(bounds=(0, 0, 300, 200)), rng=2, communication=radio)
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    model.add_process(DoorKeeper(model.add_body(rectangle((200, 60), (210, 100)), kind="door").unique_id))
+    model.add_robots(AGENT9, 15)
+    model.control = Subsumption(Avoid(), count_voices)
+    return model
+
+
+class DoorKeeper:
+    """A process that moves a door to and fro."""
+
+    def __init__(self, door):
+        self.door = door
+
+    def step(self, model):
+        door = next(body for body in model.bodies if body.unique_id == self.door)
+        door.position = (205.0, 80.0 + 15.0 * math.sin(model.steps / 9))
+
+
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
     "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
     "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
     "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, FIELDS, PROCESSES}),
+    "messages": (talking, {HEAR, COUNT}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
     "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
     "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
@@ -295,8 +325,6 @@ REASONS = {
     "driven bodies": ({}, driven, {SENSE: "driven bodies", MOVE: "driven bodies"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
-    "losses": ({"communication": Radio(range=9, loss_probability=0.1)}, bool, {HEAR: "broadcasts that are lost"}),
-    "messages": ({"communication": Radio(range=9, message=("x",))}, bool, {HEAR: "messages"}),
     "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
     "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
     "weights": ({}, summing, {DECIDE: "VectorSum"}),

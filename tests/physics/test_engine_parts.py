@@ -2,7 +2,6 @@
 
 import copy
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -275,7 +274,7 @@ def test_a_channel_carries_what_its_radio_broadcasts_and_notices_other_robots_an
             swarm.columns[name].fill(-1)
         for name in ("heard_from", "heard_goal"):
             swarm.columns[name].fill(math.nan)
-        channel.exchange(swarm, around.surroundings, np.uint64(5))
+        channel.kernel(swarm, around.surroundings).run(1, len(swarm))
         return swarm.heard_task.tolist(), swarm.heard_goal[1].tolist()
 
     there = [-1, 7] if state else [-1, -1], [-40.0, 0.0] if goal else pytest.approx([math.nan] * 2, nan_ok=True)
@@ -287,10 +286,6 @@ def test_a_channel_carries_what_its_radio_broadcasts_and_notices_other_robots_an
     swarm.agents.append(None)
     swarm.columns["task"][2] = 9
     assert heard(WORLD)[0] == ([9, 9, 7] if state else [-1] * 3)
-
-
-def test_an_exchange_without_robots_needs_no_surroundings():
-    Channel(Radio()).exchange(Swarm(), SimpleNamespace(), np.uint64(5))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
