@@ -1,6 +1,7 @@
 """The part `fires`: fires as discs that radiate heat, what burns of them, and the heat in robots."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from operator import is_not
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ class FiresPart(Part):
     def __init__(
         self, model: Any, constants: FireConstants, extinguish_range: float, history_every: int | Trigger
     ) -> None:
-        self.model, self.cache = model, Prepared()
+        self.model, self.cache, self.row_cache = model, Prepared(), Prepared()
         self.set_constants(constants)
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every, model.parts.bodies.table)
@@ -57,7 +58,7 @@ class FiresPart(Part):
 
     def stages(self) -> Iterator[Stage]:
         """Store a row of the history, if one is due."""
-        yield Stage(Phase.COLLECT, self.store_history, "temperatures of fires are stored")
+        yield Stage(Phase.COLLECT, self.store_history, "temperatures of fires are stored", self.storing())
 
     def parameters(self) -> list | None:
         """Return the constants of what burns, None where nothing does."""
@@ -96,6 +97,17 @@ class FiresPart(Part):
                 f"fire_constants is {shortened(constants)}; expected what design_constants() returns"
             )
         self.constants = constants
+        self.model.parts.replan()  # of which what burns is a part
+
+    @property
+    def extinguish_range(self) -> float:
+        """How near to a fire's edge the body of a robot that fights it is at most, and takes its heat."""
+        return self._extinguish_range
+
+    @extinguish_range.setter
+    def extinguish_range(self, extinguish_range: float) -> None:
+        self._extinguish_range = extinguish_range
+        self.model.parts.replan()
 
     def add_fire(
         self,
@@ -178,6 +190,13 @@ class FiresPart(Part):
 
     def store_history(self) -> None:
         """Store a row of the history of all fires, if one is due."""
-        fires, history = self.fires, self.fires.history
-        if history.width and history.trigger.is_due(self.model.completed):
-            history.append(self.model.steps, fires.temperature, fires.robots, fires.out)
+        self.storing().run(self.model.steps, len(self.model.swarm))
+
+    def storing(self) -> Kernel:
+        """Return what stores rows of the history, made anew when fires or bodies have come or gone."""
+        fires, history, prepared = self.fires, self.fires.history, self.row_cache
+        state = history, history.changes, fires.own["out"], fires.table.temperature
+        if prepared.kernel is None or any(map(is_not, prepared.state, state)):
+            prepared.state, prepared.kernel = state, history.kernel(fires)
+        history.count_from(self.model.steps, self.model.completed)
+        return prepared.kernel

@@ -5,6 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from mesa_swarm.base.errors import InvalidValueError, read_attribute, shortened
 from mesa_swarm.kernels.part import Itself, Part, Phase, Stage, kernel_of
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.state import Checkpointed, attributes_of, quick_fingerprint, refuse_attributes, stored_state
 from mesa_swarm.model.state_hash import describe_process
 
@@ -60,11 +61,12 @@ class ProcessesPart(Part):
         self.numbered: dict[int, Process] = {}
 
     def stages(self) -> Iterator[Stage]:
-        """Advance all processes, one after the other; by a kernel where there is one process, which has it."""
+        """Advance all processes, one after the other; by a kernel where each of them has one."""
         processes = [*self.numbered.values()]
-        kernel = kernel_of(processes[0], "step", self.model) if len(processes) == 1 else None
-        names = "" if kernel else ", ".join(dict.fromkeys(type(process).__name__ for process in processes))
-        yield Stage(Phase.PROCESS, self.advance, "processes take place", kernel, python=names)
+        kernels = [kernel_of(process, "step", self.model) for process in processes]
+        names = [type(process).__name__ for process, kernel in zip(processes, kernels, strict=True) if kernel is None]
+        kernel = None if names else sequence_of([kernel for kernel in kernels if kernel is not None])
+        yield Stage(Phase.PROCESS, self.advance, "processes take place", kernel, python=", ".join(dict.fromkeys(names)))
 
     def parameters(self) -> list:
         """Return the state of processes, and what they are besides."""
