@@ -8,9 +8,10 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import mesa
 import pytest
 
-from mesa_swarm import AGENT9, Lamp, Radio, SwarmModel
+from mesa_swarm import AGENT9, Lamp, Radio, SwarmModel, disc
 from mesa_swarm.control import Explore, Subsumption
 from mesa_swarm.model.parts import METHODS
 
@@ -197,6 +198,7 @@ def test_the_page_draws_the_plan_of_a_model_with_everything():
     model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 2)
     model.control = Subsumption(Explore())
     model.watch()
+    model.add_body(disc((400, 300), 5), agent=mesa.Agent(model))
     drawn = [line for line in STAGE.findall(PAGE) if line[0] != "phase"]
     assert drawn == [(stage.phase.name.lower(), part, stage.name) for part, stage in model.plan.stages]
     assert all(f"`{part}`" in PAGE for part in model.parts)

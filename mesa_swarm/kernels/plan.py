@@ -25,13 +25,12 @@ class Plan(NamedTuple):
     >>> from mesa_swarm.model.engine_model import EngineModel
     >>> print(EngineModel(rng=1).plan)
     phase    part       what                                    how
-    sense    bodies     bodies follow their agents              Python
     sense    robots     robots read their sensors               compiled: sense_proximity; Python: no proximity sensors
-    move     bodies     driven bodies begin their ways          compiled: place_items
+    move     bodies     driven bodies begin their ways          compiled: run_in_turn
     move     robots     robots move, and contacts are resolved  compiled: travel_pieces; Python: no robots
-    resolve  bodies     bodies rest, and are carried along      Python
+    resolve  bodies     bodies rest, and are carried along      compiled: run_in_turn
     process  fields     fields diffuse and evaporate            compiled: advance_fields
-    process  processes  processes take place                    Python
+    process  processes  processes take place                    compiled: run_in_turn
     collect  robots     collisions are counted                  compiled: count_collided
     besides: datacollector after each step
     """

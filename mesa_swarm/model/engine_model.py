@@ -203,7 +203,7 @@ class EngineModel(MesaModel):
         Examples
         --------
         >>> from mesa_swarm import SwarmModel
-        >>> [stage.name for _, stage in SwarmModel(rng=1).plan.stages][1:3]
+        >>> [stage.name for _, stage in SwarmModel(rng=1).plan.stages][:2]
         ['robots read their sensors', 'driven bodies begin their ways']
         """
         self.parts.replan()  # which layers are compiled is known after the first step

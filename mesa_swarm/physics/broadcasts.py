@@ -173,7 +173,7 @@ def hear_all(block, step, first, last):
         hear_messages(
             position, heading, number, h.sends, limits, grid, obstacles, h.count, h.distance, h.bearing, senders
         )
-        hand_over(h.messages, senders)
+        deliver_messages(h.messages, senders)
     return 0
 
 
@@ -190,7 +190,7 @@ def note_senders(messages, sends):
 
 
 @compiled
-def hand_over(messages, senders):
+def deliver_messages(messages, senders):
     """Write the numbers that robots hear from their senders, rows (n, most), NaN where there is none."""
     for m in range(messages.shape[0]):
         message = unpack(messages[m], MessageArrays)

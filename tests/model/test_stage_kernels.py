@@ -119,7 +119,7 @@ def talking():
 
 
 class DoorKeeper:
-    """A process that moves a door to and fro."""
+    """A process that moves a door back and forth."""
 
     def __init__(self, door):
         self.door = door
