@@ -120,11 +120,18 @@ class RobotsPart(Part):
     def _sensing(self) -> dict[str, Any]:
         """Return the fields of the stage that senses: its kernel, with imperfections, or what makes Python due."""
         swarm, parts = self.swarm, self.model.parts
-        custom = {self._of_class(Sensor): len(swarm.table.readings) > 0}
-        fields = self.engine.sensing(swarm, parts.bodies.scene(), self.sensor_noise(), custom)
-        effect = parts.imperfections.effect
-        if fields.get("kernel") is not None and effect is not None:
-            fields["kernel"] = sequence_of([fields["kernel"], effect.reading_kernel(swarm)])
+        scene, effect, following = parts.bodies.scene(), parts.imperfections.effect, []
+        if effect is not None:
+            following.append(effect.reading_kernel(swarm))
+        custom = ""
+        if swarm.table.readings:
+            kernel = self.devices.sensing(self.model, scene)
+            custom = "" if kernel else ", ".join(dict.fromkeys(self.devices.without_kernels(self.model)))
+            custom = custom or ("" if kernel else self._of_class(Sensor))
+            following += [kernel] if effect is None else [kernel, effect.custom_kernel(swarm)]
+        fields = self.engine.sensing(swarm, scene, self.sensor_noise(), {custom: custom != ""})
+        if fields.get("kernel") is not None:
+            fields["kernel"] = sequence_of([fields["kernel"], *following])
         return fields
 
     def _moving(self) -> dict[str, Any]:

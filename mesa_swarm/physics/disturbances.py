@@ -9,6 +9,7 @@ import numpy as np
 from mesa_swarm.kernels.block import Block, unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.kernels.part import Kernel, Prepared
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.kernels.type_names import (
     CodeRows,
     FlagRows,
@@ -90,6 +91,24 @@ class ReadingArrays(NamedTuple):
     failure: float
 
 
+class CustomArrays(NamedTuple):
+    """What `spoil_column` takes: arguments of `spoil_any` for a column, whether sensors fail, and where they write."""
+
+    design: Integers
+    number: Integers
+    key: int
+    disturbs: bool
+    limits: Limits
+    channel: int
+    reading: RealRows
+    last: RealRows
+    least: RealRows
+    largest: RealRows
+    fails: bool
+    failed: FlagRows
+    places: IntegerTables
+
+
 class DrivingArrays(NamedTuple):
     """What `drive_imperfectly` takes: arguments of `spoil_wheels` and `fail_wheels`; whether wheels may fail."""
 
@@ -124,8 +143,7 @@ class Imperfect:
         self.imperfections, self.key = imperfections, key
         for name, column in KEPT.items():
             swarm.remember(f"{LASTING}{name}", *column)
-        self._of_readings, self._of_wheels, self._version = Prepared(), Prepared(), -1
-        self._custom_limits: dict[str, tuple] = {}
+        self._of_readings, self._of_wheels, self._of_custom = Prepared(), Prepared(), Prepared()
         self._disturbs_readings = not is_ideal(imperfections.sensing)
         if imperfections.sensor_failure > 0 or imperfections.wheel_failure > 0:
             swarm.add_failures()
@@ -171,21 +189,36 @@ class Imperfect:
         )
 
     def spoil_custom(self, swarm: Swarm, step: int) -> None:
-        """Disturb what custom sensors read in this step."""
-        if self._disturbs_readings:
-            self._spoil_custom(swarm, step)
-        if FAILED_SENSORS in swarm.columns:
-            blind_custom_sensors(swarm, swarm.columns[FAILED_SENSORS])
+        """Disturb what custom sensors read in this step, counted from 0."""
+        self.custom_kernel(swarm).run(step + 1, len(swarm))
 
-    def _spoil_custom(self, swarm: Swarm, step: int) -> None:
-        columns, limits, key = swarm.columns, self.imperfections.sensing.limits, np.uint64(self.key)
-        if self._version != swarm.version:
-            self._custom_limits = {name: _limits_of(swarm, name) for name in swarm.table.readings}
-            self._version = swarm.version
-        for name, ends in self._custom_limits.items():
-            last, channel = columns[f"{LAST_READ}{name}"], CUSTOM + (crc32(name.encode()) << CUSTOM_BITS)
-            by_chance = columns["design"], columns["number"], step, key
-            spoil_any(columns[name], last, *ends, channel, limits, *by_chance)
+    def custom_kernel(self, swarm: Swarm) -> Kernel:
+        """Return what disturbs the readings of custom sensors, made anew when robots or the key are others."""
+        prepared, state = self._of_custom, (swarm.version, self.key)
+        if prepared.kernel is None or prepared.state != state:
+            blocks = [Block(self._custom_arrays(swarm, name)) for name in swarm.table.readings]
+            kernels = [Kernel(spoil_column, block.numbers, block) for block in blocks]
+            prepared.state, prepared.kernel = state, sequence_of(kernels)
+        return prepared.kernel
+
+    def _custom_arrays(self, swarm: Swarm, name: str) -> "CustomArrays":
+        columns, fails = swarm.columns, FAILED_SENSORS in swarm.columns
+        least, largest = _limits_of(swarm, name)
+        return CustomArrays(
+            design=columns["design"],
+            number=columns["number"],
+            key=_as_integer(self.key),
+            disturbs=self._disturbs_readings,
+            limits=self.imperfections.sensing.limits,
+            channel=CUSTOM + (crc32(name.encode()) << CUSTOM_BITS),
+            reading=columns[name],
+            last=columns[f"{LAST_READ}{name}"],
+            least=least,
+            largest=largest,
+            fails=fails,
+            failed=columns[FAILED_SENSORS] if fails else np.empty((0, 0), np.bool_),
+            places=_places_of_custom(swarm, name),
+        )
 
     def driven_wheels(self, swarm: Swarm, step: int) -> np.ndarray:
         """Return the speeds at which motors drive the wheels in a step, counted from 0, (n, w), and wear the robots.
@@ -249,14 +282,15 @@ def _places_of_built_in(swarm: Swarm) -> np.ndarray:
     return places
 
 
-def blind_custom_sensors(swarm: Swarm, failed: np.ndarray) -> None:
-    """Let the custom sensors that failed (n, s) read nothing."""
-    columns = swarm.columns
+def _places_of_custom(swarm: Swarm, name: str) -> np.ndarray:
+    """Return where each sensor of a design, (d, s, 2), writes into the column of a name: first and width, or 0."""
+    places = np.zeros((len(swarm.designs), max((len(d.sensors) for d in swarm.designs), default=0), 2), np.int64)
     for d, design in enumerate(swarm.designs):
-        rows = np.flatnonzero((columns["design"] == d) & failed.any(axis=1))
         own = [s for s, sensor in enumerate(design.sensors) if type(sensor) not in BUILT_IN]
-        for s, (sensor, first) in zip(own, places_of_custom_sensors(design), strict=True) if len(rows) else ():
-            columns[sensor.name][rows[failed[rows, s]], first : first + int(sensor.width)] = np.nan
+        for s, (sensor, first) in zip(own, places_of_custom_sensors(design), strict=True):
+            if sensor.name == name:
+                places[d, s] = first, int(sensor.width)
+    return places
 
 
 def _limits_of(swarm: Swarm, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -291,6 +325,23 @@ def spoil_all_readings(block, step, first, last):
     if r.fails:
         break_sensors(r.failed, r.sensors, design, number, r.failure, moment, key)
         blind_sensors(r)
+    return 0
+
+
+@compiled(nogil=True)
+def spoil_column(block, step, first, last):
+    """Disturb what custom sensors of a name read, of all rows, and let those that failed read nothing."""
+    c = unpack(block, CustomArrays)
+    design, reading, failed, places = c.design, c.reading, c.failed, c.places
+    if c.disturbs:
+        by_chance = c.limits, design, c.number, step - 1, np.uint64(c.key)
+        spoil_any(reading, c.last, c.least, c.largest, c.channel, *by_chance)
+    if c.fails:
+        for i in range(failed.shape[0]):
+            for s in range(places.shape[1]):
+                begin, width = places[design[i], s, 0], places[design[i], s, 1]
+                if width > 0 and failed[i, s]:
+                    reading[i, begin : begin + width] = math.nan
     return 0
 
 
