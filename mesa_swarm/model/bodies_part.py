@@ -204,9 +204,12 @@ class BodiesPart(Part):
                     noted=np.zeros(1, np.bool_),
                 )
             )
-            kernel = Kernel(end_ways, block.numbers, block, lambda code: self.scene())
-            prepared.state, prepared.kernel = state, kernel
+            prepared.state, prepared.kernel = state, Kernel(end_ways, block.numbers, block, self._renew_scene)
         return cast(Kernel, prepared.kernel)
+
+    def _renew_scene(self, code: int) -> None:
+        """Make the scene anew, and with it the plan, as loads have moved far."""
+        self.scene()
 
     def carry_along(self) -> None:
         """Put carried bodies where their robots are."""

@@ -152,7 +152,7 @@ class DepositArrays(NamedTuple):
 
 
 @compiled
-def deposit_at(field, points, amounts):
+def deposit_at(field: DepositArrays, points: np.ndarray, amounts: np.ndarray) -> None:
     """Add amounts at points of the map, beyond the border at the nearest cells, to a field, see `DepositArrays`."""
     values = field.values
     cells = cells_at(values.shape, field.sides, field.frame, points)
