@@ -1,13 +1,18 @@
 """Fires as columns, as Mesa agents, and their history."""
 
-from collections.abc import Iterator
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mesa_swarm.base.errors import InvalidValueError, RemovedRobotError, check_number
 from mesa_swarm.base.trigger import Trigger
+from mesa_swarm.kernels.block import Block, unpack
+from mesa_swarm.kernels.compiled import compiled
+from mesa_swarm.kernels.part import Kernel
+from mesa_swarm.kernels.type_names import Flags, Integers, Reals, RealTables
 from mesa_swarm.world.arena import Arena, Model
 from mesa_swarm.world.bodies import Body, BodyTable
 from mesa_swarm.world.read_only import locked_view, read_only
@@ -264,16 +269,66 @@ class Fire(Body):
         return self.fires.own[name][self.index]
 
 
+class HistoryArrays(NamedTuple):
+    """What `store_temperatures` takes: columns, the place of each fire in a row, and the rows that are written."""
+
+    heat_of: Reals
+    rows: Integers
+    robots: Integers
+    out: Flags
+    places: Integers
+    table: RealTables
+    steps: Integers
+    count: Integers
+
+
+# The code that the kernel returns where its table is full, and how many rows that has.
+FULL, MOST_ROWS = 1, 1000
+
+
+@compiled(nogil=True)
+def store_temperatures(block, step, first, last):
+    """Store a row of the history of fires."""
+    h = unpack(block, HistoryArrays)
+    rows, robots, out, places, table, count = h.rows, h.robots, h.out, h.places, h.table, h.count
+    row = count[0]
+    if row == table.shape[0]:
+        return FULL
+    for f in range(rows.shape[0]):
+        table[row, 0, places[f]] = h.heat_of[rows[f]]
+        table[row, 1, places[f]] = -1.0 if out[f] else float(robots[f])
+    h.steps[row] = step
+    count[0] += 1
+    return 0
+
+
+def is_same_key(key: tuple, other: tuple) -> bool:
+    """Return whether two keys have the same arrays, and are equal besides."""
+    pairs = zip(key, other, strict=True)
+    return all(one is two if isinstance(one, np.ndarray) else one == two for one, two in pairs)
+
+
+def do_nothing() -> None:
+    """Do nothing."""
+
+
 class History:
     """Temperature of every fire, and robots at it, after some steps."""
 
     def __init__(self, every: int | Trigger) -> None:
         self.trigger = Trigger.of(every, "history_every")
+        self._kernel: Kernel | None = None
+        # What is called when the interval has changed.
+        self.replan: Callable[[], None] = do_nothing
         self._steps: list[int] = []
         self._rows: list[np.ndarray] = []
         # The column of each fire that is there now: columns stay when fires are removed.
         self._places: list[int] = []
         self._fires = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what a copy is given anew."""
+        return {**self.__dict__, "_kernel": None, "replan": do_nothing}
 
     @property
     def width(self) -> int:
@@ -288,6 +343,7 @@ class History:
     @every.setter
     def every(self, every: int | Trigger) -> None:
         self.trigger = Trigger.of(every, "history_every")
+        self.replan()
 
     def add_fire(self) -> None:
         """Make room for one more fire: a column of its own."""
@@ -298,12 +354,27 @@ class History:
         """End the column of a removed fire: its past stays, and it continues as nan and -1."""
         del self._places[index]
 
-    def append(self, step: int, temperature: np.ndarray, robots: np.ndarray, out: np.ndarray) -> None:
-        """Store one row; a fire that is out counts -1 robots."""
-        self._steps.append(step)
-        row = np.array([np.full(self._fires, np.nan), np.full(self._fires, -1.0)])
-        row[:, self._places] = temperature, np.where(out, -1, robots)
-        self._rows.append(row)
+    def kernel(self, fires: "Fires") -> Kernel:
+        """Return what stores a row: the temperature of each fire, and robots at it, -1 of one that is out."""
+        key = (fires.own["out"], fires.table.temperature, self._fires, list(self._places))
+        if self._kernel is None or not is_same_key(self._kernel.kept[0], key):
+            places, count = np.array(self._places, np.int64), np.zeros(1, np.int64)
+            tables = np.full((MOST_ROWS, 2, self._fires), np.nan), np.zeros(MOST_ROWS, np.int64)
+            tables[0][:, 1] = -1.0
+            columns = fires.table.temperature, fires.rows.copy(), fires.own["robots"], fires.own["out"]
+            block = Block(HistoryArrays(*columns, places, *tables, count))
+            finish = partial(self._take, *tables, count)
+            kept = key, block
+            self._kernel = Kernel(store_temperatures, block.numbers, kept, lambda code: finish(), finish)
+        return self._kernel
+
+    def _take(self, table: np.ndarray, steps: np.ndarray, count: np.ndarray) -> None:
+        """Take the rows that the kernel has written."""
+        rows = int(count[0])
+        if rows:
+            count[0] = 0
+            self._steps += steps[:rows].tolist()
+            self._rows += list(table[:rows].copy())
 
     @property
     def series(self) -> tuple[list[int], list[np.ndarray]]:

@@ -11,7 +11,7 @@ from mesa_swarm.fire.burning import Burning, HeatArrays, burn_all
 from mesa_swarm.fire.constants import FireConstants
 from mesa_swarm.fire.fires import Fire, Fires
 from mesa_swarm.kernels.block import Block
-from mesa_swarm.kernels.part import Column, Itself, Kernel, Part, Phase, Prepared, Stage
+from mesa_swarm.kernels.part import Column, Context, Itself, Kernel, Part, Phase, Prepared, Stage
 from mesa_swarm.maps.map import RADIUS_OF_UNIT_AREA
 from mesa_swarm.model.robots_part import check_stored_numbers
 from mesa_swarm.world.shapes import Shape, disc
@@ -45,6 +45,10 @@ class FiresPart(Part):
         self.extinguish_range = check_number("extinguish_range", extinguish_range, minimum=0, maximum=1e9)
         self.fires = Fires(history_every, model.parts.bodies.table)
 
+    def bind(self, context: Context) -> None:
+        """Let the plan be made anew when the interval of the history is set."""
+        self.fires.history.replan = context.model.parts.replan
+
     def columns(self) -> Mapping[str, Column]:
         """Return the columns of fires, and of the heat in robots."""
         robots, fires = self.model.swarm.columns, self.fires.own
@@ -56,8 +60,11 @@ class FiresPart(Part):
         }
 
     def stages(self) -> Iterator[Stage]:
-        """Store a row of the history, if one is due."""
-        yield Stage(Phase.COLLECT, self.store_history, "temperatures of fires are stored")
+        """Store a row of the history, if there are fires, after the steps in which one is due."""
+        history = self.fires.history
+        if history.width and history.every:
+            name, kernel = "temperatures of fires are stored", history.kernel(self.fires)
+            yield Stage(Phase.COLLECT, self.store_history, name, kernel, history.every)
 
     def parameters(self) -> list | None:
         """Return the constants of what burns, None where nothing does."""
@@ -177,7 +184,5 @@ class FiresPart(Part):
         self.model.parts.bodies.changed()
 
     def store_history(self) -> None:
-        """Store a row of the history of all fires, if one is due."""
-        fires, history = self.fires, self.fires.history
-        if history.width and history.trigger.is_due(self.model.completed):
-            history.append(self.model.steps, fires.temperature, fires.robots, fires.out)
+        """Store a row of the history of all fires."""
+        self.fires.history.kernel(self.fires).run(self.model.steps, len(self.model.swarm))

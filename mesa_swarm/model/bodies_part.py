@@ -87,10 +87,13 @@ class BodiesPart(Part):
         return {name: Column(getattr(self.table, name), None, "index") for name in CHANGING}
 
     def stages(self) -> Iterator[Stage]:
-        """Follow agents before robots sense; rest before robots move, and when all have moved."""
-        yield Stage(Phase.SENSE, self.follow, "bodies follow their agents")
-        yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", compiled="place_items")
-        yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along")
+        """Follow agents before robots sense; rest before robots move, and afterwards: where bodies may move."""
+        self.scene()
+        if self.cache.followers:
+            yield Stage(Phase.SENSE, self.follow, "bodies follow their agents")
+        if self.moves:
+            yield Stage(Phase.MOVE, self.begin_move, "driven bodies begin their ways", compiled="place_items")
+            yield Stage(Phase.RESOLVE, self.end_move, "bodies rest, and are carried along")
 
     @property
     def kinds(self) -> tuple[str, ...]:

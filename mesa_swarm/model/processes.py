@@ -62,6 +62,8 @@ class ProcessesPart(Part):
     def stages(self) -> Iterator[Stage]:
         """Advance all processes, one after the other; by a kernel where there is one process, which has it."""
         processes = [*self.numbered.values()]
+        if not processes:
+            return
         kernel = kernel_of(processes[0], "step", self.model) if len(processes) == 1 else None
         names = "" if kernel else ", ".join(dict.fromkeys(type(process).__name__ for process in processes))
         yield Stage(Phase.PROCESS, self.advance, "processes take place", kernel, python=names)

@@ -29,8 +29,8 @@ from mesa_swarm.robots.drive import motion_to_wheels, wheels_to_motion
 
 # Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room.
 DONE, LIST, SETTLE = 0, 1, 2
-# Places in arrays: of one number, of the progress of a step, of counts of collisions.
-ONLY, PIECE, PIECES, IN_STEP, IN_ALL = 0, 0, 1, 0, 1
+# Places in arrays: of one number, of the progress of a step, of counts of collisions and of steps of robots.
+ONLY, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 0, 1, 2
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
 FIRST = np.int64(0)
 
@@ -76,7 +76,7 @@ class DeviceArrays(NamedTuple):
 
 
 class CountArrays(NamedTuple):
-    """What `count_collided` takes: the column collided, and the numbers of this step and of all."""
+    """What `count_collided` takes: the column collided, the numbers of this step and of all, and of steps of robots."""
 
     collided: Flags
     counts: Integers
@@ -210,4 +210,5 @@ def count_collided(block, step, first, last):
         count += collided[i]
     counts[IN_STEP] = count
     counts[IN_ALL] += count
+    counts[ROBOT_STEPS] += last
     return DONE
