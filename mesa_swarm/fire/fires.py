@@ -279,7 +279,7 @@ class HistoryArrays(NamedTuple):
     places: Integers
     table: RealTables
     steps: Integers
-    count: Integers
+    written: Integers
 
 
 # The code that the kernel returns where its table is full, and how many rows that has.
@@ -290,15 +290,15 @@ FULL, MOST_ROWS = 1, 1000
 def store_temperatures(block, step, first, last):
     """Store a row of the history of fires."""
     h = unpack(block, HistoryArrays)
-    rows, robots, out, places, table, count = h.rows, h.robots, h.out, h.places, h.table, h.count
-    row = count[0]
+    rows, robots, out, places, table, written = h.rows, h.robots, h.out, h.places, h.table, h.written
+    row = written[0]
     if row == table.shape[0]:
         return FULL
     for f in range(rows.shape[0]):
         table[row, 0, places[f]] = h.heat_of[rows[f]]
         table[row, 1, places[f]] = -1.0 if out[f] else float(robots[f])
     h.steps[row] = step
-    count[0] += 1
+    written[0] += 1
     return 0
 
 
