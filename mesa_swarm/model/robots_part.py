@@ -14,6 +14,7 @@ from mesa_swarm.model.state import checked_state
 from mesa_swarm.model.state_hash import describe_designs
 from mesa_swarm.physics.engine import Engine
 from mesa_swarm.physics.own_devices import OwnDevices
+from mesa_swarm.physics.sensor_noise import SensorNoise
 from mesa_swarm.physics.stage_kernels import CountArrays, count_collided
 from mesa_swarm.robots.actuators import Actuator
 from mesa_swarm.robots.design import RobotDesign
@@ -68,8 +69,6 @@ class RobotsPart(Part):
         A robot that meets a flat side at more than this from its normal is turned parallel to it.
     counts : int64 ndarray, shape (3,)
         `collisions`, `total_collisions` and `robot_steps`.
-    noise : tuple or None
-        A step, the state of the stream before it, and the draws for errors of sensors in it.
     """
 
     name = "robots"
@@ -78,7 +77,7 @@ class RobotsPart(Part):
     def __init__(self, model: Any, engine: Engine, turn_angle: float) -> None:
         self.model, self.swarm, self.engine, self.turn_angle = model, model.swarm, engine, turn_angle
         self.counts = np.zeros(3, np.int64)
-        self.noise: tuple | None = None
+        self._noise: SensorNoise | None = None
         self.devices, self.cache = OwnDevices(), Prepared()
 
     @property
@@ -124,7 +123,9 @@ class RobotsPart(Part):
         scene, imperfect = parts.bodies.scene(), {"imperfections": parts.imperfections.effect is not None}
         reasons = {**imperfect, self._of_class(Sensor): len(swarm.table.readings) > 0}
         sensing, moving = self.engine.sensing, self.engine.moving
-        yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **sensing(swarm, scene, reasons))
+        yield Stage(
+            Phase.SENSE, self.sense, "robots read their sensors", **sensing(swarm, scene, self.sensor_noise(), reasons)
+        )
         if swarm.table.actions:
             yield Stage(Phase.ACT, self.act, "actuators do what they are set to", python=self._of_class(Actuator))
         fields = moving(swarm, scene, self.turn_angle, imperfect)
@@ -182,7 +183,7 @@ class RobotsPart(Part):
         scene, imperfect = parts.bodies.scene(), parts.imperfections.effect
         state = (step, swarm.version, scene)
         if self.cache.state != state or swarm.disturbed:
-            self.engine.sense(swarm, scene, step, self._noise_draws(step))
+            self.engine.sense(swarm, scene, step, self.sensor_noise())
             if imperfect is not None:
                 imperfect.spoil_readings(swarm, step)
             self.cache.state = state
@@ -227,20 +228,24 @@ class RobotsPart(Part):
             kernel = self.cache.kernel = Kernel(count_collided, block.numbers, (collided, block))
         return kernel
 
-    def _noise_draws(self, step: int) -> np.ndarray | None:
-        """Return this step's draws for the sensors' errors, the same for every reading of the step."""
-        if not self.swarm.table.noisy:
-            return None
-        shape, stream = self.swarm.distance.shape, self.model.streams["noise"]
-        if self.noise is None or self.noise[0] != step:
-            self.noise = (step, stream.bit_generator.state, None)
-        step, before, draws = self.noise
-        if draws is None or draws.shape != shape:
-            # Robots were added or removed since the last reading: draw as if that had not taken place.
-            stream.bit_generator.state = before
-            draws = stream.random(shape)
-            self.noise = (step, before, draws)
-        return draws
+    def sensor_noise(self) -> SensorNoise | None:
+        """Return what errors of sensors are drawn from, None where no sensor errs."""
+        if self._noise is None and self.swarm.table.noisy:
+            self._noise = SensorNoise(self.model.streams["noise"])
+        return self._noise if self.swarm.table.noisy else None
+
+    @property
+    def noise(self) -> tuple | None:
+        """A step, the state of the stream before it, and the draws for errors of sensors in it; None without any."""
+        return None if self._noise is None else self._noise.store()
+
+    @noise.setter
+    def noise(self, noise: tuple | None) -> None:
+        self._noise = None
+        if noise is not None:
+            step, _, draws = noise
+            self._noise = SensorNoise(self.model.streams["noise"])
+            self._noise.restore(step, draws)
 
     # ---- robots that are added and removed
 

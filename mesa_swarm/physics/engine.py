@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -14,24 +14,29 @@ from mesa_swarm.physics.arcs import write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.crowd import LISTED, Crowd
 from mesa_swarm.physics.loads import find_stuck_loads, push_all, return_loads
 from mesa_swarm.physics.placing import settle_robots
-from mesa_swarm.physics.sensing import EyeArrays, add_errors, sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.sensing import EyeArrays, sense_inside, sense_proximity
+from mesa_swarm.physics.sensor_noise import NO_NOISE, SensorNoise
 from mesa_swarm.physics.separation import MARGIN
 from mesa_swarm.physics.stage_kernels import (
     ONLY,
+    REWIND,
     SETTLE,
     DeviceArrays,
+    ErrorArrays,
     MoveArrays,
+    ProximityArrays,
     SenseArrays,
+    finish_readings,
     move_robots,
     move_robots_and_movers,
-    sense_devices,
+    note_readings,
     sense_robots,
     sense_robots_and_movers,
 )
 from mesa_swarm.physics.surroundings import Surroundings
 from mesa_swarm.physics.threads import ROW_THREADS, OnRows
 from mesa_swarm.physics.travel import Blocks, RobotArrays, travel, travel_together
-from mesa_swarm.robots.design import DRIVE_SPEED, PERIOD
+from mesa_swarm.robots.design import DRIVE_SPEED
 from mesa_swarm.robots.drive import DifferentialDrive, Drive, accelerate, lose_motion, slip_wheels
 from mesa_swarm.robots.swarm import Swarm
 
@@ -60,8 +65,8 @@ class Engine(ABC):
         return vars(type(self)()) | {"threads": self.threads}
 
     @abstractmethod
-    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        """Write all readings; `draws` (n, s), uniform in [0, 1), are for the sensors' errors."""
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
+        """Write all readings of a step, counted from 0; `noise` is what errors are drawn from, None for none."""
 
     @abstractmethod
     def travel(self, swarm: Swarm, surroundings: Surroundings, motion: np.ndarray, turn_angle: float) -> np.ndarray:
@@ -70,7 +75,9 @@ class Engine(ABC):
         `motion` (n, 3) is along the body: ahead, to the left, map units a step, and the turn, rad.
         """
 
-    def sensing(self, swarm: Swarm, surroundings: Surroundings, due: Mapping[str, bool]) -> dict[str, Any]:
+    def sensing(
+        self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None, due: Mapping[str, bool]
+    ) -> dict[str, Any]:
         """Return the fields of the stage that senses: its kernel, or what makes Python `due`, and what is compiled."""
         return {"python": "the Shapely twin"}
 
@@ -135,31 +142,19 @@ class CompiledEngine(Engine):
 
     def __init__(self) -> None:
         super().__init__()
+        self._sense_kernel: Kernel | None = None
+        self._noise: SensorNoise | None = None
         self._move_kernel: Kernel | None = None  # of robots that `move_robots` can move
         self._turn_angle = np.zeros(1)
 
-    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
+    def sense(self, swarm: Swarm, surroundings: Surroundings, step: int, noise: SensorNoise | None) -> None:
         """Write the columns distance, kind, radiation and line."""
-        self._prepare(swarm, surroundings)
-        columns, table = swarm.columns, swarm.table
-        if columns["distance"].shape[1]:
-            old = (columns["distance"].copy(), columns["kind"].copy()) if table.slow else None
-            self._sense_proximity(swarm, surroundings, step, draws)
-            if old:
-                hold_readings(swarm, step, *old)
-        if self._sense_kernel.function is not sense_devices or self._parts(len(swarm)) > 1:
-            self._sense_devices(swarm, surroundings)
-
-    def _sense_devices(self, swarm: Swarm, surroundings: Surroundings) -> None:
-        """Write the columns radiation and line, where the kernel does not."""
-        columns, table = swarm.columns, swarm.table
-        position, heading, design = columns["position"], columns["heading"], columns["design"]
-        if columns["radiation"].shape[1]:
-            robots = position, heading, design, table.radiation
-            sense_radiation(*robots, self._heat.numbers, columns["radiation"])
-        if columns["line"].shape[1]:
-            marks = surroundings.marks
-            sense_line(position, heading, design, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
+        n, kernel = len(swarm), self._sense_kernel_for(swarm, surroundings, noise)
+        if self._parts(n) > 1:
+            if swarm.columns["distance"].shape[1]:
+                self._sense_together(swarm, surroundings, n)
+            kernel = kernel._replace(function=finish_readings)
+        kernel.run(step + 1, n)
 
     def move(
         self, swarm: Swarm, surroundings: Surroundings, driven: np.ndarray, turn_angle: float, draws: np.ndarray | None
@@ -180,18 +175,20 @@ class CompiledEngine(Engine):
             self._driven_kernel.run(0, n)
             write_slip(swarm, driven, self._rolled)
 
-    def sensing(self, swarm: Swarm, surroundings: Surroundings, due: Mapping[str, bool]) -> dict[str, Any]:
-        """Return the kernel that reads proximity sensors, where that is all."""
+    def sensing(
+        self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None, due: Mapping[str, bool]
+    ) -> dict[str, Any]:
+        """Return the kernel that reads all sensors, unless threads share the work."""
+        reasons = {"threads": self._parts(len(swarm)) > 1, **due}
+        return _fields(self._sense_kernel_for(swarm, surroundings, noise), reasons, "sense_proximity")
+
+    def _sense_kernel_for(self, swarm: Swarm, surroundings: Surroundings, noise: SensorNoise | None) -> Kernel:
+        """Return the kernel that senses, made anew when robots, bodies or the noise of sensors are others."""
         self._prepare(swarm, surroundings)
-        columns, table = swarm.columns, swarm.table
-        reasons = {
-            "no proximity sensors": not columns["distance"].shape[1],
-            "errors of sensors": table.noisy,
-            "readings that are held": table.slow,
-            **self._reasons(swarm, surroundings),
-            **due,
-        }
-        return _fields(self._sense_kernel, reasons, "sense_proximity")
+        if self._sense_kernel is None or self._noise is not noise:
+            self._noise = noise
+            self._make_sensing(swarm, surroundings)
+        return cast(Kernel, self._sense_kernel)
 
     def moving(
         self, swarm: Swarm, surroundings: Surroundings, turn_angle: float, due: Mapping[str, bool]
@@ -237,22 +234,12 @@ class CompiledEngine(Engine):
             self._crowd.list_pairs(self._margin)
         self._crowd.near.state[LISTED] = False  # from here on they are elsewhere
 
-    def _sense_proximity(self, swarm: Swarm, surroundings: Surroundings, step: int, draws: np.ndarray | None) -> None:
-        columns, table, n = swarm.columns, swarm.table, len(swarm)
+    def _sense_together(self, swarm: Swarm, surroundings: Surroundings, n: int) -> None:
+        """Write the exact readings of proximity sensors as the kernel does, the rows of robots in ranges."""
+        crowd, arguments = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
+        note_readings(self._errors, swarm.columns["distance"], swarm.columns["kind"])
         if surroundings.moving is not None:
             surroundings.moving.look()
-        if self._parts(n) == 1:
-            self._sense_kernel.run(step, n)
-        else:
-            self._sense_together(swarm, n)
-        if draws is not None:
-            add_errors(
-                columns["distance"], columns["design"], table.proximity, table.noise, draws, step, columns["error"]
-            )
-
-    def _sense_together(self, swarm: Swarm, n: int) -> None:
-        """Do what the kernel does, the rows of robots in ranges."""
-        crowd, arguments = self._crowd, (self._eyes.numbers, self._crowd.block, self._blocks.movers)
         crowd.sort()
         pairs = self._share(n, lambda first, last: crowd.pairs_from(first, last, sense_proximity, *arguments))
         crowd.pairs = np.concatenate(pairs)
@@ -300,7 +287,7 @@ class CompiledEngine(Engine):
         self._robots, self._statics = Block(robots), Block(surroundings.still)
         movers = None if surroundings.moving is None else surroundings.moving.block
         self._blocks = Blocks(self._robots.numbers, self._crowd.block, self._statics.numbers, movers)
-        self._make_sensing(swarm, surroundings)
+        self._sense_kernel = None
         is_plain = not (table.limited or table.mixed or table.slides)
         self._move_kernel = None
         if is_plain and [type(drive) for drive, _ in self._drives] == [DifferentialDrive]:
@@ -314,15 +301,30 @@ class CompiledEngine(Engine):
         self._inside = *robots, *walls, columns["distance"], columns["kind"]
         blocks = self._eyes.numbers, self._crowd.block, NO_NUMBERS if movers is None else movers
         places = self._crowd.block_of_pairs, swarm.disturbances, int(table.exposed)
-        arrays = SenseArrays(*blocks, *places, *self._inside)
-        block, function = Block(arrays), sense_robots if movers is None else sense_robots_and_movers
-        radiation, line, marks = columns["radiation"], columns["line"], surroundings.marks
-        widths = columns["distance"].shape[1], radiation.shape[1] + line.shape[1]
-        if all(widths) and movers is None:
-            heat = table.radiation, self._heat.numbers, radiation
-            marked = table.line, marks.edges, marks.rings, marks.discs, line
-            block, function = Block(DeviceArrays(arrays, *heat, *marked)), sense_devices
-        self._sense_kernel = Kernel(function, block.numbers, block, lambda code: self._crowd.make_room())
+        shape, noise, marks = columns["distance"].shape, self._noise, surroundings.marks
+        old_shape = shape if table.slow else (0, 0)
+        self._errors = ErrorArrays(
+            table=table.noise,
+            errs=noise is not None,
+            noise=NO_NOISE if noise is None else noise.arrays_for(shape),
+            error=columns["error"],
+            holds=table.slow,
+            old_distance=np.empty(old_shape),
+            old_kind=np.empty(old_shape, np.int8),
+            noted=np.zeros(1, np.bool_),
+        )
+        heat = table.radiation, self._heat.numbers, columns["radiation"]
+        devices = DeviceArrays(*heat, table.line, marks.edges, marks.rings, marks.discs, columns["line"])
+        block = Block(SenseArrays(ProximityArrays(*blocks, *places, *self._inside), self._errors, devices))
+        function = sense_robots if movers is None else sense_robots_and_movers
+        self._sense_kernel = Kernel(function, block.numbers, block, self._attend_sensing)
+
+    def _attend_sensing(self, code: int) -> None:
+        """Do what `sense_robots` cannot."""
+        if code == REWIND:
+            cast(SensorNoise, self._noise).rewind()
+        else:
+            self._crowd.make_room()
 
     def _make_moving(self, swarm: Swarm, surroundings: Surroundings) -> None:
         """Make the kernels that move robots by their commands, or by what else drives their wheels."""
@@ -368,13 +370,6 @@ def begin_way(surroundings: Surroundings) -> None:
     """Put driven bodies where they begin this step, and stop those that have a load in their way."""
     if surroundings.moving is not None:
         surroundings.moving.return_to_start(surroundings.blocked_by_loads)
-
-
-def hold_readings(swarm: Swarm, step: int, old_distance: np.ndarray, old_kind: np.ndarray) -> None:
-    """Put back the old readings of sensors that are not due in this step: those whose period does not divide it."""
-    waits = step % np.maximum(swarm.table.noise[swarm.design, :, PERIOD], 1) != 0
-    distance, kind = swarm.columns["distance"], swarm.columns["kind"]
-    distance[waits], kind[waits] = old_distance[waits], old_kind[waits]
 
 
 def drives_by_rows(swarm: Swarm) -> Rows:

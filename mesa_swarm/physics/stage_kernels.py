@@ -22,21 +22,32 @@ from mesa_swarm.kernels.type_names import (
 )
 from mesa_swarm.physics.arcs import copy_places, write_achieved_motion, write_wheel_slip
 from mesa_swarm.physics.crowd import LISTED, SIZE, CrowdArrays, PairArrays, near_pairs, put_pairs, sort_by_cell
-from mesa_swarm.physics.sensing import sense_inside, sense_line, sense_proximity, sense_radiation
+from mesa_swarm.physics.driven_bodies import list_seen
+from mesa_swarm.physics.sensing import (
+    EyeArrays,
+    add_errors,
+    hold_readings,
+    sense_inside,
+    sense_line,
+    sense_proximity,
+    sense_radiation,
+)
+from mesa_swarm.physics.sensor_noise import NoiseArrays, draw_noise
 from mesa_swarm.physics.separation import SETTLED
 from mesa_swarm.physics.travel import RobotArrays, get_apart, travel_pieces
 from mesa_swarm.robots.drive import motion_to_wheels, wheels_to_motion
 
-# Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room.
-DONE, LIST, SETTLE = 0, 1, 2
+# Codes that kernels return: Python lists pairs in a longer array; it moves robots that overlap to free room; it
+# returns to before the draws of this step.
+DONE, LIST, SETTLE, REWIND = 0, 1, 2, 3
 # Places in arrays: of one number, of the progress of a step, of counts of collisions and of steps of robots.
 ONLY, PIECE, PIECES, IN_STEP, IN_ALL, ROBOT_STEPS = 0, 0, 1, 0, 1, 2
 # NumPy's numbers: Numba would compile a function once more for each literal one that is passed to it.
 FIRST = np.int64(0)
 
 
-class SenseArrays(NamedTuple):
-    """What `sense_robots` takes: the numbers of blocks, `movers` empty without driven bodies, and what is inside what.
+class ProximityArrays(NamedTuple):
+    """What proximity sensors take: numbers of blocks, `movers` empty without driven bodies, and what is inside what.
 
     Sensors are looked for inside walls where robots are disturbed, or where `exposed` are beyond their bodies: by
     columns and tables of the swarm, and the edges, their kinds, rings and bounds of `Statics`.
@@ -61,10 +72,26 @@ class SenseArrays(NamedTuple):
     kind: CodeRows
 
 
-class DeviceArrays(NamedTuple):
-    """What `sense_devices` takes: besides proximity what `sense_radiation` and `sense_line` do."""
+class ErrorArrays(NamedTuple):
+    """What errs, and what is refreshed less often than every step.
 
-    proximity: SenseArrays
+    The table of errors; whether there are any, their draws, and the column error; whether any reading is held, the
+    readings before this step, and whether they are noted, while the kernel is interrupted.
+    """
+
+    table: RealTables
+    errs: bool
+    noise: NoiseArrays
+    error: RealRows
+    holds: bool
+    old_distance: RealRows
+    old_kind: CodeRows
+    noted: Flags
+
+
+class DeviceArrays(NamedTuple):
+    """What `sense_radiation` and `sense_line` take."""
+
     radiation_sensors: RealTables
     radiating: Integers
     radiation: RealRows
@@ -73,6 +100,14 @@ class DeviceArrays(NamedTuple):
     rings: IntegerRows
     discs: RealRows
     line: FlagRows
+
+
+class SenseArrays(NamedTuple):
+    """What `sense_robots` takes."""
+
+    proximity: ProximityArrays
+    errors: ErrorArrays
+    devices: DeviceArrays
 
 
 class CountArrays(NamedTuple):
@@ -109,41 +144,72 @@ class MoveArrays(NamedTuple):
 
 @compiled(nogil=True)
 def sense_robots(block, step, first, last):
-    """Sort robots by cell, write their readings without error, and list the pairs near each other: all rows at once."""
-    return _sense(unpack(block, SenseArrays), None, last)
+    """Sort robots by cell, write what all sensors read, and list the pairs near each other: all rows at once."""
+    return _sense(unpack(block, SenseArrays), None, step, last)
 
 
 @compiled(nogil=True)
 def sense_robots_and_movers(block, step, first, last):
     """Do what `sense_robots` does, in a world with driven bodies."""
     s = unpack(block, SenseArrays)
-    return _sense(s, s.movers, last)
+    return _sense(s, s.proximity.movers, step, last)
 
 
 @compiled(nogil=True)
-def sense_devices(block, step, first, last):
-    """Do what `sense_robots` does, and write what radiation and line sensors read, where no bodies are driven."""
-    d = unpack(block, DeviceArrays)
-    s = d.proximity
-    sense_radiation(s.position, s.heading, s.design, d.radiation_sensors, d.radiating, d.radiation)
-    sense_line(s.position, s.heading, s.design, d.mounts, d.marks, d.rings, d.discs, d.line)
-    return _sense(s, None, last)
+def finish_readings(block, step, first, last):
+    """Do what follows on exact readings of proximity sensors: errors, readings that are held, and other sensors."""
+    return _finish(unpack(block, SenseArrays), step)
 
 
 @compiled
-def _sense(s, movers, n):
-    sort_by_cell(s.crowd)
-    pairs = unpack(s.pairs, PairArrays)
-    count = sense_proximity(s.eyes, s.crowd, movers, FIRST, n, pairs.room)
-    pairs.state[SIZE] = count
-    if count >= pairs.room.shape[0]:
-        return LIST
-    pairs.state[LISTED] = True
-    if s.exposed or s.disturbed[ONLY]:
-        sense_inside(
-            s.position, s.heading, s.design, s.sensors, s.counts, s.edges, s.static_kind, s.rings, s.bounds,
-            s.distance, s.kind,
-        )  # fmt: skip
+def _sense(s, movers, step, n):
+    if n == 0:
+        return DONE
+    p, errors = s.proximity, s.errors
+    if p.distance.shape[1] > 0:
+        note_readings(errors, p.distance, p.kind)
+        if movers is not None:
+            list_seen(movers, p.edges, unpack(p.eyes, EyeArrays).discs)
+        sort_by_cell(p.crowd)
+        pairs = unpack(p.pairs, PairArrays)
+        count = sense_proximity(p.eyes, p.crowd, movers, FIRST, n, pairs.room)
+        pairs.state[SIZE] = count
+        if count >= pairs.room.shape[0]:
+            return LIST
+        pairs.state[LISTED] = True
+        if p.exposed or p.disturbed[ONLY]:
+            sense_inside(
+                p.position, p.heading, p.design, p.sensors, p.counts, p.edges, p.static_kind, p.rings, p.bounds,
+                p.distance, p.kind,
+            )  # fmt: skip
+    return _finish(s, step)
+
+
+@compiled
+def note_readings(errors, distance, kind):
+    """Note the readings before this step, where some are held, unless that was done before an interruption."""
+    if errors.holds and not errors.noted[ONLY]:
+        old_distance, old_kind = errors.old_distance, errors.old_kind
+        for i in range(distance.shape[0]):
+            for s in range(distance.shape[1]):
+                old_distance[i, s], old_kind[i, s] = distance[i, s], kind[i, s]
+    errors.noted[ONLY] = True
+
+
+@compiled
+def _finish(s, step):
+    p, errors, d, moment = s.proximity, s.errors, s.devices, step - 1
+    if errors.errs:
+        if not draw_noise(errors.noise, moment):
+            return REWIND
+        add_errors(p.distance, p.design, p.sensors, errors.table, errors.noise.draws, moment, errors.error)
+    if errors.holds:
+        hold_readings(moment, p.design, errors.table, errors.old_distance, errors.old_kind, p.distance, p.kind)
+    errors.noted[ONLY] = False
+    if d.radiation.shape[1] > 0:
+        sense_radiation(p.position, p.heading, p.design, d.radiation_sensors, d.radiating, d.radiation)
+    if d.line.shape[1] > 0:
+        sense_line(p.position, p.heading, p.design, d.mounts, d.marks, d.rings, d.discs, d.line)
     return DONE
 
 

@@ -10,9 +10,22 @@ import numpy as np
 import pytest
 from numba import types
 
-from mesa_swarm import AGENT9, AGENT_FIRE, Field, Lamp, Map, Radio, SwarmModel, disc, rectangle
+from mesa_swarm import (
+    AGENT9,
+    AGENT_FIRE,
+    Field,
+    Lamp,
+    LineSensor,
+    Map,
+    ProximitySensor,
+    RadiationSensor,
+    Radio,
+    SwarmModel,
+    disc,
+    rectangle,
+)
 from mesa_swarm.base.errors import BehaviourError
-from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum
+from mesa_swarm.control import Avoid, Explore, Subsumption, VectorSum, behaviour
 from mesa_swarm.control.arbiter import decide_layers
 from mesa_swarm.fire import FightFire
 from mesa_swarm.fire.burning import Burning
@@ -28,7 +41,7 @@ HEAR, DECIDE, FIELDS, PROCESSES, HISTORY = (
     "robots hear each other",
     "layers decide",
     "fields diffuse and evaporate",
-    "processes take place",
+    "Burning takes place",
     "temperatures of fires are stored",
 )
 SIGNATURE = (types.int64[::1], types.int64, types.int64, types.int64)
@@ -105,11 +118,59 @@ def in_touch():
     return model
 
 
+@behaviour
+def count_voices(me):
+    me.send.count = me.heard.n
+    me.send.vector[1] = me.heard.range[0]
+    return 0.6, 0.9 - 0.1 * me.heard.n
+
+
+def talking():
+    """Return a world in which messages are lost by chance and stopped by a wall, and by a door that moves."""
+    radio = Radio(range=90, occlusion=True, loss_probability=0.3, message={"count": 1, "vector": 2}, most=3)
+    model = SwarmModel(map=Map(bounds=(0, 0, 300, 200)), rng=2, communication=radio)
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    model.add_process(DoorKeeper(model.add_body(rectangle((200, 60), (210, 100)), kind="door").unique_id))
+    model.add_robots(AGENT9, 15)
+    model.control = Subsumption(Avoid(), count_voices)
+    return model
+
+
+class DoorKeeper:
+    """A process that moves a door back and forth."""
+
+    def __init__(self, door):
+        self.door = door
+
+    def step(self, model):
+        door = next(body for body in model.bodies if body.unique_id == self.door)
+        door.position = (205.0, 80.0 + 15.0 * math.sin(model.steps / 9))
+
+
+def uncertain(**named):
+    """Return a world with a door, fires and marks, and robots with sensors that err, are slow, or of other kinds."""
+    eyes = [
+        replace(sensor, error_probability=0.3, error_magnitude=0.2, hold=1 + k % 3, period=1 + k % 4)
+        for k, sensor in enumerate(AGENT9.sensors)
+    ]
+    others = LineSensor(mount=(3, 0)), RadiationSensor(range=60), ProximitySensor(mount=(9, 0), range=20)
+    model = SwarmModel(map=Map(bounds=(0, 0, 300, 200)), rng=2, **named)
+    model.add_obstacle(rectangle((10, 10), (80, 90), contact=False))
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    model.add_fire((150, 150), radius=10)
+    model.add_process(DoorKeeper(model.add_body(rectangle((200, 60), (210, 100)), kind="door").unique_id))
+    model.add_robots(replace(AGENT9, sensors=(*eyes, *others)), 15)
+    model.control = Subsumption(Avoid(), Explore())
+    return model
+
+
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
     "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT}),
     "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
     "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
+    "errors of sensors": (uncertain, {SENSE, DECIDE, COUNT}),
+    "messages": (talking, {HEAR, COUNT}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
     "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
     "own map": (on_own_map, {SENSE, DECIDE, MOVE, COUNT}),
@@ -205,7 +266,7 @@ def test_each_kernel_is_compiled_for_one_signature(run):
     decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
     functions = {*decided, *(kernel.function for kernel in KERNELS)}
     names = {function.__name__ for function in functions}
-    assert {"avoid_all", "fight_all", "go_straight_all", "sense_devices", "move_robots", "burn_all"} <= names
+    assert {"avoid_all", "fight_all", "go_straight_all", "sense_robots", "move_robots", "burn_all"} <= names
     for function in functions:
         assert function.signatures == [SIGNATURE]
         assert types.unliteral(function.overloads[SIGNATURE].signature.return_type) == types.int64
@@ -296,12 +357,10 @@ def summing(model):
 
 # What changes a model, and why which stage has no kernel then.
 REASONS = {
-    "loads": ({}, loaded, {SENSE: "loads", MOVE: "loads"}),
-    "driven bodies": ({}, driven, {SENSE: "driven bodies", MOVE: "driven bodies"}),
+    "loads": ({}, loaded, {MOVE: "loads"}),
+    "driven bodies": ({}, driven, {MOVE: "driven bodies"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
-    "losses": ({"communication": Radio(range=9, loss_probability=0.1)}, bool, {HEAR: "broadcasts that are lost"}),
-    "messages": ({"communication": Radio(range=9, message=("x",))}, bool, {HEAR: "messages"}),
     "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
     "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
     "weights": ({}, summing, {DECIDE: "VectorSum"}),
