@@ -200,7 +200,7 @@ def test_each_kernel_is_compiled_for_one_signature(run):
     decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
     functions = {*decided, *(kernel.function for kernel in KERNELS)}
     names = {function.__name__ for function in functions}
-    assert {"avoid_all", "fight_all", "go_straight_all", "sense_devices", "move_robots", "advance_fields"} <= names
+    assert {"avoid", "fight", "go_straight", "sense_devices", "move_robots", "advance_fields"} <= names
     for function in functions:
         assert function.signatures == [SIGNATURE]
         assert types.unliteral(function.overloads[SIGNATURE].signature.return_type) == types.int64
@@ -276,10 +276,6 @@ def imperfect(model):
     model.imperfections = model.imperfections or find_model("collision_avoidance")(imperfections=0.5).imperfections
 
 
-def turning(model):
-    model.control = Subsumption(Avoid(), Explore(turn_interval=5))
-
-
 def acting(model):
     model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 1)
     model.control = Subsumption(Avoid(front="random"), Explore())
@@ -297,8 +293,7 @@ REASONS = {
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
     "losses": ({"communication": Radio(range=9, loss_probability=0.1)}, bool, {HEAR: "broadcasts that are lost"}),
     "messages": ({"communication": Radio(range=9, message=("x",))}, bool, {HEAR: "messages"}),
-    "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
-    "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
+    "actuators": ({}, acting, {DECIDE: "actuators"}),
     "weights": ({}, summing, {DECIDE: "VectorSum"}),
     "slip": ({"slip": 0.5}, bool, {SENSE: "imperfections", MOVE: "imperfections"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
