@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from mesa_swarm.base.errors import check_name, check_number
-from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses, nearest_ahead
+from mesa_swarm.control.layer import Memoryless, RobotColumns, Senses, sensor_ahead
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
 from mesa_swarm.robots.drive import turn_towards
@@ -84,7 +84,7 @@ def follow_robots(block, step, first, last):
     for i in range(layer.shape[0]):
         if layer[i] >= 0:
             continue
-        s = nearest_ahead(distance, robots.kind, bearing, robots.design, i)
+        s = sensor_ahead(distance, robots.kind, bearing, robots.design, i)
         if s < 0:
             continue
         towards = bearing[robots.design[i], s]

@@ -301,11 +301,11 @@ def nearest_of(distance, kind, i, target):
 def find_nearest_ahead(distance, kind, bearing, design, nearest):
     """Write which sensor with |bearing| < 90 degrees sees the nearest robot (n,), -1 if none does (5.2, corrected)."""
     for i in range(distance.shape[0]):
-        nearest[i] = nearest_ahead(distance, kind, bearing, design, i)
+        nearest[i] = sensor_ahead(distance, kind, bearing, design, i)
 
 
 @compiled
-def nearest_ahead(distance, kind, bearing, design, i):
+def sensor_ahead(distance, kind, bearing, design, i):
     """Return which sensor of robot i sees the nearest robot ahead, -1 if none does.
 
     Of equal distances the sensor that looks more nearly ahead counts, then the first.

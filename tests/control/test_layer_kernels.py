@@ -32,14 +32,14 @@ from mesa_swarm.control.explore import count_down, turn_on_the_spot
 from mesa_swarm.control.head_on import meet_head_on
 from mesa_swarm.control.layer import find_nearest_ahead
 from mesa_swarm.fire import FightFire, SeekHeat
+from support.kernels import assert_equal_columns, columns_after, decides_by
 
 WHEELED = (
     Approach(target="heat"), Retreat(), Avoid(), Avoid(front="random"), Avoid(front="back up"), Explore(),
-    Explore(turn_interval=5), FightFire(), SeekHeat(), Follow(), Gather(), Halt(), HeadOn(), MatchVelocity(),
-    Perimeter(), Push(), Respond(),
+    Explore(turn_interval=5), FightFire(), SeekHeat(), Follow(), Gather(), Halt(), HeadOn(), HeadOn(leader="number"),
+    HeadOn(leader="chain"), Lead(), MatchVelocity(), Perimeter(), Push(), Respond(),
 )  # fmt: skip
 SIDEWAYS = (Align(), Cohere(), Cruise(), Separate())
-STEPS = 250
 
 
 def crowd(control, n=40, **arguments):
@@ -49,23 +49,10 @@ def crowd(control, n=40, **arguments):
     return model
 
 
-def decides_by(model):
-    return next(stage for _, stage in model.plan.stages if stage.name == "layers decide")
-
-
-def columns_after(model, steps=STEPS):
-    return {name: column.copy() for name, column in model.run(steps).swarm.columns.items()}
-
-
-def assert_equal_columns(columns, others):
-    assert columns.keys() == others.keys()
-    for name, column in columns.items():
-        np.testing.assert_array_equal(column, others[name], err_msg=name)
-
-
 @pytest.mark.parametrize("layer", WHEELED, ids=repr)
 def test_each_layer_has_a_kernel(layer):
-    model = crowd(Subsumption(layer), n=3, communication=Radio(range=50))
+    messages = {"HeadOn": ("number", "follows"), "Lead": ("rank",)}.get(layer.name, ())
+    model = crowd(Subsumption(layer), n=3, communication=Radio(range=50, message=messages))
     assert decides_by(model.run(2)).kernel is not None
     assert "Python" not in next(line for line in str(model.plan).splitlines() if "layers decide" in line)
 

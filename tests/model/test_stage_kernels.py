@@ -197,7 +197,8 @@ def test_each_kernel_is_compiled_for_one_signature(run):
     models = [find_model("fire_fighting")(rng=1) for _ in range(2)]
     KERNELS.clear()
     run(models, 1)
-    decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
+    arbiters = [kernel.kept[0].kernels[0] for kernel in KERNELS if kernel.function is decide_layers]
+    decided = [kernel.function for arbiter in arbiters for kernel in (arbiter, *arbiter.kept[0].kernels)]
     functions = {*decided, *(kernel.function for kernel in KERNELS)}
     names = {function.__name__ for function in functions}
     assert {"avoid", "fight", "go_straight", "sense_devices", "move_robots", "advance_fields"} <= names
@@ -277,12 +278,7 @@ def imperfect(model):
 
 
 def acting(model):
-    model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 1)
-    model.control = Subsumption(Avoid(front="random"), Explore())
-
-
-def summing(model):
-    model.control = VectorSum(Avoid(), Explore())
+    model.control = VectorSum(OwnAvoid(name="OwnAvoid"), Explore())
 
 
 # What changes a model, and why which stage has no kernel then.
@@ -293,8 +289,7 @@ REASONS = {
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
     "losses": ({"communication": Radio(range=9, loss_probability=0.1)}, bool, {HEAR: "broadcasts that are lost"}),
     "messages": ({"communication": Radio(range=9, message=("x",))}, bool, {HEAR: "messages"}),
-    "actuators": ({}, acting, {DECIDE: "actuators"}),
-    "weights": ({}, summing, {DECIDE: "VectorSum"}),
+    "layers of a user's": ({}, acting, {DECIDE: "OwnAvoid"}),
     "slip": ({"slip": 0.5}, bool, {SENSE: "imperfections", MOVE: "imperfections"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
 }
