@@ -46,12 +46,17 @@ class Parameters:
     """The attributes of an arbiter or a layer, which may be set by hand."""
 
     def __init__(self, owner: Any) -> None:
-        self.owner, self.values = owner, dict(vars(owner))
+        self.owner, self.values = owner, _values_of(owner)
 
     def has_changed(self) -> bool:
         """Return whether an attribute is another object than before, of numbers and words one that is not equal."""
-        values = vars(self.owner)
+        values = _values_of(self.owner)
         return values.keys() != self.values.keys() or not all(map(is_unchanged, values.values(), self.values.values()))
+
+
+def _values_of(owner: Any) -> dict[Any, Any]:
+    """Return the attributes of an object, and each parameter of a rule."""
+    return {**vars(owner), **getattr(owner, "parameters", {})}
 
 
 def is_unchanged(value: Any, before: Any) -> bool:
@@ -65,6 +70,7 @@ class ControlCache(Prepared):
     senses: Senses | None = None
     version: int = -1
     owners: Sequence[Parameters] = ()
+    planned: Kernel | None = None
 
 
 class ControlPart(Part):
@@ -137,8 +143,8 @@ class ControlPart(Part):
     def stages(self) -> Iterator[Stage]:
         """Decide; store what `watch` asks for."""
         if self.arbiter is not None:
-            reasons = ", ".join(self.reasons())
-            kernel = None if reasons else self.kernel()
+            self.cache.planned, reasons = self.kernel(), ", ".join(self.reasons())
+            kernel = None if reasons else self.cache.planned
             yield Stage(Phase.DECIDE, self.decide, "layers decide", kernel, compiled="layers", python=reasons)
         if self.snapshots is not None:
             yield Stage(Phase.PROCESS, self.snapshots.note, "heat is stored to explain decisions", python="watch()")
@@ -360,7 +366,10 @@ class ControlPart(Part):
 
     def decide(self) -> None:
         """Let every robot decide on what it knows."""
-        self.kernel().run(self.model.steps, len(self.swarm))
+        kernel = self.kernel()
+        if kernel is not self.cache.planned:  # rules are compiled in their first step
+            self.model.parts.replan()
+        kernel.run(self.model.steps, len(self.swarm))
 
     def _senses(self) -> Senses:
         cache = self.cache
