@@ -263,10 +263,11 @@ def test_each_kernel_is_compiled_for_one_signature(run):
     models = [find_model("fire_fighting")(rng=1) for _ in range(2)]
     KERNELS.clear()
     run(models, 1)
-    decided = [layer.function for kernel in KERNELS if kernel.function is decide_layers for layer in kernel.kept[1]]
+    arbiters = [kernel.kept[0].kernels[0] for kernel in KERNELS if kernel.function is decide_layers]
+    decided = [kernel.function for arbiter in arbiters for kernel in (arbiter, *arbiter.kept[0].kernels)]
     functions = {*decided, *(kernel.function for kernel in KERNELS)}
     names = {function.__name__ for function in functions}
-    assert {"avoid_all", "fight_all", "go_straight_all", "sense_robots", "move_robots", "burn_all"} <= names
+    assert {"avoid", "fight", "go_straight", "sense_robots", "move_robots", "burn_all"} <= names
     for function in functions:
         assert function.signatures == [SIGNATURE]
         assert types.unliteral(function.overloads[SIGNATURE].signature.return_type) == types.int64
@@ -342,17 +343,8 @@ def imperfect(model):
     model.imperfections = model.imperfections or find_model("collision_avoidance")(imperfections=0.5).imperfections
 
 
-def turning(model):
-    model.control = Subsumption(Avoid(), Explore(turn_interval=5))
-
-
 def acting(model):
-    model.add_robots(replace(AGENT9, actuators=(Lamp(),)), 1)
-    model.control = Subsumption(Avoid(front="random"), Explore())
-
-
-def summing(model):
-    model.control = VectorSum(Avoid(), Explore())
+    model.control = VectorSum(OwnAvoid(name="OwnAvoid"), Explore())
 
 
 # What changes a model, and why which stage has no kernel then.
@@ -361,9 +353,7 @@ REASONS = {
     "driven bodies": ({}, driven, {MOVE: "driven bodies"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
     "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
-    "random turns": ({}, turning, {DECIDE: "Explore has no kernel"}),
-    "actuators": ({}, acting, {DECIDE: "actuators, Avoid has no kernel"}),
-    "weights": ({}, summing, {DECIDE: "VectorSum"}),
+    "layers of a user's": ({}, acting, {DECIDE: "OwnAvoid"}),
     "slip": ({"slip": 0.5}, bool, {SENSE: "imperfections", MOVE: "imperfections"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
 }
