@@ -39,7 +39,7 @@ class Goal:
 
     def verdict(self, value: float) -> str:
         """Return one line: what was measured, and if there is a limit, what is required and whether it is passed."""
-        line = f"{self.what}, {self.unit}: " + (f"{value:,.0f}" if value >= 100 else f"{value:.3g}")
+        line = f"{self.what}, {self.unit}: {rounded_text(value)}"
         if self.limit is None:
             return line
         bound = "at least" if self.least else "at most"
@@ -71,6 +71,19 @@ QUICK = Effort(repetitions=3, budget=0.1)
 FULL = Effort(repetitions=9, budget=3.0)
 
 
+def rounded_text(value: float | None) -> str:
+    """Return a number with three digits, or more before its point; no text for None.
+
+    Examples
+    --------
+    >>> rounded_text(0.12345), rounded_text(12345.6)
+    ('0.123', '12,346')
+    """
+    if value is None:
+        return ""
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+
+
 class NotMeasuredError(Exception):
     """Why something cannot be measured on this machine, in one line."""
 
@@ -100,17 +113,17 @@ def _goal_cells(goal: Goal, value: float) -> list[Any]:
     return [goal.what, goal.unit, shown, goal.limit, bound, passed]
 
 
-def step_seconds(step: Callable[[], None], repetitions: int, budget: float) -> float:
+def step_seconds(
+    step: Callable[[], object], repetitions: int, budget: float, clock: Callable[[], float] = perf_counter
+) -> float:
     """Return the seconds of one step: the median over repetitions, each of as many steps as its budget allows.
 
     `budget` is in seconds, about, for all of them together.
     """
     for _ in range(5):
         step()
-    started = perf_counter()
-    step()
-    count = max(int(budget / repetitions / max(perf_counter() - started, 1e-7)), 1)
-    return float(np.median([mean_seconds(step, count) for _ in range(repetitions)]))
+    count = max(int(budget / repetitions / max(mean_seconds(step, 1, clock), 1e-7)), 1)
+    return float(np.median([mean_seconds(step, count, clock) for _ in range(repetitions)]))
 
 
 def mean_seconds(step: Callable[[], object], count: int, clock: Callable[[], float] = perf_counter) -> float:

@@ -270,7 +270,7 @@ def test_a_model_of_other_work_is_refused_with_what_is_missing(make, missing):
 
 STEPS = {
     10: StepBesideC(bare=1e-6, plain=5e-6, collected=8e-6, plain_ratio=5.0, collected_ratio=8.0),
-    1000: StepBesideC(bare=1e-4, plain=2e-4, collected=2.1e-4, plain_ratio=2.0, collected_ratio=2.1),
+    1000: StepBesideC(bare=1e-3, plain=2e-3, collected=2.1e-3, plain_ratio=2.0, collected_ratio=2.1),
 }
 
 
@@ -291,7 +291,7 @@ def test_the_table_beside_c_has_a_row_for_each_number_of_robots():
     ]
     assert [row.split() for row in rows] == [
         ["10", "1", "5", "5", "8", "8", "8", "yes"],
-        ["1,000", "100", "200", "2", "210", "2.1", "2", "no"],
+        ["1,000", "1,000", "2,000", "2", "2,100", "2.1", "2", "no"],
     ]
 
 
