@@ -9,7 +9,7 @@ from mesa_swarm.base.errors import check_choice, check_count, check_name, check_
 from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Stream, draw, stream_of
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
 from mesa_swarm.kernels.type_names import Integers
 from mesa_swarm.robots.reasons import Moment, Reason
 from mesa_swarm.robots.sensors import LARGEST_RANGE
@@ -181,7 +181,7 @@ def avoid(block, step, first, last):
     for i in range(layer.shape[0]):
         tendency = robots.tendency[i]
         if rule.front == RANDOM:  # drawn for all robots, also those that other layers drive
-            tendency = 1.0 if draw(rule.stream) < 0.5 else -1.0
+            tendency = 1.0 if draw_number(rule.stream) < 0.5 else -1.0
         if layer[i] >= 0:
             continue
         front, left, right = find_forward(robots.forward, robots.design[i])

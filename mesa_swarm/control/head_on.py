@@ -10,7 +10,7 @@ from mesa_swarm.base.errors import check_choice, check_name, check_number
 from mesa_swarm.control.layer import CompiledLayer, RobotColumns, Senses, draw_numbers, find_nearest_ahead
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Stream, draw, stream_of
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
 from mesa_swarm.kernels.type_names import Integers, RealRows, Reals
 from mesa_swarm.robots.drive import turn_towards
 from mesa_swarm.robots.reasons import Moment, Reason
@@ -198,7 +198,7 @@ def meet_by_speed(block, step, first, last):
     rule = unpack(block, SpeedRule)
     find_ahead(rule.meeting)
     for i in range(rule.draws.shape[0]):
-        rule.draws[i] = rule.slowest ** draw(rule.meeting.stream)
+        rule.draws[i] = rule.slowest ** draw_number(rule.meeting.stream)
     m = rule.meeting
     robots = m.robots
     meet_head_on(

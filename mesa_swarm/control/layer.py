@@ -14,7 +14,7 @@ import numpy as np
 from mesa_swarm.base.errors import InvalidValueError
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import draw
+from mesa_swarm.kernels.draws import draw_number
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import (
     CodeRows,
@@ -249,7 +249,7 @@ class Memoryless(CompiledLayer):
 def draw_numbers(stream, number):
     """Draw a number in (0, 1] for each robot, and store it for those that have none yet, which is 0."""
     for i in range(number.shape[0]):
-        drawn = 1.0 - draw(stream)
+        drawn = 1.0 - draw_number(stream)
         if number[i] == 0.0:
             number[i] = drawn
 

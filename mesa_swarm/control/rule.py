@@ -44,7 +44,7 @@ from mesa_swarm.control.source import Read
 from mesa_swarm.kernels.block import pack, unpack_as
 from mesa_swarm.kernels.custom_code import CustomCode, rename_function, store_on_disk
 from mesa_swarm.kernels.digests import digest_function
-from mesa_swarm.kernels.draws import Stream, draw
+from mesa_swarm.kernels.draws import Stream, draw_number
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import name_type
 from mesa_swarm.robots.design import RobotDesign
@@ -212,7 +212,7 @@ KERNEL = """
 def run_rule(block, step, first, last):
     columns, values, at, command, layer, index, own = take_block(block)
     for i in range(own.chance.shape[0]):
-        own.chance[i] = draw(own.stream)
+        own.chance[i] = draw_number(own.stream)
     copy_fields(own.copies, True)
     try:
         own.wrong[0] = run(columns, values, at, command, layer, index)
@@ -471,7 +471,7 @@ def _compile_kernel(loop: Any, kind: Any) -> Any:
     """Return a compiled loop as a function of a block of arguments of this type."""
     space: dict[str, Any] = {"__name__": __name__, **OF_KERNEL, "run": loop, "take_block": unpack_as(kind)}
     exec(KERNEL, space)
-    code = loop._cache._name if isinstance(loop._cache, CustomCode) else None
+    code = loop._cache.name if isinstance(loop._cache, CustomCode) else None
     digest = code and blake2b(f"{code} {name_type(kind)}".encode(), digest_size=16).hexdigest()
     return store_on_disk(njit(error_model="numpy", nogil=True)(rename_function(space["run_rule"], digest)), digest)
 
@@ -546,7 +546,7 @@ def _take_several(speeds: tuple, command: np.ndarray, i: int, numbers: int) -> i
 # What the text of the loop uses.
 OF_LOOP = {"take": write_command, "PASSED": PASSED, "DONE": DONE, "WRONG": WRONG, "MOST_LOOPS": MOST_LOOPS}
 # What the text of the kernel uses.
-OF_KERNEL = {"draw": draw, "copy_fields": copy_fields, "RAISED": RAISED, "REFUSED": REFUSED}
+OF_KERNEL = {"draw_number": draw_number, "copy_fields": copy_fields, "RAISED": RAISED, "REFUSED": REFUSED}
 LIMITS = (lambda count: None, allow_loops)  # a plain rule counts by itself
 PLAIN, COMPILED = (
     {**OF_LOOP, "allow_loops": LIMITS[place], **{name: pair[place] for name, pair in READINGS.items()}}

@@ -41,7 +41,7 @@ from mesa_swarm.control.push import Push
 from mesa_swarm.control.respond import Respond
 from mesa_swarm.kernels.block import unpack
 from mesa_swarm.kernels.compiled import compiled
-from mesa_swarm.kernels.draws import Stream, draw, stream_of
+from mesa_swarm.kernels.draws import Stream, draw_number, stream_of
 from mesa_swarm.kernels.part import Kernel
 from mesa_swarm.kernels.type_names import Integers, RealRows
 from mesa_swarm.robots.reasons import Reason
@@ -536,7 +536,7 @@ def run_machine(block, step, first, last):
         clear_winners(turns, layer)
         for i in range(m.draws.shape[0]):
             for t in range(m.draws.shape[1]):
-                m.draws[i, t] = draw(m.stream)
+                m.draws[i, t] = draw_number(m.stream)
         if not turns.waits:
             change_states(m)
     elif progress[PLACE] < 0 and progress[STATE] == DECIDED:  # Python has asked the custom conditions

@@ -18,6 +18,7 @@ class CustomCode(StoredCode):
 
     def __init__(self, function: FunctionType, digest: str, accepts: Callable[[], bool]) -> None:
         super().__init__(function, f"{FOLDER}/{digest}", accepts=accepts)
+        self.name = digest
 
     def save_overload(self, sig: Any, result: Any) -> None:
         """Store code; where that cannot be, it is compiled in each process."""
