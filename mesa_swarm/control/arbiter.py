@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -278,7 +278,7 @@ class Turns:
         for place, block in enumerate(blocks):
             if block is not None:
                 calls[place] = block.numbers
-        self.kernels, self.decide, self.first = kernels, decide, first
+        self.kernels, self.layers, self.decide, self.first = kernels, layers, decide, first
         self.arrays = TurnArrays(calls, others, first is not None, np.array([-1, 0, NEW]))
         self.python = [cause for kernel, layer in zip(kernels, layers, strict=True) for cause in _causes(kernel, layer)]
 
@@ -286,6 +286,13 @@ class Turns:
         """Return the kernel of a function that lets these layers decide."""
         block = Block(arguments)
         return Kernel(function, block.numbers, (self, block), self.attend)
+
+    def owners(self) -> Iterator[Any]:
+        """Iterate over the layers, and arbiters, whose kernels are called: these are made of their parameters."""
+        for kernel, layer in zip(self.kernels, self.layers, strict=True):
+            if kernel is not None:
+                yield layer
+                yield from turns.owners() if (turns := _turns_of(kernel)) else ()
 
     def attend(self, code: int) -> None:
         """Do in Python what is due for the layer whose turn it is; after an error the next step begins anew."""
@@ -307,8 +314,14 @@ def _causes(kernel: Kernel | None, layer: Any) -> list[str]:
     """Return what makes Python due where a layer decides, or an arbiter of a team."""
     if kernel is None:
         return [getattr(layer, "name", type(layer).__name__)]
+    turns = _turns_of(kernel)
+    return turns.python if turns else []
+
+
+def _turns_of(kernel: Kernel) -> Turns | None:
+    """Return the turns of an arbiter's kernel, None of a layer's."""
     turns = kernel.kept[0] if isinstance(kernel.kept, tuple) else None
-    return turns.python if isinstance(turns, Turns) else []
+    return turns if isinstance(turns, Turns) else None
 
 
 @compiled
