@@ -10,6 +10,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, read_attribute, shortened
 from mesa_swarm.base.streams import Streams
+from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
 from mesa_swarm.kernels.compiled import compiled
@@ -164,9 +165,8 @@ class Arbiter:
         def decide(place: int) -> None:
             self.layers[place].decide(senses, command, layer, place)
 
-        return Turns(
-            kernels, decide, self.layers, np.zeros(len(layer), np.bool_) if self.others is None else self.others, first
-        )
+        others = np.zeros(len(layer), np.bool_) if self.others is None else self.others
+        return Turns(kernels, decide, self.layers, others, first)
 
     def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return the reason that a layer gives, with what the arbiter adds; `row` holds a robot's columns `noted`."""
@@ -288,11 +288,12 @@ class Turns:
         return Kernel(function, block.numbers, (self, block), self.attend)
 
     def owners(self) -> Iterator[Any]:
-        """Iterate over the layers, and arbiters, whose kernels are called: these are made of their parameters."""
+        """Iterate over layers and arbiters of whose attributes kernels are made; rules get theirs after a step."""
         for kernel, layer in zip(self.kernels, self.layers, strict=True):
-            if kernel is not None:
+            if kernel is not None or isinstance(layer, Behaviour):
                 yield layer
-                yield from turns.owners() if (turns := _turns_of(kernel)) else ()
+            turns = kernel and _turns_of(kernel)
+            yield from turns.owners() if turns else ()
 
     def attend(self, code: int) -> None:
         """Do in Python what is due for the layer whose turn it is; after an error the next step begins anew."""

@@ -113,11 +113,6 @@ class Channel:
             self._kernel = Kernel(hear_all, block.numbers, block)
         return self._kernel
 
-    def begin_decision(self, swarm: Swarm) -> None:
-        """Clear what robots sent before: they send what they set in each decision."""
-        for name, _ in self.radio.message:
-            swarm.columns[f"{SEND}{name}"].fill(math.nan)
-
     def _exchange_messages(self, columns: dict[str, np.ndarray], limits: tuple, obstacles: tuple) -> None:
         position, heading, number = columns["position"], columns["heading"], columns["number"]
         sent = [columns[f"{SEND}{name}"] for name, _ in self.radio.message]
