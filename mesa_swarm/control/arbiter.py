@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from mesa_swarm.base.errors import InvalidValueError, check_name, check_number, read_attribute, shortened
 from mesa_swarm.base.streams import Streams
+from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.layer import Layer, Senses
 from mesa_swarm.kernels.block import Block, KernelCall, call_at, code_address, unpack
 from mesa_swarm.kernels.compiled import compiled
@@ -164,9 +165,8 @@ class Arbiter:
         def decide(place: int) -> None:
             self.layers[place].decide(senses, command, layer, place)
 
-        return Turns(
-            kernels, decide, self.layers, np.zeros(len(layer), np.bool_) if self.others is None else self.others, first
-        )
+        others = np.zeros(len(layer), np.bool_) if self.others is None else self.others
+        return Turns(kernels, decide, self.layers, others, first)
 
     def explain(self, reason: Reason, row: Mapping[str, Any]) -> Reason:
         """Return the reason that a layer gives, with what the arbiter adds; `row` holds a robot's columns `noted`."""
@@ -278,7 +278,7 @@ class Turns:
         for place, block in enumerate(blocks):
             if block is not None:
                 calls[place] = block.numbers
-        self.kernels, self.decide, self.first = kernels, decide, first
+        self.kernels, self.layers, self.decide, self.first = kernels, layers, decide, first
         self.arrays = TurnArrays(calls, others, first is not None, np.array([-1, 0, NEW]))
         self.python = [cause for kernel, layer in zip(kernels, layers, strict=True) for cause in _causes(kernel, layer)]
 
@@ -286,6 +286,14 @@ class Turns:
         """Return the kernel of a function that lets these layers decide."""
         block = Block(arguments)
         return Kernel(function, block.numbers, (self, block), self.attend)
+
+    def owners(self) -> Iterator[Any]:
+        """Iterate over layers and arbiters of whose attributes kernels are made; rules get theirs after a step."""
+        for kernel, layer in zip(self.kernels, self.layers, strict=True):
+            if kernel is not None or isinstance(layer, Behaviour):
+                yield layer
+            turns = kernel and _turns_of(kernel)
+            yield from turns.owners() if turns else ()
 
     def attend(self, code: int) -> None:
         """Do in Python what is due for the layer whose turn it is; after an error the next step begins anew."""
@@ -307,8 +315,14 @@ def _causes(kernel: Kernel | None, layer: Any) -> list[str]:
     """Return what makes Python due where a layer decides, or an arbiter of a team."""
     if kernel is None:
         return [getattr(layer, "name", type(layer).__name__)]
+    turns = _turns_of(kernel)
+    return turns.python if turns else []
+
+
+def _turns_of(kernel: Kernel) -> Turns | None:
+    """Return the turns of an arbiter's kernel, None of a layer's."""
     turns = kernel.kept[0] if isinstance(kernel.kept, tuple) else None
-    return turns.python if isinstance(turns, Turns) else []
+    return turns if isinstance(turns, Turns) else None
 
 
 @compiled

@@ -208,7 +208,7 @@ class CompiledLayer:
     holds, of which the first is `RobotColumns`.
     """
 
-    commands_wheels: ClassVar[bool] = True
+    commands_wheels: ClassVar[bool | None] = True
 
     def arguments(self, robots: RobotColumns, senses: Senses) -> tuple[Any, NamedTuple]:
         """Return the compiled function, and what its block holds; of `senses` only what `robots` lacks, as messages."""

@@ -10,7 +10,6 @@ import numpy as np
 from mesa_swarm.base.errors import BehaviourError, InvalidValueError, check_count, read_attribute, shortened
 from mesa_swarm.base.trigger import Trigger
 from mesa_swarm.control.arbiter import Arbiter, Clearing, Turns, kernel_of_stage, name_driver
-from mesa_swarm.control.behaviour import Behaviour
 from mesa_swarm.control.explain import Explanation, explanation
 from mesa_swarm.control.layer import Senses
 from mesa_swarm.control.team import Key, Team, robots_of
@@ -28,13 +27,6 @@ OURS = ("mesa_swarm.control.", "mesa_swarm.fire.")
 # Attributes of arbiters that follow from what they are made of.
 OF_ARBITERS = ("layers", "weights", "others")
 WRITTEN = ("command", "last_command", "layer", "task", "goal")
-
-
-def is_compiled(layer: Any) -> bool:
-    """Return whether a layer or arbiter decides by compiled code: one of the package, or a rule that Numba compiles."""
-    if isinstance(layer, Behaviour):
-        return not layer.rule.is_plain
-    return type(layer).__module__.startswith(OURS)
 
 
 def is_frozen(layer: Any) -> bool:
@@ -340,14 +332,9 @@ class ControlPart(Part):
             cache.kernel = kernel_of_stage(
                 arbiter, self._senses(), self.swarm, self._cleared(), channel is not None, self._refuse_nan
             )
-            cache.state, cache.owners = state, [*map(Parameters, self._deciding())]
+            owners = (owner for owner in cache.kernel.kept[0].owners() if not is_frozen(owner))
+            cache.state, cache.owners = state, [*map(Parameters, owners)]
         return cache.kernel
-
-    def _deciding(self) -> Iterator[Any]:
-        """Iterate over arbiters, and layers, of which parameters may be set."""
-        arbiters, layers = (getattr(self.arbiter, name, ()) for name in ("arbiters", "layers"))
-        owners = self.arbiter, *arbiters, *layers
-        yield from (owner for owner in owners if is_compiled(owner) and not is_frozen(owner))
 
     def _cleared(self) -> list[Clearing]:
         """Return the columns that are set to a value before robots decide: of actuators that do not hold, of messages.
