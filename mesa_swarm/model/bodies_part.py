@@ -178,12 +178,14 @@ class BodiesPart(Part):
             self.ending().run(self.model.completed + 1, len(self.swarm))
 
     def ending(self) -> Kernel:
-        """Return what ends the ways of bodies, made anew when bodies or robots have changed."""
-        scene, prepared = self.cache.scene, self.cache.ending
+        """Return what ends the ways of bodies, made anew when bodies or robots have changed.
+
+        Where loads have moved far, it has the scene made anew, of which the plan is one.
+        """
+        scene, prepared = self.scene(), self.cache.ending
         state = self.swarm.version, scene
-        if scene is None or prepared.state != state:
-            table, robots = self.table, self.swarm.columns
-            carried = table.rows(CARRIED)
+        if prepared.state != state:
+            table, robots, carried = self.table, self.swarm.columns, self.table.rows(CARRIED)
             block = Block(
                 EndArrays(
                     position=table.position,
@@ -194,9 +196,15 @@ class BodiesPart(Part):
                     carriers=np.array([table.agents[row].carrier.row for row in carried.tolist()], np.int64),
                     robot_position=robots["position"],
                     robot_heading=robots["heading"],
+                    loads=scene.loads,
+                    reference=scene.reference,
+                    load_reach=np.empty(0) if scene.room is None else scene.room.forms.reach,
+                    slack=float(scene.slack),
+                    noted=np.zeros(1, np.bool_),
                 )
             )
-            prepared.state, prepared.kernel = state, Kernel(end_ways, block.numbers, block)
+            kernel = Kernel(end_ways, block.numbers, block, lambda code: self.scene())
+            prepared.state, prepared.kernel = state, kernel
         return cast(Kernel, prepared.kernel)
 
     def carry_along(self) -> None:

@@ -10,6 +10,7 @@ from mesa_swarm.base.errors import InvalidValueError, check_choice, check_count,
 from mesa_swarm.geometry.overlap import wrap_angle
 from mesa_swarm.kernels.block import Block
 from mesa_swarm.kernels.part import Column, Kernel, Part, Phase, Prepared, Role, Stage
+from mesa_swarm.kernels.sequence import sequence_of
 from mesa_swarm.model.state import checked_state
 from mesa_swarm.model.state_hash import describe_designs
 from mesa_swarm.physics.engine import Engine
@@ -119,18 +120,37 @@ class RobotsPart(Part):
 
     def stages(self) -> Iterator[Stage]:
         """Sense, act, move."""
-        swarm, parts = self.swarm, self.model.parts
-        scene, imperfect = parts.bodies.scene(), {"imperfections": parts.imperfections.effect is not None}
-        reasons = {**imperfect, self._of_class(Sensor): len(swarm.table.readings) > 0}
-        sensing, moving = self.engine.sensing, self.engine.moving
-        yield Stage(
-            Phase.SENSE, self.sense, "robots read their sensors", **sensing(swarm, scene, self.sensor_noise(), reasons)
-        )
-        if swarm.table.actions:
+        yield Stage(Phase.SENSE, self.sense, "robots read their sensors", **self._sensing())
+        if self.swarm.table.actions:
             yield Stage(Phase.ACT, self.act, "actuators do what they are set to", python=self._of_class(Actuator))
-        fields = moving(swarm, scene, self.turn_angle, imperfect)
-        yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", **fields)
+        yield Stage(Phase.MOVE, self.move, "robots move, and contacts are resolved", **self._moving())
         yield Stage(Phase.COLLECT, self.count_collisions, "collisions are counted", self.counting())
+
+    def _sensing(self) -> dict[str, Any]:
+        """Return the fields of the stage that senses: its kernel, with imperfections, or what makes Python due."""
+        swarm, parts = self.swarm, self.model.parts
+        scene, effect, following = parts.bodies.scene(), parts.imperfections.effect, []
+        if effect is not None:
+            following.append(effect.reading_kernel(swarm))
+        custom = ""
+        if swarm.table.readings:
+            kernel = self.devices.sensing(self.model, scene)
+            custom = "" if kernel else ", ".join(dict.fromkeys(self.devices.without_kernels(self.model)))
+            custom = custom or ("" if kernel else self._of_class(Sensor))
+            following += [kernel] if effect is None else [kernel, effect.custom_kernel(swarm)]
+        fields = self.engine.sensing(swarm, scene, self.sensor_noise(), {custom: custom != ""})
+        if fields.get("kernel") is not None:
+            fields["kernel"] = sequence_of([fields["kernel"], *following])
+        return fields
+
+    def _moving(self) -> dict[str, Any]:
+        """Return the fields of the stage that moves robots, likewise after imperfections of their wheels."""
+        swarm, scene, effect = self.swarm, self.model.parts.bodies.scene(), self.model.parts.imperfections.effect
+        spoils, driven = (None, swarm.columns["command"]) if effect is None else effect.wheel_kernel(swarm)
+        fields = self.engine.moving(swarm, scene, driven, self.turn_angle, self._slip_stream())
+        if fields.get("kernel") is not None and spoils is not None:
+            fields["kernel"] = sequence_of([self.engine.settling(swarm, scene), spoils, fields["kernel"]])
+        return fields
 
     def _of_class(self, kind: type) -> str:
         """Return the names of custom devices of a class that robots have."""
@@ -206,15 +226,18 @@ class RobotsPart(Part):
         swarm = self.swarm
         if not len(swarm):
             return
-        parts, table = self.model._parts, swarm.table
+        parts = self.model._parts
         scene, imperfect = parts.bodies.scene(), parts.imperfections.effect
         if swarm.disturbed:
             self.engine.settle(swarm, scene)
             swarm.disturbed = False
-        draws = self.model.streams["slip"].random((len(swarm), table.wheels)) if table.slips else None
         step = self.model._completed
         commands = swarm.columns["command"] if imperfect is None else imperfect.driven_wheels(swarm, step)
-        self.engine.move(swarm, scene, commands, self.turn_angle, draws)
+        self.engine.move(swarm, scene, commands, self.turn_angle, self._slip_stream())
+
+    def _slip_stream(self) -> np.random.Generator | None:
+        """Return what the slip of wheels is drawn from, None where none slips."""
+        return self.model.streams["slip"] if self.swarm.table.slips else None
 
     def count_collisions(self) -> None:
         """Count the robots that overlapped anything in this step."""

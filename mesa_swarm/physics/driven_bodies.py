@@ -27,8 +27,8 @@ LONGEST_STEP = 0.4
 MOST_PIECES = 64
 FEWEST_CELLS = 64
 CELLS_PER_ITEM = 4
-# Codes of the kernel that begins ways: there are no robots.
-DONE, ALONE = 0, 1
+# Codes of kernels: there are no robots; loads have strayed so far that the tables of bodies have to be made anew.
+DONE, ALONE, WORN = 0, 1, 2
 
 
 class MovingItems(NamedTuple):
@@ -86,7 +86,11 @@ class BeginArrays(NamedTuple):
 
 
 class EndArrays(NamedTuple):
-    """What `end_ways` takes: columns of bodies, the rows of carried ones and of their robots, and columns of these."""
+    """What `end_ways` takes.
+
+    Columns of bodies, the rows of carried ones and of their robots, and columns of these; what `have_strayed` takes of
+    loads, and whether it was noted that they have.
+    """
 
     position: RealRows
     heading: Reals
@@ -96,6 +100,11 @@ class EndArrays(NamedTuple):
     carriers: Integers
     robot_position: RealRows
     robot_heading: Reals
+    loads: Integers
+    reference: RealRows
+    load_reach: Reals
+    slack: float
+    noted: Flags
 
 
 class Moving:
@@ -227,7 +236,22 @@ def end_ways(block, step, first, last):
     copy_places(position, b.aim)
     for k in range(heading.shape[0]):
         b.aim_heading[k] = heading[k]
+    if not b.noted[0] and have_strayed(position, heading, b.loads, b.reference, b.load_reach, b.slack):
+        b.noted[0] = True
+        return WORN
     return DONE
+
+
+@compiled
+def have_strayed(position, heading, loads, reference, reach, slack):
+    """Return whether a point of a load may be farther than `slack` from where it was at the poses of reference."""
+    for k in range(loads.shape[0]):
+        b = loads[k]
+        shift = math.hypot(position[b, 0] - reference[k, 0], position[b, 1] - reference[k, 1])
+        chord = 2.0 * abs(math.sin((heading[b] - reference[k, 2]) / 2.0))
+        if shift + reach[k] * chord > slack:
+            return True
+    return False
 
 
 @compiled

@@ -34,7 +34,10 @@ from mesa_swarm.kernels.plan import call_when_due
 from mesa_swarm.model.engine_model import EngineModel
 from mesa_swarm.model.gallery import find_model
 from mesa_swarm.physics import engine as engine_module
-from mesa_swarm.physics.stage_kernels import LIST
+from mesa_swarm.physics.driven_bodies import WORN
+from mesa_swarm.physics.stage_kernels import BLOCK, LIST, RETURN
+from mesa_swarm.robots.drive import DifferentialDrive, DirectedSlip, HolonomicDrive, OmniDrive
+from mesa_swarm.robots.imperfections import Imperfection, Imperfections
 
 SENSE, MOVE, COUNT = "robots read their sensors", "robots move, and contacts are resolved", "collisions are counted"
 HEAR, DECIDE, FIELDS, PROCESSES, HISTORY = (
@@ -164,12 +167,68 @@ def uncertain(**named):
     return model
 
 
+def pushing():
+    """Return a narrow world in which robots push loads about a door that moves, and cannot give way to some."""
+    model = SwarmModel(map=Map(bounds=(0, 0, 220, 180)), rng=3)
+    model.add_obstacle(rectangle((100, 60), (110, 120)))
+    for place in ((150, 40), (160, 120), (70, 70)):
+        model.add_load(disc(place, 7), resistance=0.4)
+    model.add_load(rectangle((180, 80), (195, 90)), resistance=0.7)
+    model.add_process(DoorKeeper(model.add_body(rectangle((200, 60), (210, 100)), kind="door").unique_id))
+    model.add_robots(AGENT9.with_slip(probability=0.2, magnitude=0.5), 70)
+    model.control = Subsumption(Explore())
+    return model
+
+
+@behaviour
+def go_aside(me):
+    return 0.5, 0.3
+
+
+@behaviour
+def turn_on_three(me):
+    return 0.5, 0.4, -0.3
+
+
+def driving(**named):
+    """Return a world of robots on wheels, rollers and omni-wheels, of limited acceleration, which slip."""
+    slippery = replace(AGENT9, directed_slip=DirectedSlip(forward=0.1, turn=0.3)).with_slip(
+        probability=0.2, magnitude=0.5
+    )
+    drives = DifferentialDrive(acceleration=0.05), HolonomicDrive(), OmniDrive(acceleration=0.1)
+    rules = Explore(), go_aside, turn_on_three
+    model = SwarmModel(map=Map(bounds=(0, 0, 220, 180)), rng=3, **named)
+    designs = [replace(slippery, name=f"robot {k}", drive=drive) for k, drive in enumerate(drives)]
+    for design in designs:
+        model.add_robots(design, 9)
+    model.control = {design: Subsumption(rule) for design, rule in zip(designs, rules, strict=True)}
+    return model
+
+
+def failing():
+    """Return a world of robots of which sensors and wheels fail, and which break down."""
+    model = uncertain()
+    model.imperfections = Imperfections(
+        sensing=Imperfection(error=0.1, dropout=0.05, outliers=0.05, hold=2, period=2),
+        sensor_failure=0.01,
+        wheel_failure=0.01,
+        failure=0.002,
+        battery=50,
+    )
+    return model
+
+
 # Of each world its model, and the stages that have kernels.
 WORLDS = {
     "avoidance": (lambda: find_model("collision_avoidance")(n_robots=40, rng=1), {SENSE, DECIDE, MOVE, COUNT}),
     "radiation": (lambda: find_model("fire_fighting")(rng=1), {SENSE, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
     "radio": (in_touch, {SENSE, HEAR, DECIDE, MOVE, COUNT, PROCESSES, HISTORY}),
     "errors of sensors": (uncertain, {SENSE, DECIDE, COUNT}),
+    "imperfections": (lambda: uncertain(imperfections=0.8, noise=0.1, slip=0.2), {SENSE, MOVE, COUNT}),
+    "failures": (failing, {SENSE, MOVE, COUNT}),
+    "drives": (driving, {SENSE, MOVE, COUNT}),
+    "imperfect drives": (lambda: driving(imperfections=0.6), {SENSE, MOVE, COUNT}),
+    "loads": (pushing, {SENSE, DECIDE, MOVE, COUNT}),
     "messages": (talking, {HEAR, COUNT}),
     "trails": (lambda: find_model("ant_trails")(rng=1), {MOVE, COUNT, FIELDS}),
     "fields": (with_fields, {SENSE, DECIDE, MOVE, COUNT, FIELDS}),
@@ -259,6 +318,27 @@ def test_a_step_that_lacks_room_for_pairs_after_a_piece_goes_on_with_the_next(ru
     assert CODES["move_robots", LIST] > 0
 
 
+@pytest.mark.slow
+def test_python_finds_which_bodies_loads_stop_and_makes_tables_anew_when_loads_have_gone_far(run):
+    CODES.clear()
+    run((pushing(), pushing()), 120)
+    assert CODES["move_robots_and_movers", BLOCK] > 0
+    assert CODES["end_ways", WORN] > 0
+
+
+def test_a_load_that_robots_cannot_yield_to_returns_and_all_travel_again(run):
+    models = [SwarmModel(map=Map(bounds=(0, 0, 400, 300)), rng=1) for _ in range(2)]
+    for model in models:
+        model.add_load(rectangle((340, 100), (380, 200)), resistance=0.5)
+        model.add_robots(replace(AGENT9, sensors=()), poses=[(335, y, 0.0) for y in (130, 150, 170)])
+        model.add_robots(replace(AGENT9, sensors=(), max_speed=0.0), poses=[(391, 150, 0.0)])
+        model.control = Subsumption(Explore())
+    CODES.clear()
+    run(models, 40)
+    assert CODES["move_robots", RETURN] > 0
+    assert models[1].loads[0].position[0] > 360.0
+
+
 def test_each_kernel_is_compiled_for_one_signature(run):
     models = [find_model("fire_fighting")(rng=1) for _ in range(2)]
     KERNELS.clear()
@@ -327,20 +407,19 @@ def test_derived_classes_that_do_otherwise_have_no_kernel(run):
     assert (models[1].swarm.command == 0.25).all()
 
 
-def loaded(model):
-    model.add_load(disc((300, 300), 10), resistance=1.0)
+class Geared(DifferentialDrive):
+    """A drive of a user's, which goes half as far."""
+
+    def motion(self, wheels, radius, motion):
+        super().motion(0.5 * wheels, radius, motion)
 
 
-def driven(model):
-    model.add_body(disc((300, 300), 10))
+def geared(model):
+    model.add_robots(replace(AGENT9, drive=Geared()), 1)
 
 
 def shared(model):
     model.threads = 2
-
-
-def imperfect(model):
-    model.imperfections = model.imperfections or find_model("collision_avoidance")(imperfections=0.5).imperfections
 
 
 def acting(model):
@@ -349,12 +428,9 @@ def acting(model):
 
 # What changes a model, and why which stage has no kernel then.
 REASONS = {
-    "loads": ({}, loaded, {MOVE: "loads"}),
-    "driven bodies": ({}, driven, {MOVE: "driven bodies"}),
+    "drives": ({}, geared, {MOVE: "Geared"}),
     "threads": ({}, shared, {SENSE: "threads", MOVE: "threads"}),
-    "imperfections": ({}, imperfect, {SENSE: "imperfections", MOVE: "imperfections"}),
     "layers of a user's": ({}, acting, {DECIDE: "OwnAvoid"}),
-    "slip": ({"slip": 0.5}, bool, {SENSE: "imperfections", MOVE: "imperfections"}),
     "twin": ({"engine": "shapely"}, bool, {SENSE: "the Shapely twin", MOVE: "the Shapely twin"}),
 }
 
